@@ -116,6 +116,15 @@ fn rare(x: f64, f: fn(f64) -> f64) -> f64 {
     f(x)
 }
 
+/// [`Register::replace_beyond`] of each number of a register.
+#[cold]
+#[inline(never)]
+pub(crate) fn replace_each_beyond(x: &[f64], most: f64, values: &mut [f64], f: fn(f64) -> f64) {
+    for (value, &x) in values.iter_mut().zip(x) {
+        *value = x.replace_beyond(most, *value, f);
+    }
+}
+
 /// 1.5 * 2^52: added to a number below 2^51 it leaves the nearest integer in the low bits.
 const ROUND: f64 = 6_755_399_441_055_744.0;
 const BIAS: u64 = 1023;

@@ -6,7 +6,7 @@
 #![allow(clippy::needless_range_loop)] // and be one that is sure to be unrolled
 
 use crate::checkpoint::{Checkpoint, CheckpointMismatch, Numbers};
-use crate::elementary::Register;
+use crate::elementary::{self, Register};
 pub use crate::number::Number;
 use crate::number::number;
 use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
@@ -347,25 +347,13 @@ impl<const W: usize> Register for Lanes<W> {
         self
     }
     #[inline(always)]
-    fn replace_beyond(self, most: f64, values: Self, f: fn(f64) -> f64) -> Self {
-        if self.all(|x| x.abs() <= most) {
-            values
-        } else {
-            replaced(self, most, values, f)
+    fn replace_beyond(self, most: f64, mut values: Self, f: fn(f64) -> f64) -> Self {
+        if !self.all(|x| x.abs() <= most) {
+            // copies, for what a call sees in memory is not kept in registers
+            let (x, mut replaced) = (self.0, values.0);
+            elementary::replace_each_beyond(&x, most, &mut replaced, f);
+            values.0 = replaced;
         }
+        values
     }
-}
-
-#[cold]
-#[inline(never)]
-fn replaced<const W: usize>(
-    x: Lanes<W>,
-    most: f64,
-    mut values: Lanes<W>,
-    f: fn(f64) -> f64,
-) -> Lanes<W> {
-    for i in 0..W {
-        values.0[i] = x.0[i].replace_beyond(most, values.0[i], f);
-    }
-    values
 }

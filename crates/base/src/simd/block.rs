@@ -1,7 +1,7 @@
 //! Registers of the vector unit.
 #![allow(clippy::inline_always)] // a call would lack the instruction set
 
-use crate::elementary::Register;
+use crate::elementary::{self, Register};
 use crate::number::{Number, number};
 use pulp::Simd;
 use std::ops::{Add, Div, Mul, Sub};
@@ -119,12 +119,16 @@ impl<S: Simd, const N: usize> Register for RegisterBlock<S, N> {
         self
     }
     #[inline(always)]
-    fn replace_beyond(self, most: f64, values: Self, f: fn(f64) -> f64) -> Self {
-        if self.is_within(most) {
-            values
-        } else {
-            replaced(self, most, values, f)
+    fn replace_beyond(self, most: f64, mut values: Self, f: fn(f64) -> f64) -> Self {
+        if !self.is_within(most) {
+            // copies, for what a call sees in memory is not kept in registers
+            let (x, mut replaced) = (self.registers, values.registers);
+            let x = pulp::bytemuck::cast_slice::<S::f64s, f64>(&x);
+            let of = pulp::bytemuck::cast_slice_mut::<S::f64s, f64>(&mut replaced);
+            elementary::replace_each_beyond(x, most, of, f);
+            values.registers = replaced;
         }
+        values
     }
 }
 
@@ -148,22 +152,6 @@ impl<S: Simd, const N: usize> RegisterBlock<S, N> {
         });
         simd.first_true_m64s(simd.not_m64s(all)) == S::F64_LANES
     }
-}
-
-#[cold]
-#[inline(never)]
-fn replaced<S: Simd, const N: usize>(
-    x: RegisterBlock<S, N>,
-    most: f64,
-    mut values: RegisterBlock<S, N>,
-    f: fn(f64) -> f64,
-) -> RegisterBlock<S, N> {
-    let x = pulp::bytemuck::cast_slice::<S::f64s, f64>(&x.registers);
-    let values_of = pulp::bytemuck::cast_slice_mut::<S::f64s, f64>(&mut values.registers);
-    for (value, &x) in values_of.iter_mut().zip(x) {
-        *value = x.replace_beyond(most, *value, f);
-    }
-    values
 }
 
 impl<S: Simd, const N: usize> Number for RegisterBlock<S, N> {
