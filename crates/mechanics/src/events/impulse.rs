@@ -5,8 +5,9 @@
 //!     y⁺ = ŷ + v_z x,   p_z x − r_λ μ = 0,   g(t, y⁺) = 0
 //!     p(y⁺, z⁺) = p(y⁺, ẑ) + r_λ μ + e_yᵀ Λ,   w(y⁺, z⁺) = 0
 //!
-//! and k(t, y⁺, z⁺) = 0 with the reactions to it, and an impact has y⁺ = y, ẑ = z and e_y (v⁺ − v) = −(1 + ε) (e_t + e_y v). Where ŷ is on the constraints, x is zero and
-//! its derivative that of a projection. Linear equations have the matrix of accelerations, bordered by e_y.
+//! and k(t, y⁺, z⁺) = 0 with the reactions to it, and an impact has y⁺ = y, ẑ = z and e_y (v⁺ − v) = −(1 + ε) (e_t +
+//! e_y v). Where ŷ is on the constraints, x is zero and its derivative that of a projection. Linear equations have the
+//! matrix of accelerations, bordered by e_y.
 
 use super::slopes::{Before, SlopesModel};
 use liouville_base::error::StepError;

@@ -2,9 +2,11 @@
 //!
 //! A single run is made as a member of an ensemble is; it may have control of its steps and events too.
 
+mod alpha;
 mod alpha_pullback;
 mod at_times;
 mod check;
+mod index2;
 mod index2_pullback;
 mod job;
 mod journal;
@@ -20,31 +22,21 @@ pub use job::{
 };
 pub use pullback::{Follow, Pullback};
 
-use liouville_alpha::{Alpha, AlphaRestart, AlphaState, Reactions};
+use liouville_alpha::Reactions;
 use liouville_base::ensemble::{Ensemble, Layout};
 use liouville_base::error::StepError;
-use liouville_base::method::Estimating;
 use liouville_base::newton::Stop;
 use liouville_base::real::BATCH;
-use liouville_base::run::{Advance, Fixed, Reversible, StartError, StepControl};
+use liouville_base::run::{Advance, StartError};
 use liouville_base::tableau;
-use liouville_index2::Index2;
-use liouville_index2::semi_explicit::{
-    SemiExplicit, SemiExplicitModel, SemiExplicitRestart, SemiExplicitState,
-};
+use liouville_index2::semi_explicit::SemiExplicit;
 use liouville_problem::{
-    Carried, Kinetic, Mechanical, Model, Observers, SecondOrder, SecondOrderModel, Separable,
-    SeparableModel, State,
+    Mechanical, Model, Observers, SecondOrder, Separable, SeparableModel, State,
 };
 use liouville_spark::rattle::Rattle;
 use liouville_spark::{Spark, SparkBatch, supports_batch};
-use member::{Member, composed, in_lanes};
+use member::{composed, in_lanes};
 use std::sync::Arc;
-
-/// The least and the most steps of a trial by which reversible steps meet a tolerance ...
-const TRIAL: [usize; 2] = [20, 500];
-/// ... and this many coordinates in all beyond the least: a trial of a large system takes no minutes.
-const TRIAL_COORDINATES: usize = 100_000;
 
 /// A run about to start.
 ///
@@ -254,156 +246,5 @@ impl Starter {
         let stepper = Rattle::new(model)?;
         let (monitor, of) = (self.monitor(member), self.member(member));
         self.symmetric((stepper, stages), monitor, of, state)
-    }
-
-    fn alpha(
-        &self,
-        method: (&Arc<SecondOrder>, tableau::Alpha, Reactions),
-        member: usize,
-    ) -> Begun {
-        let (stepper, state, sizes) = self.alpha_at(method, member)?;
-        let tangents = self.job.tangents.as_ref();
-        if let Some((tangents, slopes)) = tangents.and_then(|of| Some((of, of.alpha.clone()?))) {
-            let start = (stepper, state, sizes);
-            return self.alpha_tangents(start, (tangents, slopes), member);
-        }
-        let (copy, of) = (self.copy(&stepper), self.alpha_member(member, &stepper));
-        let trial = Box::new(stepper.clone());
-        let control = self.alpha_control((stepper, trial), sizes, member, &state);
-        self.launch(control, copy, of, state)
-    }
-
-    /// A method of the α family where a member starts.
-    fn alpha_at(
-        &self,
-        (problem, weights, reactions): (&Arc<SecondOrder>, tableau::Alpha, Reactions),
-        member: usize,
-    ) -> Result<MethodStart<Alpha, AlphaState>, StepError> {
-        let span = self.job.span;
-        let model = SecondOrderModel::new(problem.clone(), self.params(member));
-        let (y, z) = (self.part(0, member), self.part(1, member));
-        let a = self.has_accelerations().then(|| self.part(2, member));
-        let (tolerance, sizes) = match &self.job.control {
-            Control::Adaptive {
-                tolerance,
-                first,
-                least,
-            } => (Some(tolerance.clone()), Some((*first, *least))),
-            _ => (None, None),
-        };
-        let mut stepper = Alpha::new(model, weights, reactions, tolerance);
-        let state = stepper.start(span.t0, y, z, a)?;
-        let sizes = sizes.map(|(first, least)| {
-            let first = first.unwrap_or_else(|| stepper.first_step(&state, span.t1 - span.t0));
-            (first, least)
-        });
-        Ok((stepper, state, sizes))
-    }
-
-    /// Whether accelerations are given at the start.
-    fn has_accelerations(&self) -> bool {
-        self.job.start.len() > 2
-    }
-
-    /// The control of a method of the α family: equal steps, or those that its errors allow. `trial` is the method
-    /// again, by which reversible steps are found.
-    fn alpha_control<S>(
-        &self,
-        (stepper, trial): (S, Box<dyn Estimating<State = S::State>>),
-        sizes: Option<(f64, f64)>,
-        member: usize,
-        state: &S::State,
-    ) -> Box<dyn StepControl<S::State>>
-    where
-        S: Estimating + 'static,
-        S::State: Carried + Clone,
-    {
-        let span = self.job.span;
-        let Some(sizes) = sizes else {
-            let stepper = Box::new(stepper);
-            return Box::new(Fixed::new(stepper, span.t0, span.h(), span.steps));
-        };
-        if !self.job.is_reversible {
-            return self.adaptive_control(stepper, sizes);
-        }
-        let monitor = Box::new(Kinetic::new(self.model(member)));
-        let most = TRIAL[1].min(TRIAL[0] + TRIAL_COORDINATES / self.system.mechanical().n);
-        let (ends, pair) = ((span.t0, span.t1), [Box::new(stepper) as _, trial]);
-        let control = Reversible::within_tolerance(pair, most, ends, sizes, monitor, state);
-        Box::new(control)
-    }
-
-    /// A member whose states have accelerations of their own.
-    fn alpha_member(&self, number: usize, stepper: &Alpha) -> Member<AlphaState> {
-        let impulse = self.impulse(number);
-        let restart = |impulse| Box::new(AlphaRestart::new(impulse, stepper.clone())) as _;
-        Member {
-            number,
-            model: self.model(number),
-            restart: impulse.map(restart),
-        }
-    }
-
-    fn index2_at(
-        &self,
-        (problem, tableau): (&Arc<SemiExplicit>, &tableau::Spark),
-        member: usize,
-    ) -> Result<MethodStart<Index2, SemiExplicitState>, StepError> {
-        let span = self.job.span;
-        let mut model = SemiExplicitModel::new(problem.clone(), self.params(member));
-        let (y, z) = (self.part(0, member), self.part(1, member));
-        let state = model.state(span.t0, y, z, span.h())?;
-        let stepper = Index2::of(model, tableau.clone());
-        let Control::Adaptive {
-            tolerance,
-            first,
-            least,
-        } = &self.job.control
-        else {
-            return Ok((stepper, state, None));
-        };
-        let mut stepper = stepper.estimating(tableau, tolerance.clone());
-        let first = match first {
-            Some(first) => *first,
-            None => stepper.first_step(span.t0, &state, span.t1 - span.t0)?,
-        };
-        Ok((stepper, state, Some((first, *least))))
-    }
-
-    /// A member of a semi-explicit system.
-    fn semi_explicit_member(
-        &self,
-        problem: &Arc<SemiExplicit>,
-        number: usize,
-    ) -> Member<SemiExplicitState, SemiExplicitModel> {
-        let model = SemiExplicitModel::new(problem.clone(), self.params(number));
-        let restart = self.has_resets();
-        let restart = restart.then(|| Box::new(SemiExplicitRestart::new(model.clone())) as _);
-        Member {
-            number,
-            model,
-            restart,
-        }
-    }
-
-    fn index2(
-        &self,
-        (problem, tableau): (&Arc<SemiExplicit>, &tableau::Spark),
-        stages: Option<&[f64]>,
-        member: usize,
-    ) -> Begun {
-        let start = self.index2_at((problem, tableau), member)?;
-        let of = self.semi_explicit_member(problem, member);
-        if let Some(tangents) = &self.job.tangents {
-            return self.index2_tangents((start, stages), tangents, of);
-        }
-        let (stepper, state, sizes) = start;
-        match sizes {
-            None => {
-                let monitor = self.traced(member, || of.model.clone());
-                self.symmetric((stepper, stages), monitor, of, state)
-            }
-            Some(sizes) => self.adaptive(stepper, sizes, of, state),
-        }
     }
 }

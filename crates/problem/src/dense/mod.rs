@@ -7,9 +7,9 @@
 //! with z' from the acceleration-level solve. The polynomial that agrees with all three at k successive
 //! knots has degree 3k − 1 and is off by O(h^3k): degree 5 on a single step, 8 with the step before. z is its
 //! derivative where v = z, hence of one order less; elsewhere z has a polynomial of its own, through z and
-//! z', of degree 2k − 1, and so it has with methods of order 2, whose y is too rough for that. λ comes from the acceleration-level solve at the interpolated point: there the
-//! constraints hold to the order of all this, no better. Source: hairer1993, II.6, for k = 2; the polynomials are
-//! in Newton's form.
+//! z', of degree 2k − 1, and so it has with methods of order 2, whose y is too rough for that. λ comes from
+//! the acceleration-level solve at the interpolated point: there the constraints hold to the order of all
+//! this, no better. Source: hairer1993, II.6, for k = 2; the polynomials are in Newton's form.
 
 mod adjoint;
 mod knot;
