@@ -1,10 +1,16 @@
-"""Tangents of the alpha family, whose accelerations are part of what moves, against differences."""
+"""Tangents of the alpha family, whose accelerations are part of what moves, against differences.
+
+Events are here too: a part of a step has another size than the step before, with which
+accelerations are moved along, and behind a reset they begin anew.
+"""
 
 import casadi as ca
 import numpy as np
 import pytest
 from registry import ALL, ALPHA
 from test_adjoints import paired
+from test_event_gradients import ENDS, ball, check, pendulum, walled
+from test_event_gradients import paired as paired_with_events
 from test_tangents import differences, directions_of, farthest, summed
 
 import liouville as lv
@@ -36,31 +42,30 @@ def system_of(constrained):
     )  # fmt: skip
 
 
+def started(constrained):
+    """Return such a system with its start and directions of all there is."""
+    system = system_of(constrained)
+    start = system.consistent(t=0.2, y=[0.6, 0.1, -0.8], z=[0.1, 1.2, 0.4])
+    directions = directions_of(system, "t0", "t1")
+    # the length is nothing to a free motion
+    if not constrained:
+        directions.pop("params.l")
+    return system, start, directions
+
+
 @pytest.mark.parametrize("method", METHODS, ids=str)
 @pytest.mark.parametrize("constrained", [True, False], ids=["constrained", "free"])
 def test_every_parameter_of_every_function_and_both_ends(method, constrained):
-    system, t, run = system_of(constrained), (0.2, 0.8), {"steps": 5}
-    start = system.consistent(t=t[0], y=[0.6, 0.1, -0.8], z=[0.1, 1.2, 0.4])
-    directions = directions_of(system, "t0", "t1")
-    found = lv.integrate(system, method, t=t, tangents=directions, **run, **start)
-    plain = lv.integrate(system, method, t=t, **run, **start)
+    (system, start, directions), t = started(constrained), (0.2, 0.8)
+    found = check(system, method, t, start, directions, bound=1e-9, size=2e-3, steps=5)
+    plain = lv.integrate(system, method, t=t, steps=5, **start)
     assert np.array_equal(found.a, plain.a)
-    for name, direction in directions.items():
-        wanted = differences(system, method, t, start, {name: direction}, **run)
-        own = found.tangents[name].states
-        wanted = {x: wanted[x] for x in own if own[x].size}
-        assert farthest(own, wanted) < 1e-9, name
 
 
 @pytest.mark.parametrize("method", METHODS, ids=str)
 @pytest.mark.parametrize("constrained", [True, False], ids=["constrained", "free"])
 def test_pullbacks_are_the_transposes_of_tangents(method, constrained):
-    system, t = system_of(constrained), (0.2, 0.8)
-    start = system.consistent(t=t[0], y=[0.6, 0.1, -0.8], z=[0.1, 1.2, 0.4])
-    directions = directions_of(system, "t0", "t1")
-    # the length is nothing to a free motion
-    if not constrained:
-        directions.pop("params.l")
+    (system, start, directions), t = started(constrained), (0.2, 0.8)
     assert paired(system, method, t, start, directions, steps=10, every=3) < 1e-12
     held = {**start, "a": np.array([0.1, -0.2, 0.3])}
     assert paired(system, method, t, held, directions, steps=2) < 1e-12
@@ -100,19 +105,10 @@ def test_accelerations_that_are_given_stay_and_members_are_those_of_runs():
 @pytest.mark.parametrize("method", METHODS, ids=str)
 @pytest.mark.parametrize("constrained", [True, False], ids=["constrained", "free"])
 def test_states_at_given_times(method, constrained):
-    system, t, times = system_of(constrained), (0.2, 0.8), [0.23, 0.33, 0.71, 0.79]
-    start = system.consistent(t=t[0], y=[0.6, 0.1, -0.8], z=[0.1, 1.2, 0.4])
-    directions, run = directions_of(system, "t0", "t1"), {"steps": 5, "t_eval": times}
-    if not constrained:
-        directions.pop("params.l")
-    found = lv.integrate(system, method, t=t, tangents=directions, **run, **start)
-    plain = lv.integrate(system, method, t=t, **run, **start)
-    assert np.array_equal(found.y, plain.y)
-    for name, direction in directions.items():
-        wanted = differences(system, method, t, start, {name: direction}, **run)
-        own = found.tangents[name].states
-        wanted = {x: wanted[x] for x in own if own[x].size}
-        assert farthest(own, wanted) < 1e-9, name
+    (system, start, directions), t = started(constrained), (0.2, 0.8)
+    times = [0.23, 0.33, 0.71, 0.79]
+    run = {"steps": 5, "t_eval": times}
+    check(system, method, t, start, directions, bound=1e-9, size=2e-3, **run)
     run["t_eval"] = [0.2, *times, 0.8]
     assert paired(system, method, t, start, directions, least=1.0, **run) < 1e-12
     held = {name: x for name, x in directions.items() if name not in ("t0", "t1")}
@@ -157,11 +153,62 @@ def test_steps_that_change_their_size_have_the_tangents_of_their_accelerations(m
     assert np.abs(total - found.tangents["params.c"].y)[-1].max() < 5e-2
 
 
-@pytest.mark.parametrize(("more", "sentence"), [
-    ({"events": {"low": lambda t, y, z, lam, params: y[0]}}, "go without events="),
-])  # fmt: skip
-def test_what_has_no_tangents_is_refused(more, sentence):
-    system = system_of(False)
-    call = {"t": (0.2, 0.8), "steps": 4, "tangents": {"params.c": 1.0}} | more
-    with pytest.raises(TypeError, match=sentence):
-        lv.integrate(system, lv.HHT(), y=[0.6, 0.1, -0.8], z=[0.1, 1.2, 0.4], **call)
+@pytest.mark.parametrize("method", METHODS, ids=str)
+@pytest.mark.parametrize("control", [{"steps": 26}, {"rtol": 1e-5}], ids=str)
+def test_bouncing_ball(method, control):
+    system, events, start, directions = ball()
+    directions |= ENDS if "steps" in control else {}
+    run = {**control, "events": events}
+    found = check(system, method, (0.0, 3.1), start, directions, every=10_000, **run)
+    assert len(found.events["ground"]) >= 2
+    assert paired_with_events(system, method, (0.0, 3.1), start, directions, **run) < 1e-12
+    # accelerations that are given, and what the first part of a step makes of them
+    held = {**start, "a": np.array([0.1, -0.7])}
+    run["t_eval"] = [0.0, 0.3, 1.1, 1.12, 2.9]
+    assert paired_with_events(system, method, (0.0, 3.1), held, directions, **run) < 1e-12
+
+
+@pytest.mark.parametrize("method", METHODS, ids=str)
+@pytest.mark.parametrize("law", ["impact", "velocities", "none"])
+def test_wall_recorded_and_terminal_events_of_a_pendulum(method, law):
+    system, start, directions = pendulum()
+    run = {"directions": directions | ENDS, **walled(law), "steps": 40}
+    found = check(system, method, (0.1, 3.3), start, bound=1e-9, **run)
+    assert all(len(points) for points in found.events.values())
+    assert paired_with_events(system, method, (0.1, 3.3), start, **run) < 1e-12
+    run |= {"t_eval": [0.1, 0.2, 0.71, 1.5, 1.6, 2.01], "every": 1}
+    assert paired_with_events(system, method, (0.1, 3.3), start, **run) < 1e-12
+
+
+@pytest.mark.parametrize("method", METHODS, ids=str)
+def test_resets_where_every_function_is_nonlinear(method):
+    system, start, directions = started(True)
+    events = {
+        "turn": lv.Event(
+            lambda t, y, z, lam, params: y[1] - params.c - t / 9 + 0.2,
+            reset=lv.Impact(lambda t, y, z, lam, params: params.c + y[0] / 9),
+        ),
+        "side": lv.Event(
+            lambda t, y, z, lam, params: z[0] + y[1] / 2 + lam[0] / 9 - 0.3,
+            reset=lambda t, y, z, lam, params: z * params.c * (1 + t / 9),
+        ),
+    }
+    run = {"steps": 30, "events": events}
+    found = check(system, method, (0.2, 1.4), start, directions, bound=1e-8, **run)
+    assert len(found.events["turn"]) * len(found.events["side"]) >= 1
+    assert paired_with_events(system, method, (0.2, 1.4), start, directions, **run) < 1e-12
+
+
+def test_controlled_steps_that_end_at_switches_are_refused():
+    """A derivative by when they end would be that of accelerations from one side of the switch."""
+    system = lv.Lagrangian(
+        lambda t, q, v, params: (v[0] ** 2 - q[0] ** 2) / 2,
+        force=lambda t, q, v, params: -params.c * ca.if_else(q[0] > 0.3, 1.0, -1.0),
+        switches={"side": lambda t, q, v, params: q[0] - 0.3},
+        q=1, params={"c": 0.5},
+    )  # fmt: skip
+    call = {"t": (0, 2), "tangents": {"params.c": 1.0}, "q": [1.0], "v": [0.2]}
+    with pytest.raises(TypeError, match="tangents by HHT go without steps that end at switches"):
+        lv.integrate(system, lv.HHT(), rtol=1e-6, **call)
+    found = lv.integrate(system, lv.HHT(), steps=50, **call)
+    assert np.isfinite(found.tangents["params.c"].q).all()

@@ -26,7 +26,7 @@ CRATE_FLOORS = {
         ("tableau", "tape"),
         ("newton",),
         ("method",),
-        ("composition",),
+        ("composition", "recorder"),
         ("run",),
         ("ensemble",),
     ),

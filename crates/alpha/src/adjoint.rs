@@ -5,15 +5,14 @@
 //!     E_uᵀ v = e_uᵀ (ȳ1, z̄1, ā1) + (φ̄1, 0, ..),     x̄ = e_xᵀ (ȳ1, z̄1, ā1) − E_xᵀ v.
 
 use super::state::AlphaState;
-use super::tangent::{AlphaSlopes, ratio, write_unknowns};
+use super::tangent::{AlphaSlopes, append_unknowns, carried, of_sizes, ratio};
 use super::{Alpha, Reactions};
 use liouville_base::error::{Quantity, StepError};
 use liouville_base::linalg::{Pattern, add_scaled, copy};
-use liouville_base::method::{Estimating, Stats, Stepper};
 use liouville_base::newton::{BlockHandle, BlockLayout, BlockMatrix};
+use liouville_base::recorder::{Recordable, StepRecord};
 use liouville_base::tape::{Registers, Tape};
-use liouville_problem::{Cotangents, Model, PointAdjoint, finite};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use liouville_problem::{Cotangents, PointAdjoint, finite};
 
 /// Tapes of the transposed derivatives of a step; their last input is the parameters.
 #[derive(Clone, Debug)]
@@ -43,114 +42,12 @@ impl AlphaTransposed {
     }
 }
 
-/// A step with what solved its equations.
-#[derive(Clone, Debug)]
-pub struct AlphaRecord {
-    t: f64,
-    h: f64,
-    before: AlphaState,
-    /// a0, as the size of the step wants it.
-    a: Vec<f64>,
-    unknowns: Vec<f64>,
-    /// The state that it led to.
-    pub end: AlphaState,
-}
-
-impl AlphaRecord {
-    /// Time at its end.
-    pub fn time(&self) -> f64 {
-        self.t + self.h
-    }
-}
-
-/// Records that a stepper shares with what follows its steps back.
-#[derive(Clone, Debug, Default)]
-pub struct AlphaRecords(Arc<Mutex<Vec<AlphaRecord>>>);
-
-impl AlphaRecords {
-    /// The records, for as long as nothing else wants them.
-    pub fn lock(&self) -> MutexGuard<'_, Vec<AlphaRecord>> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-}
-
-/// A method of the α family that records its steps; they have the bits of those without.
-#[derive(Clone, Debug)]
-pub struct AlphaRecorder {
-    alpha: Alpha,
-    records: AlphaRecords,
-}
-
-impl AlphaRecorder {
-    /// The method, and where it records.
-    pub fn new(alpha: Alpha, records: AlphaRecords) -> Self {
-        Self { alpha, records }
-    }
-}
-
-impl Stepper for AlphaRecorder {
-    type State = AlphaState;
-
-    fn step(&mut self, t: f64, h: f64, state: &mut AlphaState) -> Result<(), StepError> {
-        let before = state.clone();
-        self.alpha.step(t, h, state)?;
-        let mut unknowns = Vec::new();
-        write_unknowns(&self.alpha, state, &mut unknowns);
-        self.records.lock().push(AlphaRecord {
-            t,
-            h,
-            before,
-            a: self.alpha.solver.a.clone(),
-            unknowns,
-            end: state.clone(),
-        });
-        Ok(())
-    }
-
-    fn forget(&mut self) {
-        self.alpha.forget();
-    }
-
-    fn stats(&self) -> Stats {
-        self.alpha.stats()
-    }
-}
-
-impl Estimating for AlphaRecorder {
-    fn error(&self) -> f64 {
-        self.alpha.error()
-    }
-
-    fn error_order(&self) -> f64 {
-        self.alpha.error_order()
-    }
-
-    fn undo(&mut self, state: &mut AlphaState) {
-        self.alpha.undo(state);
-        self.records.lock().pop();
-    }
-}
-
-// What is recorded is made again with the steps.
-liouville_base::checkpoint!(AlphaRecorder { alpha });
-
-/// Cotangents of a motion whose states have accelerations of their own.
-#[derive(Clone, Debug)]
-pub struct AlphaCotangents {
-    /// Those of y, z, time and parameters, and of the length of the steps.
-    pub point: Cotangents,
-    a: Vec<f64>,
-    phi: Vec<f64>,
-}
-
-impl AlphaCotangents {
-    /// Those of nothing.
-    pub fn zeros(n: usize, width: usize) -> Self {
-        Self {
-            point: Cotangents::zeros(n, width),
-            a: vec![0.0; n],
-            phi: vec![0.0; n],
-        }
+impl Recordable for Alpha {
+    /// Behind a0, as the size of the step wants it.
+    fn write_unknowns(&self, state: &AlphaState, out: &mut Vec<f64>) {
+        out.clear();
+        out.extend_from_slice(&self.solver.a);
+        append_unknowns(self, state, out);
     }
 }
 
@@ -160,6 +57,7 @@ pub struct AlphaAdjoint {
     slopes: AlphaSlopes,
     transposed: AlphaTransposed,
     registers: [Registers<f64>; 4],
+    reactions: Reactions,
     matrix: BlockMatrix,
     block: BlockHandle,
     right: Vec<f64>,
@@ -168,7 +66,12 @@ pub struct AlphaAdjoint {
 
 impl AlphaAdjoint {
     /// The adjoint of steps with these derivatives.
-    pub fn new(slopes: AlphaSlopes, transposed: AlphaTransposed, params: &[f64], n: usize) -> Self {
+    pub fn new(
+        (slopes, transposed): (AlphaSlopes, AlphaTransposed),
+        reactions: Reactions,
+        params: &[f64],
+        n: usize,
+    ) -> Self {
         let (block, matrix) = of_pattern(&slopes.pattern);
         let tapes = [
             &slopes.matrix,
@@ -178,6 +81,7 @@ impl AlphaAdjoint {
         ];
         Self {
             registers: tapes.map(|tape| tape.bind(params)),
+            reactions,
             matrix,
             block,
             right: vec![0.0; slopes.pattern.shape().0],
@@ -187,18 +91,26 @@ impl AlphaAdjoint {
         }
     }
 
+    /// How many numbers of what the method carries have cotangents.
+    pub fn carried(n: usize) -> usize {
+        carried(n)
+    }
+
     /// Takes cotangents from the end of a step to its start.
     ///
     /// # Errors
     /// A derivative that is not finite, or a singular matrix.
     pub fn follow(
         &mut self,
-        record: &AlphaRecord,
-        of: &mut AlphaCotangents,
+        record: &StepRecord<AlphaState>,
+        of: &mut Cotangents,
     ) -> Result<(), StepError> {
-        let (t, h, n) = (record.t, record.h, of.a.len());
-        let AlphaState { y, z, phi, .. } = &record.before;
-        let point: [&[f64]; 7] = [&[t], &[h], y, z, &record.a, phi, &record.unknowns];
+        let (t, h, n) = (record.t, record.h, of.y.len());
+        let AlphaState {
+            y, z, a: own, phi, ..
+        } = &record.before;
+        let (a, unknowns) = record.unknowns.split_at(n);
+        let point: [&[f64]; 7] = [&[t], &[h], y, z, a, phi, unknowns];
         let [of_matrix, of_unknowns, of_step, _] = &mut self.registers;
         let values = self.slopes.matrix.eval(of_matrix, point);
         finite(values, Quantity::Derivative, t)?;
@@ -207,77 +119,96 @@ impl AlphaAdjoint {
         self.matrix
             .factor()
             .map_err(|_| StepError::SingularNewton)?;
-        let (by_y, rest) = self.ends.split_at_mut(n);
-        let (by_z, by_a) = rest.split_at_mut(n);
-        copy(by_y, &of.point.y);
-        copy(by_z, &of.point.z);
-        copy(by_a, &of.a);
+        let (by_a, rest) = of.carried.split_at_mut(n);
+        let (by_phi, by_size) = rest.split_at_mut(n);
+        let (ends_y, ends) = self.ends.split_at_mut(n);
+        let (ends_z, ends_a) = ends.split_at_mut(n);
+        copy(ends_y, &of.y);
+        copy(ends_z, &of.z);
+        copy(ends_a, by_a);
         let [t0, h0, y0, z0, a0, phi0, u0] = point;
         let args = [t0, h0, y0, z0, a0, phi0, u0, &self.ends];
         copy(
             &mut self.right,
             self.transposed.unknowns.eval(of_unknowns, args),
         );
-        add_scaled(&mut self.right[..n], 1.0, &of.phi);
+        add_scaled(&mut self.right[..n], 1.0, by_phi);
         self.matrix.solve_transposed(&mut self.right);
         let args = [t0, h0, y0, z0, a0, phi0, u0, &self.right, &self.ends];
         let found = self.transposed.step.eval(of_step, args);
         finite(found, Quantity::Derivative, t)?;
-        let point = &mut of.point;
-        // dt1 = dt0 + h stretch
-        point.stretch += h * (point.tau[0] + found[1]);
-        point.tau[0] += found[0];
+        // dt1 = dt0 + h stretch, and the size is carried on
+        of.stretch += h * (of.tau[0] + found[1]) + by_size[0];
+        of.tau[0] += found[0];
         let mut parts = found[2..].chunks_exact(n);
         let mut next = |out: &mut [f64]| parts.next().map_or((), |x| copy(out, x));
-        next(&mut point.y);
-        next(&mut point.z);
-        next(&mut of.a);
-        next(&mut of.phi);
+        next(&mut of.y);
+        next(&mut of.z);
+        next(by_a);
+        next(by_phi);
         // a0 is φ0 + r (a0 − φ0) of the state before
+        let moved = own.iter().zip(phi).zip(&*by_a);
+        let moved: f64 = moved.map(|((a, phi), back)| (a - phi) * back).sum();
+        let by_ratio = of_sizes(&record.before, h) * moved;
+        of.stretch += by_ratio;
+        by_size[0] = -by_ratio;
         let r = ratio(&record.before, h);
-        add_scaled(&mut of.phi, 1.0 - r, &of.a);
-        for a in &mut of.a {
+        add_scaled(by_phi, 1.0 - r, by_a);
+        for a in by_a {
             *a *= r;
         }
-        add_scaled(&mut point.tau[1..], 1.0, &found[2 + 4 * n..]);
+        add_scaled(&mut of.tau[1..], 1.0, &found[2 + 4 * n..]);
         Ok(())
     }
 
-    /// Ends at the start of a run, where accelerations follow coordinates and velocities unless they are `given`.
+    /// Takes cotangents of what the method carries, where a motion begins, to y, z and τ there; accelerations follow
+    /// these unless they are `given`.
     ///
     /// # Errors
     /// A derivative that is not finite, or a singular matrix.
     pub fn leave(
         &mut self,
         (t, state, is_given): (f64, &AlphaState, bool),
-        reactions: Reactions,
-        (model, adjoint): (&mut Model, &mut PointAdjoint),
-        of: &mut AlphaCotangents,
+        point: &mut PointAdjoint,
+        of: &mut Cotangents,
     ) -> Result<(), StepError> {
-        let (a, phi) = (&of.a, &mut of.phi);
+        let (n, mut carried) = (of.y.len(), std::mem::take(&mut of.carried));
+        let (a, rest) = carried.split_at_mut(n);
+        let phi = &mut rest[..n];
         if !is_given {
             add_scaled(phi, 1.0, a);
         }
-        if reactions == Reactions::Position {
-            return adjoint.observe_rate((t, state), phi, &mut of.point);
+        let left = self.leave_phi((t, state), phi, point, of);
+        carried.fill(0.0);
+        of.carried = carried;
+        left
+    }
+
+    fn leave_phi(
+        &mut self,
+        (t, state): (f64, &AlphaState),
+        phi: &mut [f64],
+        point: &mut PointAdjoint,
+        of: &mut Cotangents,
+    ) -> Result<(), StepError> {
+        if self.reactions == Reactions::Position {
+            return point.observe_rate((t, state), phi, of);
         }
         let AlphaState { y, z, phi: at, .. } = state;
-        let problem = model.problem.clone();
+        let problem = point.model.problem.clone();
         let (block, mut mass) = of_pattern(&problem.patterns.p_z);
-        mass.add(block, model.stage_blocks(t, y, z)[0], 1.0);
+        mass.add(block, point.model.stage_blocks(t, y, z)[0], 1.0);
         mass.factor().map_err(|_| StepError::SingularNewton)?;
         mass.solve_transposed(phi);
         let registers = &mut self.registers[3];
-        let found = self
-            .transposed
-            .start
-            .eval(registers, [&[t], y, z, at, &*phi]);
+        let args = [&[t], &y[..], z, at, &*phi];
+        let found = self.transposed.start.eval(registers, args);
         finite(found, Quantity::Derivative, t)?;
         let n = y.len();
-        of.point.tau[0] += found[0];
-        add_scaled(&mut of.point.y, 1.0, &found[1..=n]);
-        add_scaled(&mut of.point.z, 1.0, &found[1 + n..=2 * n]);
-        add_scaled(&mut of.point.tau[1..], 1.0, &found[1 + 2 * n..]);
+        of.tau[0] += found[0];
+        add_scaled(&mut of.y, 1.0, &found[1..=n]);
+        add_scaled(&mut of.z, 1.0, &found[1 + n..=2 * n]);
+        add_scaled(&mut of.tau[1..], 1.0, &found[1 + 2 * n..]);
         Ok(())
     }
 }

@@ -28,7 +28,7 @@ mod solve;
 mod state;
 mod tangent;
 
-pub use adjoint::{AlphaAdjoint, AlphaCotangents, AlphaRecorder, AlphaRecords, AlphaTransposed};
+pub use adjoint::{AlphaAdjoint, AlphaTransposed};
 use attempt::{AlphaAttempt, KeptAlpha};
 use liouville_base::error::StepError;
 use liouville_base::linalg::{Matrix, add_scaled, copy};
@@ -41,7 +41,7 @@ use reaction::Reaction;
 pub use restart::AlphaRestart;
 use solve::{AlphaSolver, AlphaStep};
 pub use state::AlphaState;
-pub use tangent::{AlphaSlopes, AlphaTangentState, AlphaTangents};
+pub use tangent::{AlphaSlopes, AlphaStartTangents, AlphaTangents};
 
 /// How the constraints' reactions enter a step.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -5,8 +5,9 @@
 //!
 //!     E_u du = −E_x dx,   de = e_x dx + e_u du,
 //!
-//! at the solution that the step has found. Where the size of the steps changes, a0 is φ0 + r (a0 − φ0) of the step before,
-//! with r the ratio of the sizes. At the start of a run M dφ0 = (F − M φ0)_x dx, and da0 = dφ0.
+//! at the solution that the step has found. Where the size of the steps changes, a0 is φ0 + r (a0 − φ0) of the step
+//! before, with r = h/h₀ the ratio of the sizes and dr = r (dh/h − dh₀/h₀): the last of these is carried along. Where a
+//! motion begins M dφ0 = (F − M φ0)_x dx, and da0 = dφ0.
 
 use super::adjoint::of_pattern;
 use super::state::AlphaState;
@@ -17,7 +18,8 @@ use liouville_base::method::{Estimating, Stats, Stepper};
 use liouville_base::newton::{BlockHandle, BlockMatrix};
 use liouville_base::tape::{Registers, Tape};
 use liouville_problem::{
-    AccelerationTangents, Carried, Directions, SensitivityModel, TangentView, finite,
+    Acceleration, AccelerationTangents, BeginTangents, Directions, SensitivityModel, TangentState,
+    TangentView, finite,
 };
 
 /// Tapes of the derivatives of a step; their last input is the parameters.
@@ -59,58 +61,6 @@ impl AlphaSlopes {
     }
 }
 
-/// What is carried from step to step, with its tangents, one a row.
-#[derive(Debug, PartialEq)]
-pub struct AlphaTangentState {
-    /// The state.
-    pub motion: AlphaState,
-    y: Matrix,
-    z: Matrix,
-    a: Matrix,
-    phi: Matrix,
-    t: Vec<f64>,
-}
-
-liouville_base::clone_in_place!(AlphaTangentState {
-    motion,
-    y,
-    z,
-    a,
-    phi,
-    t
-});
-
-impl Carried for AlphaTangentState {
-    fn y(&self) -> &[f64] {
-        self.motion.y()
-    }
-
-    fn z(&self) -> &[f64] {
-        self.motion.z()
-    }
-
-    fn accelerations(&self) -> Option<(&[f64], f64)> {
-        self.motion.accelerations()
-    }
-
-    fn tangents(&self) -> Option<TangentView<'_>> {
-        Some(TangentView {
-            y: &self.y,
-            z: &self.z,
-            t: &self.t,
-        })
-    }
-}
-
-liouville_base::checkpoint!(AlphaTangentState {
-    motion,
-    y,
-    z,
-    a,
-    phi,
-    t
-});
-
 /// A method of the α family at work on a state and its tangents.
 #[derive(Clone, Debug)]
 pub struct AlphaTangents {
@@ -120,7 +70,7 @@ pub struct AlphaTangents {
     matrix: BlockMatrix,
     block: BlockHandle,
     directions: Directions,
-    before: AlphaTangentState,
+    before: TangentState<AlphaState>,
     unknowns: Vec<f64>,
     along: Vec<f64>,
     right: Vec<f64>,
@@ -133,34 +83,30 @@ impl AlphaTangents {
     /// # Errors
     /// A derivative at the start that is not finite, or a singular matrix.
     pub fn new(
-        mut alpha: Alpha,
+        alpha: Alpha,
         (slopes, params): (AlphaSlopes, &[f64]),
         (sensitivity, mut directions): (SensitivityModel, Directions),
         (t, motion, is_given): (f64, AlphaState, bool),
         (y, z): (Matrix, Matrix),
-    ) -> Result<(Self, AlphaTangentState), StepError> {
+    ) -> Result<(Self, TangentState<AlphaState>), StepError> {
         let (block, matrix) = of_pattern(&slopes.pattern);
-        let order = slopes.pattern.shape().0;
+        let (order, n) = (slopes.pattern.shape().0, y.cols());
         let dt: Vec<f64> = (0..directions.count())
             .map(|k| directions.tau[(k, 0)])
             .collect();
-        let mut state = AlphaTangentState {
-            a: Matrix::zeros(y.rows(), y.cols()),
-            phi: Matrix::zeros(y.rows(), y.cols()),
+        let mut state = TangentState {
+            carried: Matrix::zeros(y.rows(), carried(n)),
             motion,
             y,
             z,
             t: dt,
         };
-        start(
-            &mut alpha,
-            (&slopes.start, params),
-            (sensitivity, &mut directions),
-            t,
-            &mut state,
-        )?;
-        if !is_given {
-            state.a = state.phi.clone();
+        let mut starts = AlphaStartTangents::new(&alpha, (&slopes, params), sensitivity);
+        starts.begin(t, &mut directions, &mut state)?;
+        if is_given {
+            for direction in 0..directions.count() {
+                state.carried.row_mut(direction)[..n].fill(0.0);
+            }
         }
         let tapes = [&slopes.matrix, &slopes.equations, &slopes.end];
         let stepper = Self {
@@ -179,11 +125,17 @@ impl AlphaTangents {
     }
 
     /// Makes the tangents at the end of the step that was just made.
-    fn follow(&mut self, t: f64, h: f64, state: &mut AlphaTangentState) -> Result<(), StepError> {
+    fn follow(
+        &mut self,
+        t: f64,
+        h: f64,
+        state: &mut TangentState<AlphaState>,
+    ) -> Result<(), StepError> {
         let before = &self.before;
         let (AlphaState { y, z, phi, .. }, n) = (&before.motion, before.motion.y.len());
         let ratio = ratio(&before.motion, h);
-        write_unknowns(&self.alpha, &state.motion, &mut self.unknowns);
+        self.unknowns.clear();
+        append_unknowns(&self.alpha, &state.motion, &mut self.unknowns);
         let (a, unknowns) = (&self.alpha.solver.a, &self.unknowns);
         let point: [&[f64]; 7] = [&[t], &[h], y, z, a, phi, unknowns];
         let [of_matrix, of_equations, of_end] = &mut self.registers;
@@ -198,11 +150,17 @@ impl AlphaTangents {
             let along = &mut self.along;
             along.clear();
             along.push(before.t[direction]);
-            along.push(h * self.directions.stretch[direction]);
+            let stretch = self.directions.stretch[direction];
+            along.push(h * stretch);
             along.extend_from_slice(before.y.row(direction));
             along.extend_from_slice(before.z.row(direction));
-            let (da, dphi) = (before.a.row(direction), before.phi.row(direction));
+            let (da, rest) = before.carried.row(direction).split_at(n);
+            let (dphi, last) = rest.split_at(n);
             along.extend(da.iter().zip(dphi).map(|(a, phi)| phi + ratio * (a - phi)));
+            // the ratio changes where one size does and the other not
+            let apart = of_sizes(&before.motion, h) * (stretch - last[0]);
+            add_scaled(&mut along[2 + 2 * n..], apart, &before.motion.a);
+            add_scaled(&mut along[2 + 2 * n..], -apart, phi);
             along.extend_from_slice(dphi);
             along.extend_from_slice(&self.directions.tau.row(direction)[1..]);
             let [t0, h0, y0, z0, a0, phi0, u0] = point;
@@ -216,9 +174,11 @@ impl AlphaTangents {
             finite(ends, Quantity::Derivative, t)?;
             copy(state.y.row_mut(direction), &ends[..n]);
             copy(state.z.row_mut(direction), &ends[n..2 * n]);
-            copy(state.a.row_mut(direction), &ends[2 * n..]);
-            copy(state.phi.row_mut(direction), &self.right[..n]);
-            state.t[direction] = before.t[direction] + h * self.directions.stretch[direction];
+            let (a, rest) = state.carried.row_mut(direction).split_at_mut(n);
+            copy(a, &ends[2 * n..]);
+            copy(&mut rest[..n], &self.right[..n]);
+            rest[n] = stretch;
+            state.t[direction] = before.t[direction] + h * stretch;
         }
         Ok(())
     }
@@ -229,9 +189,19 @@ pub(super) fn ratio(before: &AlphaState, h: f64) -> f64 {
     if before.h == 0.0 { 1.0 } else { h / before.h }
 }
 
-/// Writes the unknowns of the step that has led to a state: φ1, A0 and A1 where there are any, and multipliers.
-pub(super) fn write_unknowns(alpha: &Alpha, state: &AlphaState, out: &mut Vec<f64>) {
-    out.clear();
+/// By how much that factor changes with the part of itself by which a step becomes longer.
+pub(super) fn of_sizes(before: &AlphaState, h: f64) -> f64 {
+    if before.h == 0.0 { 0.0 } else { h / before.h }
+}
+
+/// How many numbers of what the method carries have tangents: a and φ, and the part of itself by which the last step
+/// became longer.
+pub(super) const fn carried(n: usize) -> usize {
+    2 * n + 1
+}
+
+/// Appends the unknowns of the step that has led to a state: φ1, A0 and A1 where there are any, and multipliers.
+pub(super) fn append_unknowns(alpha: &Alpha, state: &AlphaState, out: &mut Vec<f64>) {
     out.extend_from_slice(&state.phi);
     let [first, last] = &alpha.kept;
     if alpha.solver.is_paired() {
@@ -242,60 +212,105 @@ pub(super) fn write_unknowns(alpha: &Alpha, state: &AlphaState, out: &mut Vec<f6
     out.extend_from_slice(&last.lam);
 }
 
-/// Writes the tangents of φ at the start of a run.
-fn start(
-    alpha: &mut Alpha,
-    (tape, params): (&Tape, &[f64]),
-    (sensitivity, directions): (SensitivityModel, &mut Directions),
-    t: f64,
-    state: &mut AlphaTangentState,
-) -> Result<(), StepError> {
-    let AlphaTangentState {
-        motion,
-        y: dy,
-        z: dz,
-        phi: dphi,
-        t: dt,
-        ..
-    } = state;
-    let AlphaState { y, z, phi, .. } = &*motion;
-    if alpha.reactions == Reactions::Position {
-        let general = &mut alpha.model.general;
-        alpha.acceleration.solve(general, t, y, z)?;
-        let point = [
-            &y[..],
-            z,
-            &alpha.acceleration.z_dot,
-            &alpha.acceleration.lam,
-        ];
-        let mut tangents = AccelerationTangents::new(general.clone(), sensitivity);
-        let of = TangentView {
-            y: dy,
-            z: dz,
-            t: dt,
-        };
-        return tangents.solve((t, point), (of, directions), |direction, rate, _| {
-            copy(dphi.row_mut(direction), rate);
-        });
+/// The tangents of what the method carries where a motion begins: accelerations that follow coordinates and velocities.
+#[derive(Clone, Debug)]
+pub struct AlphaStartTangents {
+    alpha: Alpha,
+    acceleration: AccelerationTangents,
+    tape: Tape,
+    registers: Registers<f64>,
+}
+
+impl AlphaStartTangents {
+    /// Those of a method with these derivatives.
+    pub fn new(
+        alpha: &Alpha,
+        (slopes, params): (&AlphaSlopes, &[f64]),
+        sensitivity: SensitivityModel,
+    ) -> Self {
+        Self {
+            acceleration: AccelerationTangents::new(alpha.model.general.clone(), sensitivity),
+            alpha: alpha.clone(),
+            tape: slopes.start.clone(),
+            registers: slopes.start.bind(params),
+        }
     }
-    let mut registers = tape.bind(params);
-    let mass = &mut alpha.matrix.mass;
-    mass.update(&mut alpha.model.general, t, y, z)?;
-    for direction in 0..directions.count() {
-        let tau = directions.tau(direction, dt[direction]);
-        let along = [&tau[..1], dy.row(direction), dz.row(direction), &tau[1..]].concat();
-        let out = dphi.row_mut(direction);
-        copy(out, tape.eval(&mut registers, [&[t], y, z, phi, &along]));
-        mass.solve(out);
-        finite(out, Quantity::Derivative, t)?;
+
+    /// Writes those of φ.
+    fn write(
+        &mut self,
+        t: f64,
+        directions: &mut Directions,
+        state: &mut TangentState<AlphaState>,
+    ) -> Result<(), StepError> {
+        let AlphaState { y, z, phi, .. } = &state.motion;
+        let (n, alpha) = (y.len(), &mut self.alpha);
+        if alpha.reactions == Reactions::Position {
+            let Acceleration { z_dot, lam, .. } = {
+                alpha
+                    .acceleration
+                    .solve(&mut alpha.model.general, t, y, z)?;
+                &alpha.acceleration
+            };
+            let of = TangentView {
+                y: &state.y,
+                z: &state.z,
+                t: &state.t,
+            };
+            let (point, carried) = ([&y[..], z, z_dot, lam], &mut state.carried);
+            let along = (of, directions);
+            return (self.acceleration).solve((t, point), along, |direction, rate, _| {
+                copy(&mut carried.row_mut(direction)[n..2 * n], rate);
+            });
+        }
+        let mass = &mut alpha.matrix.mass;
+        mass.update(&mut alpha.model.general, t, y, z)?;
+        for direction in 0..directions.count() {
+            let tau = directions.tau(direction, state.t[direction]);
+            let (dy, dz) = (state.y.row(direction), state.z.row(direction));
+            let along = [&tau[..1], dy, dz, &tau[1..]].concat();
+            let out = &mut state.carried.row_mut(direction)[n..2 * n];
+            let found = self
+                .tape
+                .eval(&mut self.registers, [&[t], y, z, phi, &along]);
+            copy(out, found);
+            mass.solve(out);
+            finite(out, Quantity::Derivative, t)?;
+        }
+        Ok(())
     }
-    Ok(())
+}
+
+impl BeginTangents<AlphaState> for AlphaStartTangents {
+    fn begin(
+        &mut self,
+        t: f64,
+        directions: &mut Directions,
+        state: &mut TangentState<AlphaState>,
+    ) -> Result<(), StepError> {
+        self.write(t, directions, state)?;
+        for direction in 0..directions.count() {
+            let (a, rest) = state
+                .carried
+                .row_mut(direction)
+                .split_at_mut(state.y.cols());
+            let (phi, last) = rest.split_at_mut(a.len());
+            copy(a, phi);
+            last.fill(0.0);
+        }
+        Ok(())
+    }
 }
 
 impl Stepper for AlphaTangents {
-    type State = AlphaTangentState;
+    type State = TangentState<AlphaState>;
 
-    fn step(&mut self, t: f64, h: f64, state: &mut AlphaTangentState) -> Result<(), StepError> {
+    fn step(
+        &mut self,
+        t: f64,
+        h: f64,
+        state: &mut TangentState<AlphaState>,
+    ) -> Result<(), StepError> {
         self.before.clone_from(state);
         self.alpha.step(t, h, &mut state.motion)?;
         let followed = self.follow(t, h, state);
@@ -320,7 +335,7 @@ impl Estimating for AlphaTangents {
         self.alpha.error_order()
     }
 
-    fn undo(&mut self, state: &mut AlphaTangentState) {
+    fn undo(&mut self, state: &mut TangentState<AlphaState>) {
         self.alpha.undo(&mut state.motion);
         state.clone_from(&self.before);
     }

@@ -30,6 +30,7 @@ mod number;
 pub mod observe;
 pub mod parallel;
 pub mod real;
+pub mod recorder;
 pub mod run;
 pub mod simd;
 pub mod tableau;

@@ -33,10 +33,7 @@ use liouville_base::newton::{self, Continuation, Equations, Predictor, Rest};
 use liouville_base::tableau::Spark;
 use newton_matrix::CollocationMatrix;
 use stages::{CollocationStages, CollocationStep};
-pub use tangent::{
-    Index2Adjoint, Index2Record, Index2Recorder, Index2Records, Index2Tangents,
-    SemiExplicitTangentObserver, SemiExplicitTangentState,
-};
+pub use tangent::{Index2Adjoint, Index2Tangents, SemiExplicitTangentObserver};
 
 /// Corrections a step may take.
 const MOST_ITERATIONS: usize = 100;

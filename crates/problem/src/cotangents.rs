@@ -1,7 +1,7 @@
 //! Cotangents of a motion: the derivatives of some function of it by its states, and by what it depends on.
 
 use super::sensitivity::SensitivityModel;
-use super::{Acceleration, Carried, KnotCotangents, Model, Saddle, State, model::finite};
+use super::{Acceleration, Carried, KnotCotangents, Model, Saddle, model::finite};
 use liouville_base::error::{Quantity, StepError};
 use liouville_base::linalg::{Pattern, add_scaled, dot};
 
@@ -10,10 +10,10 @@ use liouville_base::linalg::{Pattern, add_scaled, dot};
 pub struct Cotangents {
     /// By coordinates.
     pub y: Vec<f64>,
-    /// By z where the run is observed; what it does beyond that is `p`.
+    /// By z where the run is observed; what it does beyond that may be in `carried`.
     pub z: Vec<f64>,
-    /// By p, of the steps behind.
-    pub p: Vec<f64>,
+    /// By what a method carries besides, of the steps behind: p, or accelerations.
+    pub carried: Vec<f64>,
     /// By τ = (t, θ), the time being that of the point.
     pub tau: Vec<f64>,
     /// By the part of themselves by which the steps become longer.
@@ -21,21 +21,28 @@ pub struct Cotangents {
 }
 
 impl Cotangents {
-    /// Those of nothing.
-    pub fn zeros(n: usize, width: usize) -> Self {
+    /// Those of nothing: of so many numbers of y, z and what a method carries, and of τ.
+    pub fn zeros([y, z, carried]: [usize; 3], width: usize) -> Self {
         Self {
-            y: vec![0.0; n],
-            z: vec![0.0; n],
-            p: vec![0.0; n],
+            y: vec![0.0; y],
+            z: vec![0.0; z],
+            carried: vec![0.0; carried],
             tau: vec![0.0; width],
             stretch: 0.0,
         }
     }
 
+    /// Those of nothing, with the sizes of these.
+    #[must_use]
+    pub fn like(&self) -> Self {
+        let sizes = [&self.y, &self.z, &self.carried].map(Vec::len);
+        Self::zeros(sizes, self.tau.len())
+    }
+
     /// Adds so many times others.
     pub fn add_scaled(&mut self, factor: f64, other: &Self) {
-        let own = [&mut self.y, &mut self.z, &mut self.p, &mut self.tau];
-        let others = [&other.y, &other.z, &other.p, &other.tau];
+        let own = [&mut self.y, &mut self.z, &mut self.carried, &mut self.tau];
+        let others = [&other.y, &other.z, &other.carried, &other.tau];
         for (own, other) in own.into_iter().zip(others) {
             add_scaled(own, factor, other);
         }
@@ -192,26 +199,27 @@ impl PointAdjoint {
         Ok(of.tau[0] + dot(&of.y, v) + dot(&of.z, &self.acceleration.z_dot))
     }
 
-    /// Takes cotangents of p at the start of a run to y, z and τ there.
+    /// Takes cotangents of p, where it is what a method carries, at the start of a motion to y, z and τ there.
     ///
     /// # Errors
     /// A derivative that is not finite.
-    pub fn leave(
+    pub fn leave_momenta(
         &mut self,
-        (t, state): (f64, &State),
+        (t, point): (f64, &impl Carried),
         of: &mut Cotangents,
     ) -> Result<(), StepError> {
-        let (y, z) = (&state.y[..], &state.z[..]);
+        let (y, z) = (point.y(), point.z());
         let problem = self.sensitivity.problem.clone();
         let at = &problem.mechanical.patterns;
         let [p_tau, ..] = self.sensitivity.stage(t, y, z);
         let [p_z, _] = self.model.stage_blocks(t, y, z);
-        (at.p_z).multiply_add_transposed(p_z, 1.0, &of.p, &mut of.z);
+        (at.p_z).multiply_add_transposed(p_z, 1.0, &of.carried, &mut of.z);
         let by_tau = &problem.patterns.p_tau;
-        by_tau.multiply_add_transposed(p_tau, 1.0, &of.p, &mut of.tau);
+        by_tau.multiply_add_transposed(p_tau, 1.0, &of.carried, &mut of.tau);
         let [p_y, ..] = self.model.stage_jacobian(t, y, z);
-        at.p_y.multiply_add_transposed(p_y, 1.0, &of.p, &mut of.y);
-        of.p.fill(0.0);
+        at.p_y
+            .multiply_add_transposed(p_y, 1.0, &of.carried, &mut of.y);
+        of.carried.fill(0.0);
         for values in [&of.y, &of.z, &of.tau] {
             finite(values, Quantity::Derivative, t)?;
         }

@@ -56,7 +56,10 @@ pub use schur::{SchurPlan, SparseSchur};
 pub use second_order::{SecondOrder, SecondOrderModel, SecondOrderPatterns};
 pub use sensitivity::{Sensitivity, SensitivityModel, SensitivityPatterns};
 pub use separable::{Separable, SeparableModel};
-pub use tangents::{AccelerationTangents, Directions, TangentObserver, TangentState, TangentView};
+pub use tangents::{
+    AccelerationTangents, BeginTangents, Directions, MomentumTangents, TangentObserver,
+    TangentRestart, TangentState, TangentView,
+};
 
 use liouville_base::linalg::Pattern;
 use liouville_base::method;

@@ -1,9 +1,7 @@
 //! Tangents of a motion: the derivatives of its states in some directions, carried with them and recorded.
 
 use super::sensitivity::SensitivityModel;
-use super::{
-    Carried, Impulse, Jump, Model, Observer, Refused, Restart, Saddle, State, model::finite,
-};
+use super::{Carried, Jump, Model, Observer, Refused, Restart, Saddle, State, model::finite};
 use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch, Numbers};
 use liouville_base::error::{Quantity, StepError};
 use liouville_base::linalg::{Matrix, Pattern};
@@ -11,28 +9,32 @@ use liouville_base::observe::Observe;
 
 /// A state with its tangents, one a row.
 #[derive(Debug, PartialEq)]
-pub struct TangentState {
+pub struct TangentState<S = State> {
     /// The state.
-    pub motion: State,
+    pub motion: S,
     /// Those of coordinates.
     pub y: Matrix,
     /// Those of velocities or momenta, as the system has them.
     pub z: Matrix,
-    /// Those of p, summed up from their increments.
-    pub p: Matrix,
+    /// Those of what a method carries besides: of p, summed up from their increments, or of accelerations.
+    pub carried: Matrix,
     /// Those of time.
     pub t: Vec<f64>,
 }
 
-liouville_base::clone_in_place!(TangentState { motion, y, z, p, t });
+liouville_base::clone_in_place!([S: Clone] TangentState<S> { motion, y, z, carried, t });
 
-impl Carried for TangentState {
+impl<S: Carried> Carried for TangentState<S> {
     fn y(&self) -> &[f64] {
-        &self.motion.y
+        self.motion.y()
     }
 
     fn z(&self) -> &[f64] {
-        &self.motion.z
+        self.motion.z()
+    }
+
+    fn accelerations(&self) -> Option<(&[f64], f64)> {
+        self.motion.accelerations()
     }
 
     fn tangents(&self) -> Option<TangentView<'_>> {
@@ -44,16 +46,81 @@ impl Carried for TangentState {
     }
 }
 
-impl Restart<TangentState> for Impulse {
+/// What a motion goes on with whose state carries tangents: these are those of an event's reset.
+pub struct TangentRestart<S>(pub Box<dyn Restart<S>>);
+
+impl<S> Checkpoint for TangentRestart<S> {
+    fn save(&self, member: usize, out: &mut dyn Numbers) {
+        self.0.save(member, out);
+    }
+
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
+        self.0.restore(member, saved)
+    }
+}
+
+impl<S> Restart<TangentState<S>> for TangentRestart<S> {
     fn restart(
         &mut self,
         t: f64,
-        before: &TangentState,
+        before: &TangentState<S>,
         jump: Jump<'_>,
-        state: &mut TangentState,
+        state: &mut TangentState<S>,
     ) -> Result<(), Refused> {
-        // tangents are those of an event's reset
-        self.restart(t, &before.motion, jump, &mut state.motion)
+        self.0.restart(t, &before.motion, jump, &mut state.motion)
+    }
+}
+
+/// Writes the tangents of what a method carries where a motion begins, from those of y, z and time.
+pub trait BeginTangents<S>: Send + Sync {
+    /// Writes them at `t`, in these directions.
+    ///
+    /// # Errors
+    /// A derivative that is not finite, or a singular matrix.
+    fn begin(
+        &mut self,
+        t: f64,
+        directions: &mut Directions,
+        state: &mut TangentState<S>,
+    ) -> Result<(), StepError>;
+}
+
+/// The tangents of momenta: dp = p_y dy + p_z dz + p_τ dτ.
+#[derive(Clone, Debug)]
+pub struct MomentumTangents {
+    /// The model.
+    pub model: Model,
+    /// Its derivatives by time and parameters.
+    pub sensitivity: SensitivityModel,
+}
+
+impl BeginTangents<State> for MomentumTangents {
+    fn begin(
+        &mut self,
+        t: f64,
+        directions: &mut Directions,
+        state: &mut TangentState,
+    ) -> Result<(), StepError> {
+        let Self { model, sensitivity } = self;
+        let (State { y, z, .. }, p) = (&state.motion, &mut state.carried);
+        let problem = sensitivity.problem.clone();
+        let (at, by_tau) = (&problem.mechanical.patterns, &problem.patterns.p_tau);
+        let [p_tau, ..] = sensitivity.stage(t, y, z);
+        let [p_z, _] = model.stage_blocks(t, y, z);
+        for direction in 0..directions.count() {
+            let out = p.row_mut(direction);
+            out.fill(0.0);
+            at.p_z.multiply_add(p_z, 1.0, state.z.row(direction), out);
+            let tau = directions.tau(direction, state.t[direction]);
+            by_tau.multiply_add(p_tau, 1.0, tau, out);
+        }
+        let [p_y, ..] = model.stage_jacobian(t, y, z);
+        for direction in 0..directions.count() {
+            let out = p.row_mut(direction);
+            at.p_y.multiply_add(p_y, 1.0, state.y.row(direction), out);
+            finite(out, Quantity::Derivative, t)?;
+        }
+        Ok(())
     }
 }
 
@@ -68,7 +135,7 @@ pub struct TangentView<'a> {
     pub t: &'a [f64],
 }
 
-liouville_base::checkpoint!(TangentState { motion, y, z, p, t });
+liouville_base::checkpoint!([S: Checkpoint] TangentState<S> { motion, y, z, carried, t });
 
 /// Directions in which a run is differentiated.
 #[derive(Clone, Debug)]

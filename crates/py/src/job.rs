@@ -373,6 +373,6 @@ pub(crate) fn pullback(
         start: copied(start),
     };
     let of = (alpha_slopes(&slopes)?, transposed);
-    let found = run::AlphaPullback::new(problem, method, job, sensitivity, of);
+    let found = run::Pullback::of_alpha(problem, method, job, sensitivity, of);
     Ok(found.map(|found| Box::new(found) as _))
 }

@@ -43,7 +43,7 @@ use liouville_small::Small;
 use node_schur::NodeSchur;
 use predictor::Predictor;
 use stages::{Stages, Unknowns};
-pub use tangent::{SharedRecords, SparkAdjoint, SparkRecorder, SparkTangents, StepRecord};
+pub use tangent::{SparkAdjoint, SparkTangents};
 use update::Update;
 
 /// How the stage equations are solved; all ways lead to the same solution, to roundoff.

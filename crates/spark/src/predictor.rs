@@ -193,6 +193,19 @@ impl<R: Real> Predictor<R> {
         copy(nu.flat_mut(), curves[NU].values.flat());
     }
 
+    /// Writes them one after another, z, v, λ and ν.
+    pub(super) fn append_solution(&self, out: &mut Vec<R>) {
+        let (curves, velocities) = (&self.held.curves, self.velocities());
+        out.clear();
+        for of_stages in [&curves[Z].values, velocities] {
+            // those at both ends of the step are no unknowns
+            let all = of_stages.flat();
+            out.extend_from_slice(&all[of_stages.cols()..all.len() - of_stages.cols()]);
+        }
+        out.extend_from_slice(curves[LAM].values.flat());
+        out.extend_from_slice(curves[NU].values.flat());
+    }
+
     /// v' at a state, or z' where v is not z: how fast the velocities begin to change.
     pub(super) fn acceleration(
         &mut self,

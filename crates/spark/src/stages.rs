@@ -35,6 +35,15 @@ impl<R: Real> Unknowns<R> {
         copy(self.nu.flat_mut(), other.nu.flat());
     }
 
+    /// Takes the numbers of another, z, v, λ and ν one after another.
+    pub(super) fn put_back(&mut self, mut numbers: &[R]) {
+        for part in [&mut self.z, &mut self.v, &mut self.lam, &mut self.nu] {
+            let (own, rest) = numbers.split_at(part.flat().len());
+            copy(part.flat_mut(), own);
+            numbers = rest;
+        }
+    }
+
     /// Takes what another has for the chosen members.
     #[inline(always)]
     pub(super) fn copy_members(&mut self, other: &Self, chosen: R) {

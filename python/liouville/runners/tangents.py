@@ -45,13 +45,13 @@ ENDS = ("t0", "t1")
 Place = tuple[int, tuple[int, ...]]
 
 #: The alpha family.
-ALPHA = (HHT, GeneralizedAlpha, ArnoldBruls)
+ALPHA = HHT | GeneralizedAlpha | ArnoldBruls
 
 #: What has tangents.
 COVERED = (
     "tangents are those of a mechanical system by Spark, LobattoPair or a Composition of them, or "
-    "by the alpha family without events, of a divergence-free field or a semi-explicit system "
-    "without events and t_eval, and of a Schrodinger equation, without store"
+    "by the alpha family, of a divergence-free field or a semi-explicit system without events and "
+    "t_eval, and of a Schrodinger equation, without store"
 )
 
 
@@ -83,25 +83,18 @@ def check_covered(system: Any, method: Any, request: Request) -> None:
         return  # its method is seen when it is planned
     if not isinstance(system, Mechanics):
         return  # and that of others when they are run
-    if isinstance(base, ALPHA):
-        _check_alpha(system, method, request)
-    elif not isinstance(base, Spark | LobattoPair):
+    if not isinstance(base, Spark | LobattoPair | ALPHA):
         from liouville.runners import no_runner  # whose module imports this one
 
         raise no_runner(method, "mechanical", "mechanical systems")
+    is_controlled = (request.rtol, request.control) != (None, None)
+    if isinstance(base, ALPHA) and system.switch_tapes and is_controlled:
+        # the accelerations carried over a switch are those of one side of it
+        sentence = f"tangents by {type(method).__name__} go without steps that end at switches"
+        raise TypeError(hinted(sentence, "give steps or h, or take Spark"))
     if getattr(base, "newton_tol", None) is not None:
         sentence = "newton_tol leaves an error in the stages, and as large a one in their tangents"
         raise ValueError(hinted(sentence, "leave newton_tol out"))
-
-
-def _check_alpha(system: Mechanics, method: Any, request: Request) -> None:
-    """Refuse what the alpha family has no tangents of."""
-    sentence = f"tangents by {type(method).__name__} go without "
-    if request.events is not None:
-        raise TypeError(hinted(f"{sentence}events=", "Spark has those of events and resets"))
-    if system.switch_tapes and (request.rtol, request.control) != (None, None):
-        hint = "give steps or h, or take Spark"
-        raise TypeError(hinted(f"{sentence}controlled steps that end at switches", hint))
 
 
 class Directions:

@@ -12,11 +12,10 @@
 use super::super::Index2;
 use super::super::newton_matrix::CollocationMatrix;
 use super::super::stages::{CollocationStages, CollocationStep};
-use super::state::SemiExplicitTangentState;
 use crate::semi_explicit::{SemiExplicitModel, SemiExplicitSensitivityModel, SemiExplicitState};
 use liouville_base::error::{Quantity, StepError};
 use liouville_base::linalg::{Matrix, add_scaled, copy, copy_scaled};
-use liouville_problem::{Cotangents, Directions, finite};
+use liouville_problem::{Cotangents, Directions, TangentState, finite};
 
 /// Derivatives of one step, and the memory of a direction.
 #[derive(Clone, Debug)]
@@ -40,6 +39,9 @@ pub(super) struct StepAlong<'a> {
     pub(super) step: CollocationStep<'a>,
     pub(super) direction: usize,
 }
+
+/// A state with its tangents.
+type SemiExplicitTangents = TangentState<SemiExplicitState>;
 
 /// Which part of the step leads to a stage, or to the end.
 fn part(stages: &CollocationStages, i: usize) -> f64 {
@@ -99,7 +101,7 @@ impl LinearCollocation {
         stages: &CollocationStages,
         directions: &mut Directions,
         StepAlong { step, direction }: StepAlong,
-        (before, state): (&SemiExplicitTangentState, &mut SemiExplicitTangentState),
+        (before, state): (&SemiExplicitTangents, &mut SemiExplicitTangents),
     ) {
         let problem = self.sensitivity.problem.clone();
         let (at, by_tau) = (&problem.system.patterns, &problem.patterns);

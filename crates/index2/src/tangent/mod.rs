@@ -2,18 +2,18 @@
 
 mod adjoint;
 mod linear_step;
-mod state;
+mod observer;
 
 use super::Index2;
 use super::stages::CollocationStep;
 use crate::semi_explicit::{SemiExplicitSensitivityModel, SemiExplicitState};
-pub use adjoint::{Index2Adjoint, Index2Record, Index2Recorder, Index2Records};
+pub use adjoint::Index2Adjoint;
 use linear_step::{LinearCollocation, StepAlong};
 use liouville_base::error::StepError;
 use liouville_base::linalg::Matrix;
 use liouville_base::method::{Estimating, Stats, Stepper, Symmetric};
-use liouville_problem::Directions;
-pub use state::{SemiExplicitTangentObserver, SemiExplicitTangentState};
+use liouville_problem::{Directions, TangentState};
+pub use observer::SemiExplicitTangentObserver;
 
 /// An index-2 method at work on a state and its tangents.
 ///
@@ -23,7 +23,7 @@ pub struct Index2Tangents {
     index2: Index2,
     linear: LinearCollocation,
     directions: Directions,
-    before: SemiExplicitTangentState,
+    before: TangentState<SemiExplicitState>,
 }
 
 impl Index2Tangents {
@@ -37,7 +37,7 @@ impl Index2Tangents {
         mut directions: Directions,
         (t, motion): (f64, SemiExplicitState),
         y: Matrix,
-    ) -> Result<(Self, SemiExplicitTangentState), StepError> {
+    ) -> Result<(Self, TangentState<SemiExplicitState>), StepError> {
         let mut linear = LinearCollocation::new(&index2, sensitivity);
         let dt: Vec<f64> = (0..directions.count())
             .map(|k| directions.tau[(k, 0)])
@@ -50,8 +50,9 @@ impl Index2Tangents {
                 .sensitivity
                 .push(y.row(direction), tau, z.row_mut(direction));
         }
-        let state = SemiExplicitTangentState {
+        let state = TangentState {
             motion,
+            carried: Matrix::zeros(y.rows(), 0),
             y,
             z,
             t: dt,
@@ -70,7 +71,7 @@ impl Index2Tangents {
         &mut self,
         t: f64,
         h: f64,
-        state: &mut SemiExplicitTangentState,
+        state: &mut TangentState<SemiExplicitState>,
     ) -> Result<(), StepError> {
         let (stages, before) = (&self.index2.stages, &self.before);
         let step = CollocationStep {
@@ -90,13 +91,13 @@ impl Index2Tangents {
 }
 
 impl Stepper for Index2Tangents {
-    type State = SemiExplicitTangentState;
+    type State = TangentState<SemiExplicitState>;
 
     fn step(
         &mut self,
         t: f64,
         h: f64,
-        state: &mut SemiExplicitTangentState,
+        state: &mut TangentState<SemiExplicitState>,
     ) -> Result<(), StepError> {
         self.before.clone_from(state);
         self.index2.step(t, h, &mut state.motion)?;
@@ -127,7 +128,7 @@ impl Estimating for Index2Tangents {
         self.index2.error_order()
     }
 
-    fn undo(&mut self, state: &mut SemiExplicitTangentState) {
+    fn undo(&mut self, state: &mut TangentState<SemiExplicitState>) {
         self.index2.undo(&mut state.motion);
         state.clone_from(&self.before);
     }

@@ -9,19 +9,21 @@
 
 use super::impulse::LinearImpulse;
 use super::slopes::{FollowEvents, Meeting, SlopesModel};
-use liouville_base::error::{Quantity, StepError};
+use liouville_base::error::StepError;
 use liouville_base::linalg::{Matrix, add_scaled, copy, dot};
 use liouville_problem::{
-    Acceleration, AccelerationTangents, Directions, Model, SensitivityModel, TangentState, finite,
+    Acceleration, AccelerationTangents, BeginTangents, Carried, Directions, Model,
+    SensitivityModel, TangentState,
 };
 
 /// Finds the tangents of events in some directions.
-#[derive(Clone, Debug)]
-pub struct TangentEvents {
+pub struct TangentEvents<S> {
     events: Vec<SlopesModel>,
     impulse: LinearImpulse,
     acceleration: AccelerationTangents,
     solver: Acceleration,
+    /// Writes those of what the method carries behind a reset.
+    carried: Box<dyn BeginTangents<S>>,
     /// All that a state has, the last of them that of the length of a step.
     directions: Directions,
     /// Those of λ, a row for each direction.
@@ -32,12 +34,13 @@ pub struct TangentEvents {
     along: Vec<f64>,
 }
 
-impl TangentEvents {
+impl<S: Carried> TangentEvents<S> {
     /// Tangents of these events, along a run of the model from `start`, in these directions and in that of the length
-    /// of a step, which comes last.
+    /// of a step, which comes last. `carried` writes those of what the method carries.
     pub fn new(
         events: Vec<SlopesModel>,
         (model, sensitivity): (Model, SensitivityModel),
+        carried: Box<dyn BeginTangents<S>>,
         directions: Directions,
         start: f64,
     ) -> Self {
@@ -53,17 +56,18 @@ impl TangentEvents {
                     .collect(),
             ),
             acceleration: AccelerationTangents::new(model, sensitivity),
+            carried,
             directions,
             along: Vec::new(),
         }
     }
 
     /// Finds the tangents of λ in all directions, which `lam` has then.
-    fn solve(&mut self, t: f64, state: &TangentState) -> Result<(), StepError> {
-        let (y, z) = (&state.motion.y[..], &state.motion.z[..]);
+    fn solve(&mut self, t: f64, state: &TangentState<S>) -> Result<(), StepError> {
+        let (y, z) = (state.y(), state.z());
         let solver = &mut self.solver;
         solver.solve(&mut self.acceleration.model, t, y, z)?;
-        let Some(of) = liouville_problem::Carried::tangents(state) else {
+        let Some(of) = state.tangents() else {
             return Ok(());
         };
         let point = [y, z, &solver.z_dot, &solver.lam];
@@ -75,7 +79,7 @@ impl TangentEvents {
     }
 
     /// Writes a direction of (t, y, z, λ, θ), where λ has so many numbers.
-    fn set_along(&mut self, direction: usize, state: &TangentState, multipliers: usize) {
+    fn set_along(&mut self, direction: usize, state: &TangentState<S>, multipliers: usize) {
         let along = &mut self.along;
         along.clear();
         along.push(state.t[direction]);
@@ -87,31 +91,28 @@ impl TangentEvents {
         along.extend_from_slice(&self.directions.tau.row(direction)[1..]);
     }
 
-    /// Makes the last direction the derivative along the motion.
-    fn set_flow(&mut self, t: f64, state: &mut TangentState) -> Result<(), StepError> {
+    /// Makes the last direction the derivative along the motion; nothing goes on from there but by a reset.
+    fn set_flow(&mut self, t: f64, state: &mut TangentState<S>) -> Result<(), StepError> {
         let (last, motion) = (self.directions.count() - 1, &state.motion);
-        let (y, z) = (&motion.y[..], &motion.z[..]);
-        let AccelerationTangents {
-            model, sensitivity, ..
-        } = &mut self.acceleration;
+        let (y, z) = (motion.y(), motion.z());
+        let model = &mut self.acceleration.model;
         self.solver.solve(model, t, y, z)?;
         let v = model.end(t, y, z)[2];
         copy(state.y.row_mut(last), if v.is_empty() { z } else { v });
         copy(state.z.row_mut(last), &self.solver.z_dot);
         state.t[last] = 1.0;
-        let directions = &mut self.directions;
-        set_momentum((model, sensitivity), (last, directions), t, state)
+        Ok(())
     }
 
     /// Adds so many times the derivative by the length of a step to each direction.
-    fn move_by(&self, size: impl Fn(usize, &TangentState) -> f64, state: &mut TangentState) {
+    fn move_by(&self, size: impl Fn(usize, &TangentState<S>) -> f64, state: &mut TangentState<S>) {
         let last = self.directions.count() - 1;
         for direction in 0..last {
             let size = size(direction, state);
             if size == 0.0 {
                 continue;
             }
-            for rows in [&mut state.y, &mut state.z, &mut state.p] {
+            for rows in [&mut state.y, &mut state.z, &mut state.carried] {
                 let n = rows.cols();
                 let (head, tail) = rows.flat_mut().split_at_mut(last * n);
                 add_scaled(&mut head[direction * n..(direction + 1) * n], size, tail);
@@ -121,46 +122,25 @@ impl TangentEvents {
     }
 }
 
-/// Writes p_y dy + p_z dz + p_τ dτ in a direction.
-fn set_momentum(
-    (model, sensitivity): (&mut Model, &mut SensitivityModel),
-    (direction, directions): (usize, &mut Directions),
-    t: f64,
-    state: &mut TangentState,
-) -> Result<(), StepError> {
-    let problem = sensitivity.problem.clone();
-    let (at, by_tau) = (&problem.mechanical.patterns, &problem.patterns.p_tau);
-    let (y, z) = (&state.motion.y[..], &state.motion.z[..]);
-    let out = state.p.row_mut(direction);
-    out.fill(0.0);
-    let tau = directions.tau(direction, state.t[direction]);
-    by_tau.multiply_add(sensitivity.stage(t, y, z)[0], 1.0, tau, out);
-    let p_z = model.stage_blocks(t, y, z)[0];
-    at.p_z.multiply_add(p_z, 1.0, state.z.row(direction), out);
-    let p_y = model.stage_jacobian(t, y, z)[0];
-    at.p_y.multiply_add(p_y, 1.0, state.y.row(direction), out);
-    finite(out, Quantity::Derivative, t)
-}
-
-impl FollowEvents<TangentState> for TangentEvents {
-    fn begin(&mut self, state: &mut TangentState) {
+impl<S: Carried + Send + Sync> FollowEvents<TangentState<S>> for TangentEvents<S> {
+    fn begin(&mut self, state: &mut TangentState<S>) {
         let last = self.directions.count() - 1;
-        for rows in [&mut state.y, &mut state.z, &mut state.p] {
+        for rows in [&mut state.y, &mut state.z, &mut state.carried] {
             rows.row_mut(last).fill(0.0);
         }
         state.t[last] = 0.0;
     }
 
-    fn align(&mut self, t: f64, state: &mut TangentState) {
+    fn align(&mut self, t: f64, state: &mut TangentState<S>) {
         let last = self.directions.count() - 1;
         let (stretch, (start, of_start)) = (&self.directions.stretch, &self.start);
         let held = |k: usize| of_start[k] + stretch[k] * (t - start);
         // of directions that the events leave alone nothing changes but roundoff
-        let size = |k: usize, state: &TangentState| (held(k) - state.t[k]) / state.t[last];
+        let size = |k: usize, state: &TangentState<S>| (held(k) - state.t[k]) / state.t[last];
         self.move_by(size, state);
     }
 
-    fn meet(&mut self, met: Meeting<'_>, state: &mut TangentState) -> Result<(), StepError> {
+    fn meet(&mut self, met: Meeting<'_>, state: &mut TangentState<S>) -> Result<(), StepError> {
         let (t, last) = (met.t, self.directions.count() - 1);
         if met.part == 0.0 {
             self.set_flow(t, state)?;
@@ -168,7 +148,7 @@ impl FollowEvents<TangentState> for TangentEvents {
         if met.needs_lam {
             self.solve(t, state)?;
         }
-        let motion = (state.motion.y.clone(), state.motion.z.clone());
+        let motion = (state.y().to_vec(), state.z().to_vec());
         let point = (t, [&motion.0[..], &motion.1, met.lam]);
         let gradient = self.events[met.event].gradient(point)?.to_vec();
         self.set_along(last, state, met.lam.len());
@@ -177,7 +157,7 @@ impl FollowEvents<TangentState> for TangentEvents {
         for direction in 0..last {
             self.set_along(direction, state, met.lam.len());
             let size = -dot(&gradient, &self.along) / slope;
-            let own = |k: usize, _: &TangentState| if k == direction { size } else { 0.0 };
+            let own = |k: usize, _: &TangentState<S>| if k == direction { size } else { 0.0 };
             self.move_by(own, state);
         }
         Ok(())
@@ -187,11 +167,11 @@ impl FollowEvents<TangentState> for TangentEvents {
         &mut self,
         (index, t): (usize, f64),
         lam: &[f64],
-        (before, after): (&TangentState, &mut TangentState),
+        (before, after): (&TangentState<S>, &mut TangentState<S>),
     ) -> Result<(), StepError> {
-        let point = (t, [&before.motion.y[..], &before.motion.z, lam]);
+        let point = (t, [before.y(), before.z(), lam]);
         self.solve(t, before)?;
-        let ends = [&after.motion.y[..], &after.motion.z];
+        let ends = [after.motion.y(), after.motion.z()];
         self.impulse.make(&mut self.events[index], point, ends)?;
         for direction in 0..self.directions.count() {
             self.set_along(direction, before, lam.len());
@@ -199,19 +179,14 @@ impl FollowEvents<TangentState> for TangentEvents {
             let out = [after.y.row_mut(direction), after.z.row_mut(direction)];
             self.impulse.push(slopes, point, along, out)?;
             after.t[direction] = before.t[direction];
-            let AccelerationTangents {
-                model, sensitivity, ..
-            } = &mut self.acceleration;
-            let directions = &mut self.directions;
-            set_momentum((model, sensitivity), (direction, directions), t, after)?;
         }
-        Ok(())
+        self.carried.begin(t, &mut self.directions, after)
     }
 
     fn record(
         &mut self,
         t: f64,
-        state: &TangentState,
+        state: &TangentState<S>,
         row: &mut Vec<f64>,
     ) -> Result<(), StepError> {
         self.solve(t, state)?;

@@ -48,7 +48,7 @@ impl AtTimes {
             times,
             point,
             path: PathAdjoint::default(),
-            own: Cotangents::zeros(n, width),
+            own: Cotangents::zeros([n, n, 0], width),
             tau: vec![0.0; width],
             knots: BTreeMap::new(),
             made,

@@ -142,7 +142,6 @@ impl Job {
         };
         let fits = tangents.fit(system, self.members.unwrap_or(1));
         let is_covered = match system {
-            System::Alpha(..) => (self.detection.as_ref()).is_none_or(|of| of.events.is_empty()),
             System::Index2(..) => self.detection.is_none(),
             _ => true,
         };
@@ -150,8 +149,8 @@ impl Job {
             return Ok(());
         }
         invalid(
-            "tangents are those of a SPARK method without newton_tol, with the derivatives of all events, of the α family \
-             without events, or of an index-2 method without given times too, of the system it steps, with states",
+            "tangents are those of a SPARK method without newton_tol or of the α family, with the derivatives of all \
+             events, or of an index-2 method without events and given times, of the system it steps, with states",
         )
     }
 

@@ -5,11 +5,12 @@ use super::{Job, Method, Problem, Starter, System};
 use liouville_base::checkpoint::CheckpointMismatch;
 use liouville_base::error::StepError;
 use liouville_base::linalg::Matrix;
+use liouville_base::recorder::{Recorder, SharedRecords};
 use liouville_base::run::{Advance, StartError, Status};
+use liouville_index2::Index2Adjoint;
 use liouville_index2::semi_explicit::{
     SemiExplicitSensitivity, SemiExplicitSensitivityModel, SemiExplicitState,
 };
-use liouville_index2::{Index2Adjoint, Index2Recorder, Index2Records};
 use liouville_problem::Cotangents;
 use std::sync::Arc;
 use std::time::Duration;
@@ -17,7 +18,7 @@ use std::time::Duration;
 /// The pullback of a run of an index-2 method, its steps held.
 pub struct Index2Pullback {
     run: Box<dyn Advance>,
-    records: Index2Records,
+    records: SharedRecords<SemiExplicitState>,
     adjoint: Index2Adjoint,
     start: (f64, SemiExplicitState),
     /// How many times the method is at work in a step.
@@ -58,9 +59,9 @@ impl Index2Pullback {
         let derivatives = SemiExplicitSensitivityModel::new(sensitivity.clone(), starter.params(0));
         let (adjoint, records) = (
             Index2Adjoint::new(&stepper, derivatives),
-            Index2Records::default(),
+            SharedRecords::default(),
         );
-        let recorder = Index2Recorder::new(stepper, records.clone());
+        let recorder = Recorder::new(stepper, records.clone());
         let of = starter.semi_explicit_member(problem, 0);
         let monitor = starter.traced(0, || of.model.clone());
         let control = match sizes {
@@ -73,11 +74,7 @@ impl Index2Pullback {
             records,
             adjoint,
             parts: stages.map_or(1, <[f64]>::len),
-            cotangents: Cotangents {
-                z: Vec::new(),
-                p: Vec::new(),
-                ..Cotangents::zeros(problem.n, sensitivity.width())
-            },
+            cotangents: Cotangents::zeros([problem.n, 0, 0], sensitivity.width()),
             start: (starter.job.span.t0, state),
         })
     }
@@ -95,7 +92,7 @@ impl Follow for Index2Pullback {
             return Err(error);
         }
         let (of, parts) = (&mut self.cotangents, self.parts);
-        for (k, record) in self.records.lock().iter().enumerate().rev() {
+        for (k, record) in self.records.lock().steps().iter().enumerate().rev() {
             let number = first + (k + 1) / parts;
             if (k + 1) % parts == 0
                 && let Ok(row) = kept.binary_search(&number)

@@ -7,24 +7,25 @@
 //! before the part of the step is followed back. The products with w are what an adjoint step says of its length, so that
 //! part is followed twice: with (ū, t̄), and with the slopes of e.
 
+use super::pullback::StepAdjoint;
 use crate::events::{Before, FollowEvents, LinearImpulse, Meeting, SlopesModel};
 use liouville_base::error::StepError;
 use liouville_base::linalg::{Matrix, add_scaled};
-use liouville_problem::{Cotangents, PointAdjoint, State};
-use liouville_spark::{SharedRecords, SparkAdjoint, StepRecord};
+use liouville_base::recorder::{SharedRecords, StepRecord};
+use liouville_problem::{Carried, Cotangents, PointAdjoint};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// An event that was met.
 #[derive(Clone, Debug)]
-pub(super) struct Entry {
+pub(super) struct Entry<S> {
     /// How many steps were recorded, that in which it was met included.
     pub(super) place: usize,
     pub(super) t: f64,
     /// The part of the step that led to it, and the state there.
     pub(super) part: f64,
-    pub(super) state: State,
+    pub(super) state: S,
     /// That after a reset.
-    pub(super) after: Option<State>,
+    pub(super) after: Option<S>,
     /// Whether it ends the run, or the step.
     pub(super) is_last: bool,
     event: usize,
@@ -34,10 +35,10 @@ pub(super) struct Entry {
     height: f64,
     lam: Vec<f64>,
     /// The part of the step.
-    steps: Vec<StepRecord>,
+    steps: Vec<StepRecord<S>>,
 }
 
-impl Entry {
+impl<S> Entry<S> {
     /// Whether no more of the step was made.
     pub(super) fn is_cut(&self) -> bool {
         self.after.is_some() || self.is_last
@@ -45,33 +46,45 @@ impl Entry {
 }
 
 /// The events met, which the run shares with what follows it back.
-#[derive(Clone, Debug, Default)]
-pub(super) struct Journal(Arc<Mutex<Vec<Entry>>>);
+#[derive(Debug)]
+pub(super) struct Journal<S>(Arc<Mutex<Vec<Entry<S>>>>);
 
-impl Journal {
-    pub(super) fn lock(&self) -> MutexGuard<'_, Vec<Entry>> {
+impl<S> Clone for Journal<S> {
+    fn clone(&self) -> Self {
+        Self(self.0.clone())
+    }
+}
+
+impl<S> Default for Journal<S> {
+    fn default() -> Self {
+        Self(Arc::default())
+    }
+}
+
+impl<S> Journal<S> {
+    pub(super) fn lock(&self) -> MutexGuard<'_, Vec<Entry<S>>> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
 /// Keeps the events of a run.
-pub(super) struct EventRecorder {
-    pub(super) journal: Journal,
+pub(super) struct EventRecorder<S> {
+    pub(super) journal: Journal<S>,
     /// Whole steps, and parts of steps, each made of so many.
-    pub(super) whole: SharedRecords,
-    pub(super) partial: SharedRecords,
+    pub(super) whole: SharedRecords<S>,
+    pub(super) partial: SharedRecords<S>,
     pub(super) parts: usize,
 }
 
-impl FollowEvents<State> for EventRecorder {
-    fn begin(&mut self, _: &mut State) {
+impl<S: Clone + Send + Sync> FollowEvents<S> for EventRecorder<S> {
+    fn begin(&mut self, _: &mut S) {
         self.partial.lock().clear();
     }
 
-    fn align(&mut self, _: f64, _: &mut State) {}
+    fn align(&mut self, _: f64, _: &mut S) {}
 
     #[allow(clippy::float_cmp)] // 0 and 1 are the ends of the step
-    fn meet(&mut self, met: Meeting<'_>, state: &mut State) -> Result<(), StepError> {
+    fn meet(&mut self, met: Meeting<'_>, state: &mut S) -> Result<(), StepError> {
         let whole = self.whole.lock();
         let (partial, last) = (self.partial.lock(), self.parts);
         let steps = match met.part {
@@ -100,7 +113,7 @@ impl FollowEvents<State> for EventRecorder {
         &mut self,
         _: (usize, f64),
         _: &[f64],
-        (_, after): (&State, &mut State),
+        (_, after): (&S, &mut S),
     ) -> Result<(), StepError> {
         if let Some(entry) = self.journal.lock().last_mut() {
             entry.after = Some(after.clone());
@@ -108,14 +121,14 @@ impl FollowEvents<State> for EventRecorder {
         Ok(())
     }
 
-    fn record(&mut self, _: f64, _: &State, _: &mut Vec<f64>) -> Result<(), StepError> {
+    fn record(&mut self, _: f64, _: &S, _: &mut Vec<f64>) -> Result<(), StepError> {
         Ok(())
     }
 }
 
 /// The adjoints of events.
-pub(super) struct EventAdjoint {
-    pub(super) journal: Journal,
+pub(super) struct EventAdjoint<S> {
+    pub(super) journal: Journal<S>,
     pub(super) events: Vec<SlopesModel>,
     pub(super) impulse: LinearImpulse,
     /// Cotangents of each event: of t, y, z and λ, and of y, z and λ after a reset, a row for each time it was met.
@@ -123,9 +136,9 @@ pub(super) struct EventAdjoint {
     pub(super) sizes: [usize; 3],
 }
 
-impl EventAdjoint {
+impl<S: Carried> EventAdjoint<S> {
     /// The row of an entry, where cotangents of its event were given.
-    fn row(&self, entry: &Entry) -> Option<&[f64]> {
+    fn row(&self, entry: &Entry<S>) -> Option<&[f64]> {
         let rows = self.rows.get(entry.event)?;
         (entry.hit < rows.rows()).then(|| rows.row(entry.hit))
     }
@@ -136,14 +149,14 @@ impl EventAdjoint {
     /// It has no derivative.
     pub(super) fn leave_reset(
         &mut self,
-        entry: &Entry,
-        point: &mut PointAdjoint,
+        entry: &Entry<S>,
+        (adjoint, point): (&mut impl StepAdjoint<State = S>, &mut PointAdjoint),
         of: &mut Cotangents,
     ) -> Result<(), StepError> {
         let Some(after) = &entry.after else {
             return Ok(());
         };
-        point.leave((entry.t, after), of)?;
+        adjoint.leave((entry.t, after), false, point, of)?;
         let [n, m, _] = self.sizes;
         if let Some(row) = self.row(entry).and_then(|row| row.get(1 + 2 * n + m..))
             && !row.is_empty()
@@ -151,9 +164,9 @@ impl EventAdjoint {
             point.observe((entry.t, after), row, of)?;
         }
         let slopes = &mut self.events[entry.event];
-        let State { y, z, .. } = &entry.state;
+        let (y, z) = (entry.state.y(), entry.state.z());
         let before: Before<'_> = (entry.t, [y, z, &entry.lam]);
-        self.impulse.make(slopes, before, [&after.y, &after.z])?;
+        self.impulse.make(slopes, before, [after.y(), after.z()])?;
         let found = self.impulse.pull(slopes, before, [&of.y, &of.z])?;
         of.y.fill(0.0);
         of.z.fill(0.0);
@@ -163,7 +176,7 @@ impl EventAdjoint {
     /// Adds cotangents of (t, y, z, λ, θ) at an event.
     fn add(
         &self,
-        (entry, found): (&Entry, &[f64]),
+        (entry, found): (&Entry<S>, &[f64]),
         point: &mut PointAdjoint,
         of: &mut Cotangents,
     ) -> Result<(), StepError> {
@@ -186,8 +199,8 @@ impl EventAdjoint {
     /// It has no derivative.
     pub(super) fn leave(
         &mut self,
-        entry: &Entry,
-        (adjoint, point): (&mut SparkAdjoint, &mut PointAdjoint),
+        entry: &Entry<S>,
+        (adjoint, point): (&mut impl StepAdjoint<State = S>, &mut PointAdjoint),
         of: &mut Cotangents,
     ) -> Result<(), StepError> {
         let [n, m, _] = self.sizes;
@@ -195,10 +208,10 @@ impl EventAdjoint {
             of.tau[0] += row[0];
             point.observe((entry.t, &entry.state), &row[1..=2 * n + m], of)?;
         }
-        let State { y, z, .. } = &entry.state;
+        let (y, z) = (entry.state.y(), entry.state.z());
         let before: Before<'_> = (entry.t, [y, z, &entry.lam]);
         let gradient = self.events[entry.event].gradient(before)?.to_vec();
-        let mut slopes = Cotangents::zeros(n, of.tau.len());
+        let mut slopes = of.like();
         self.add((entry, &gradient), point, &mut slopes)?;
         let at = (entry.t, &entry.state);
         let (own, slope, length) = if entry.steps.is_empty() {
@@ -212,7 +225,7 @@ impl EventAdjoint {
             }
             let own = std::mem::replace(&mut of.stretch, before);
             let slope = std::mem::take(&mut slopes.stretch);
-            (own, slope, entry.steps.iter().map(StepRecord::size).sum())
+            (own, slope, entry.steps.iter().map(|step| step.h).sum())
         };
         entry.meeting().check(slope / length)?;
         of.add_scaled(-own / slope, &slopes);
@@ -220,7 +233,7 @@ impl EventAdjoint {
     }
 }
 
-impl Entry {
+impl<S> Entry<S> {
     fn meeting(&self) -> Meeting<'_> {
         Meeting {
             event: self.event,

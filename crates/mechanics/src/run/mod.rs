@@ -12,15 +12,15 @@ mod job;
 mod journal;
 mod member;
 mod pullback;
+mod spark_pullback;
 mod tangents;
 
-pub use alpha_pullback::AlphaPullback;
 pub use index2_pullback::Index2Pullback;
 pub use job::{
     Control, Detection, EventFunction, Job, Method, Problem, SparkMethod, SystemSensitivity,
     Tangents,
 };
-pub use pullback::{Follow, Pullback};
+pub use pullback::{Follow, Pullback, StepAdjoint};
 
 use liouville_alpha::Reactions;
 use liouville_base::ensemble::{Ensemble, Layout};
@@ -230,7 +230,8 @@ impl Starter {
                 None => self.symmetric_control((stepper, stages), self.monitor(member), &state),
                 Some(sizes) => self.adaptive_control(stepper, sizes),
             };
-            return self.recording((control, copy), tangents, state, member);
+            let of = self.momenta(tangents, member);
+            return self.recording((control, copy), tangents, of, state, member);
         }
         let of = self.member(member);
         match sizes {

@@ -1,16 +1,18 @@
 //! Pullbacks: a run made again from checkpoints, one piece after another from the last, each followed back.
 
+use super::Starter;
 use super::at_times::{AtTimes, observing};
 use super::journal::{Entry, EventAdjoint, EventRecorder, Journal};
-use super::member::Member;
-use super::{Job, Method, Problem, Starter, System};
+use super::member::{BoxedStepper, Member};
 use crate::events::{DenseDetector, LinearImpulse};
-use liouville_base::checkpoint::CheckpointMismatch;
+use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch};
 use liouville_base::error::StepError;
 use liouville_base::linalg::{Matrix, add_scaled};
-use liouville_base::run::{Advance, StartError, Status};
-use liouville_problem::{Cotangents, PointAdjoint, Sensitivity, SensitivityModel, State};
-use liouville_spark::{SharedRecords, SparkAdjoint, SparkRecorder, StepRecord};
+use liouville_base::recorder::{SharedRecords, StepRecord};
+use liouville_base::run::{Advance, Status, StepControl};
+use liouville_problem::{
+    Carried, Cotangents, PointAdjoint, Restart, Sensitivity, SensitivityModel,
+};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -45,68 +47,95 @@ pub trait Follow: Send + Sync {
     fn give_events(&mut self, _rows: Vec<Matrix>) {}
 }
 
-/// The pullback of a run of a SPARK method, its steps held.
-pub struct Pullback {
+/// What takes cotangents back over the recorded steps of a method.
+pub trait StepAdjoint: Send + Sync {
+    /// What the method carries from step to step.
+    type State: Carried + Checkpoint + Clone;
+
+    /// How many numbers of it have cotangents beside those of y and z, of n coordinates.
+    fn carried(n: usize) -> usize;
+
+    /// Takes cotangents from the end of a step to its start.
+    ///
+    /// # Errors
+    /// A derivative that is not finite, or a singular matrix.
+    fn follow(
+        &mut self,
+        record: &StepRecord<Self::State>,
+        of: &mut Cotangents,
+    ) -> Result<(), StepError>;
+
+    /// Takes those of what is carried, where a motion begins, to y, z and τ there, unless it was given.
+    ///
+    /// # Errors
+    /// A derivative that is not finite, or a singular matrix.
+    fn leave(
+        &mut self,
+        at: (f64, &Self::State),
+        is_given: bool,
+        point: &mut PointAdjoint,
+        of: &mut Cotangents,
+    ) -> Result<(), StepError>;
+}
+
+/// The pullback of a run, its steps held.
+pub struct Pullback<A: StepAdjoint> {
     run: Box<dyn Advance>,
-    records: SharedRecords,
-    adjoint: SparkAdjoint,
+    records: SharedRecords<A::State>,
+    adjoint: A,
     point: PointAdjoint,
-    start: (f64, State),
+    /// The start, and whether all that the method carries was given there.
+    start: (f64, A::State, bool),
     /// How many times the method is at work in a step.
     parts: usize,
     cotangents: Cotangents,
     /// Where states are given at times that are not those of the steps.
     times: Option<AtTimes>,
-    events: Option<EventAdjoint>,
+    events: Option<EventAdjoint<A::State>>,
     /// The cotangent of the time at which the run begins, as the ends of its steps follow it.
     held: f64,
 }
 
-impl Pullback {
-    /// The pullback of a job's run, whose derivatives by τ are `sensitivity`.
-    ///
-    /// # Errors
-    /// The job is no such run, or its start failed.
-    pub fn new(
-        problem: Problem,
-        method: Method,
-        job: Job,
+/// What a method makes its recorded steps with.
+pub(super) struct Recording<A: StepAdjoint> {
+    pub(super) adjoint: A,
+    pub(super) control: Box<dyn StepControl<A::State>>,
+    /// Makes parts of steps for an event detector.
+    pub(super) copy: Option<BoxedStepper<A::State>>,
+    /// What these two record.
+    pub(super) whole: SharedRecords<A::State>,
+    pub(super) partial: SharedRecords<A::State>,
+    /// How many times the method is at work in a step.
+    pub(super) parts: usize,
+    /// What makes states after resets.
+    pub(super) restart: Option<Box<dyn Restart<A::State>>>,
+    pub(super) start: A::State,
+    /// Whether all that the method carries was given at the start.
+    pub(super) is_given: bool,
+}
+
+impl<A> Pullback<A>
+where
+    A: StepAdjoint,
+    A::State: 'static,
+{
+    /// The pullback of a starter's run, whose derivatives by τ are `sensitivity`.
+    pub(super) fn of(
+        starter: &Starter,
         sensitivity: &Arc<Sensitivity>,
-    ) -> Result<Self, StartError> {
-        let system = System::new(problem, method)?;
-        job.check(&system)?;
-        let starter = Starter { system, job };
-        let System::Spark(problem, spark, stages) = &starter.system else {
-            return Err(StartError::Invalid(
-                "a pullback is that of a SPARK method".into(),
-            ));
-        };
-        if !starter.has_pullback(sensitivity, spark) {
-            let sentence = "a pullback is that of a single run, of events with derivatives, whose stages are solved to roundoff";
-            return Err(StartError::Invalid(sentence.into()));
-        }
-        let (stepper, state, sizes) = starter.spark_at((problem, spark), 0)?;
-        let (model, stages) = (starter.model(0), stages.as_deref());
+        method: Recording<A>,
+    ) -> Result<Self, StepError> {
+        let (model, parts) = (starter.model(0), method.parts);
+        let problem = model.problem.clone();
         let derivatives = SensitivityModel::new(sensitivity.clone(), starter.params(0));
-        let adjoint = SparkAdjoint::new(&stepper, derivatives.clone());
-        let records = SharedRecords::default();
-        let start = state.clone();
-        let parts = stages.map_or(1, <[f64]>::len);
-        let partial = SharedRecords::default();
-        let part = SparkRecorder::new(stepper.clone(), partial.clone());
-        let copy = starter.composed_copy((&part, stages));
-        let recorder = SparkRecorder::new(stepper, records.clone());
-        let control = match sizes {
-            None => starter.symmetric_control((recorder, stages), starter.monitor(0), &start),
-            Some(sizes) => starter.adaptive_control(recorder, sizes),
-        };
         let point = PointAdjoint::new(model.clone(), derivatives.clone());
+        let (n, width) = (problem.n, sensitivity.width());
         let detection = starter.job.detection.as_ref();
         let times = detection.and_then(|detection| detection.times.clone());
         let times = times.map(|times| {
-            let sizes = ([problem.n, problem.multipliers()], sensitivity.width());
-            let records = records.clone();
+            let records = method.whole.clone();
             let made = Box::new(move || records.lock().steps().len());
+            let sizes = ([n, problem.multipliers()], width);
             AtTimes::new(times, sizes, point.clone(), (made, parts))
         });
         let inner = starter.observer(model.clone(), 0);
@@ -114,8 +143,8 @@ impl Pullback {
         let journal = Journal::default();
         let recorder = EventRecorder {
             journal: journal.clone(),
-            whole: records.clone(),
-            partial,
+            whole: method.whole.clone(),
+            partial: method.partial,
             parts,
         };
         let events = starter.has_events().then(|| EventAdjoint {
@@ -123,44 +152,45 @@ impl Pullback {
             events: starter.slopes(0),
             impulse: LinearImpulse::new(model.clone(), derivatives),
             rows: Vec::new(),
-            sizes: [
-                problem.n,
-                problem.multipliers(),
-                starter.system.multipliers(),
-            ],
+            sizes: [n, problem.multipliers(), starter.system.multipliers()],
         });
-        let impulse = starter.impulse(0);
         let of = Member {
             number: 0,
             model,
-            restart: impulse.map(|impulse| Box::new(impulse) as _),
+            restart: method.restart,
         };
-        let (observed, stepping) = ((Box::new(inner) as _, at_times), (control, copy));
+        let (observed, stepping) = (
+            (Box::new(inner) as _, at_times),
+            (method.control, method.copy),
+        );
         let has_events = events.is_some();
-        let with = |detector: DenseDetector<State>| {
+        let with = |detector: DenseDetector<A::State>| {
             if has_events {
                 detector.followed(Box::new(recorder))
             } else {
                 detector
             }
         };
-        let run = starter.launch_observed(stepping, of, start, observed, with)?;
+        let start = method.start;
+        let run = starter.launch_observed(stepping, of, start.clone(), observed, with)?;
         Ok(Self {
-            cotangents: Cotangents::zeros(problem.n, sensitivity.width()),
+            cotangents: Cotangents::zeros([n, n, A::carried(n)], width),
             point,
             parts,
-            start: (starter.job.span.t0, state),
+            start: (starter.job.span.t0, start, method.is_given),
             run,
-            records,
-            adjoint,
+            records: method.whole,
+            adjoint: method.adjoint,
             times,
             events,
             held: 0.0,
         })
     }
+}
 
+impl<A: StepAdjoint> Pullback<A> {
     /// Follows a step back.
-    fn leave_step(&mut self, place: usize, step: &[StepRecord]) -> Result<(), StepError> {
+    fn leave_step(&mut self, place: usize, step: &[StepRecord<A::State>]) -> Result<(), StepError> {
         let end = &step[self.parts - 1];
         for starts in [false, true] {
             self.leave_knot((place, starts), (end.time(), &end.end))?;
@@ -177,7 +207,7 @@ impl Pullback {
             self.adjoint.follow(part, of)?;
         }
         // the end of the step is where it would be without events before, and its length follows
-        let moved = of.stretch / step.iter().map(StepRecord::size).sum::<f64>();
+        let moved = of.stretch / step.iter().map(|part| part.h).sum::<f64>();
         of.stretch = before + moved * (end.time() - self.start.0);
         of.tau[0] -= moved;
         self.held += moved;
@@ -188,7 +218,7 @@ impl Pullback {
     fn leave_knot(
         &mut self,
         (place, starts): (usize, bool),
-        at: (f64, &State),
+        at: (f64, &A::State),
     ) -> Result<(), StepError> {
         let times = self.times.as_ref();
         match times.and_then(|times| times.lock().take(place, starts)) {
@@ -198,13 +228,13 @@ impl Pullback {
     }
 
     /// Follows back what led to an event that ended the step.
-    fn leave_cut(&mut self, place: usize, entry: &Entry) -> Result<(), StepError> {
+    fn leave_cut(&mut self, place: usize, entry: &Entry<A::State>) -> Result<(), StepError> {
         if let Some(after) = &entry.after {
             self.leave_knot((place, true), (entry.t, after))?;
         }
         let (of, point) = (&mut self.cotangents, &mut self.point);
         if let Some(events) = &mut self.events {
-            events.leave_reset(entry, point, of)?;
+            events.leave_reset(entry, (&mut self.adjoint, point), of)?;
         }
         self.leave_knot((place, false), (entry.t, &entry.state))?;
         let (of, point) = (&mut self.cotangents, &mut self.point);
@@ -215,19 +245,18 @@ impl Pullback {
     }
 
     /// Adds what an event says of the start of its step, which went on.
-    fn leave_event(&mut self, entry: &Entry) -> Result<(), StepError> {
+    fn leave_event(&mut self, entry: &Entry<A::State>) -> Result<(), StepError> {
         let Some(events) = &mut self.events else {
             return Ok(());
         };
-        let (n, width) = (self.cotangents.y.len(), self.cotangents.tau.len());
-        let mut own = Cotangents::zeros(n, width);
+        let mut own = self.cotangents.like();
         events.leave(entry, (&mut self.adjoint, &mut self.point), &mut own)?;
         self.cotangents.add_scaled(1.0, &own);
         Ok(())
     }
 }
 
-impl Follow for Pullback {
+impl<A: StepAdjoint> Follow for Pullback<A> {
     fn restore(&mut self, saved: &[f64]) -> Result<(), CheckpointMismatch> {
         self.run.restore(saved)
     }
@@ -282,8 +311,8 @@ impl Follow for Pullback {
     }
 
     fn end(&mut self, row: &[f64]) -> Result<&Cotangents, StepError> {
-        let start = self.start.clone();
-        let at = (start.0, &start.1);
+        let (t, start, is_given) = self.start.clone();
+        let at = (t, &start);
         for starts in [false, true] {
             self.leave_knot((0, starts), at)?;
         }
@@ -292,7 +321,8 @@ impl Follow for Pullback {
         }
         self.cotangents.tau[0] += std::mem::take(&mut self.held);
         self.point.observe(at, row, &mut self.cotangents)?;
-        self.point.leave(at, &mut self.cotangents)?;
+        let (point, of) = (&mut self.point, &mut self.cotangents);
+        self.adjoint.leave(at, is_given, point, of)?;
         Ok(&self.cotangents)
     }
 

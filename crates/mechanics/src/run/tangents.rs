@@ -3,8 +3,9 @@
 use super::member::{BoxedStepper, Member};
 use crate::events::{DenseDetector, TangentEvents};
 
-use super::{Begun, MethodStart, SparkMethod, Starter, System, SystemSensitivity, Tangents};
-use liouville_alpha::{Alpha, AlphaSlopes, AlphaState, AlphaTangents};
+use super::{Begun, MethodStart, Starter, System, SystemSensitivity, Tangents};
+use liouville_alpha::{Alpha, AlphaSlopes, AlphaStartTangents, AlphaState, AlphaTangents};
+use liouville_base::checkpoint::Checkpoint;
 use liouville_base::error::StepError;
 use liouville_base::linalg::Matrix;
 use liouville_base::run::StepControl;
@@ -13,10 +14,17 @@ use liouville_index2::semi_explicit::{
 };
 use liouville_index2::{Index2, Index2Tangents, SemiExplicitTangentObserver};
 use liouville_problem::{
-    Directions, PathTangents, Sensitivity, SensitivityModel, State, TangentObserver, TangentState,
+    BeginTangents, Carried, Directions, MomentumTangents, PathTangents, Restart, Sensitivity,
+    SensitivityModel, State, TangentObserver, TangentRestart, TangentState,
 };
 use liouville_spark::{Spark, SparkTangents};
 use std::sync::Arc;
+
+/// A control of steps, and what makes parts of them for an event detector.
+type Stepping<S> = (Box<dyn StepControl<S>>, Option<BoxedStepper<S>>);
+
+/// What a motion begins with behind a reset: tangents of what its method carries, and the state.
+type Begins<S> = (Box<dyn BeginTangents<S>>, Option<Box<dyn Restart<S>>>);
 
 impl Starter {
     /// How many numbers the tangents of a member have in a row.
@@ -33,6 +41,24 @@ impl Starter {
         tangents.stretch.len() * each
     }
 
+    /// The directions of a member's run, that of the length of a step among them, and its start in these.
+    fn begin_tangents(
+        &self,
+        tangents: &Tangents,
+        n: usize,
+        member: usize,
+    ) -> (Directions, [Matrix; 2]) {
+        let directions = directions_of(tangents);
+        let count = directions.count();
+        let directions = self.with_length(directions);
+        let rows = tangents.starts([n; 2], member).map(|rows| {
+            // that of the length of a step begins from zero
+            let at = |i: usize, j: usize| if i < count { rows[(i, j)] } else { 0.0 };
+            Matrix::from_fn(directions.count(), n, at)
+        });
+        (directions, rows)
+    }
+
     /// A method that carries the tangents of a member, and its state with them.
     pub(super) fn with_tangents(
         &self,
@@ -41,14 +67,7 @@ impl Starter {
         state: State,
         member: usize,
     ) -> Result<(SparkTangents, TangentState), StepError> {
-        let directions = directions_of(tangents);
-        let (count, n) = (directions.count(), state.y.len());
-        let directions = self.with_length(directions);
-        let [y, z] = tangents.starts([n; 2], member).map(|rows| {
-            // that of the length of a step begins from zero
-            let at = |i: usize, j: usize| if i < count { rows[(i, j)] } else { 0.0 };
-            Matrix::from_fn(directions.count(), n, at)
-        });
+        let (directions, [y, z]) = self.begin_tangents(tangents, state.y.len(), member);
         let dt = (0..directions.count())
             .map(|i| directions.tau[(i, 0)])
             .collect();
@@ -65,26 +84,19 @@ impl Starter {
         number: usize,
     ) -> Begun {
         let (span, params) = (self.job.span, self.params(number));
-        let is_given = self.has_accelerations();
-        let [y, z] = tangents.starts([state.y.len(); 2], number);
-        let of = (self.sensitivity(tangents, number), directions_of(tangents));
-        let start = (span.t0, state, is_given);
+        let (directions, rows) = self.begin_tangents(tangents, state.y.len(), number);
+        let sensitivity = self.sensitivity(tangents, number);
+        let of_slopes = (&slopes, params);
+        let carried = AlphaStartTangents::new(&stepper, of_slopes, sensitivity.clone());
+        let restart = self.alpha_member(number, &stepper).restart;
+        let start = (span.t0, state, self.has_accelerations());
+        let of = (sensitivity, directions);
         let (stepper, state) =
-            AlphaTangents::new(stepper, (slopes, params), of.clone(), start, (y, z))?;
-        let inner = self.observer(self.model(number), number);
-        let observer = TangentObserver::new(inner, of.0, of.1);
+            AlphaTangents::new(stepper, (slopes, params), of, start, rows.into())?;
         let (copy, trial) = (self.copy(&stepper), Box::new(stepper.clone()));
         let control = self.alpha_control((stepper, trial), sizes, number, &state);
-        let observed = (Box::new(observer.clone()) as _, Box::new(observer) as _);
-        let between = (self.sensitivity(tangents, number), directions_of(tangents));
-        let between = PathTangents::new(self.model(number), between.0, between.1);
-        let of = Member {
-            number,
-            model: self.model(number),
-            restart: None,
-        };
-        let with = |detector: DenseDetector<_>| detector.with_tangents(between);
-        self.launch_observed((control, copy), of, state, observed, with)
+        let of = (Box::new(carried) as _, restart);
+        self.recording((control, copy), tangents, of, state, number)
     }
 
     /// A run of an index-2 method with its tangents.
@@ -114,17 +126,19 @@ impl Starter {
         self.recorded(control, Box::new(observer), state)
     }
 
-    /// A run whose tangents are recorded, by steps of this control; `copy` makes its partial steps.
-    pub(super) fn recording(
+    /// A run whose tangents are recorded, by steps of this control; `copy` makes its partial steps. Behind a reset
+    /// `carried` writes the tangents of what the method carries, and `restart` makes the state.
+    pub(super) fn recording<S>(
         &self,
-        stepping: (
-            Box<dyn StepControl<TangentState>>,
-            Option<BoxedStepper<TangentState>>,
-        ),
+        stepping: Stepping<TangentState<S>>,
         tangents: &Tangents,
-        state: TangentState,
+        (carried, restart): Begins<S>,
+        state: TangentState<S>,
         number: usize,
-    ) -> Begun {
+    ) -> Begun
+    where
+        S: Carried + Checkpoint + Clone + 'static,
+    {
         let model = self.model(number);
         let parts = || (self.sensitivity(tangents, number), directions_of(tangents));
         let (sensitivity, directions) = parts();
@@ -133,28 +147,22 @@ impl Starter {
         let observed = (Box::new(observer.clone()) as _, Box::new(observer) as _);
         let start = self.job.span.t0;
         let slopes = self.slopes(number);
-        let with = |detector: DenseDetector<TangentState>| {
-            let (sensitivity, directions) = parts();
-            let of = (model.clone(), sensitivity);
-            let events =
-                TangentEvents::new(slopes, of.clone(), self.with_length(directions), start);
-            let detector = if self.has_events() {
-                detector.followed(Box::new(events))
-            } else {
-                detector
-            };
-            let (model, sensitivity) = of;
-            detector.with_tangents(PathTangents::new(
-                model,
-                sensitivity,
-                directions_of(tangents),
-            ))
-        };
-        let impulse = self.impulse(number);
         let of = Member {
             number,
             model: model.clone(),
-            restart: impulse.map(|impulse| Box::new(impulse) as _),
+            restart: restart.map(|restart| Box::new(TangentRestart(restart)) as _),
+        };
+        let with = |mut detector: DenseDetector<TangentState<S>>| {
+            let (sensitivity, directions) = parts();
+            if self.has_events() {
+                let (of, directions) = (
+                    (model.clone(), sensitivity.clone()),
+                    self.with_length(directions.clone()),
+                );
+                let events = TangentEvents::new(slopes, of, carried, directions, start);
+                detector = detector.followed(Box::new(events));
+            }
+            detector.with_tangents(PathTangents::new(model, sensitivity, directions))
         };
         self.launch_observed(stepping, of, state, observed, with)
     }
@@ -178,29 +186,28 @@ impl Starter {
         Directions { tau, stretch }
     }
 
+    /// The tangents of momenta, and the impulses of a member.
+    pub(super) fn momenta(&self, tangents: &Tangents, member: usize) -> Begins<State> {
+        let momenta = MomentumTangents {
+            model: self.model(member),
+            sensitivity: self.sensitivity(tangents, member),
+        };
+        (Box::new(momenta), self.member(member).restart)
+    }
+
     fn sensitivity(&self, tangents: &Tangents, member: usize) -> SensitivityModel {
         SensitivityModel::new(tangents.mechanical().clone(), self.params(member))
     }
 }
 
 impl Starter {
-    /// Whether a run of the α family has a pullback with these derivatives.
-    pub(super) fn has_alpha_pullback(&self, sensitivity: &Sensitivity) -> bool {
-        let job = &self.job;
-        Arc::ptr_eq(&sensitivity.mechanical, self.system.mechanical())
-            && !self.has_events()
-            && job.tangents.is_none()
-            && job.members.is_none()
-    }
-
     /// Whether a run has a pullback with these derivatives.
-    pub(super) fn has_pullback(&self, sensitivity: &Sensitivity, spark: &SparkMethod) -> bool {
+    pub(super) fn has_pullback(&self, sensitivity: &Sensitivity) -> bool {
         let job = &self.job;
         Arc::ptr_eq(&sensitivity.mechanical, self.system.mechanical())
             && job.has_slopes()
             && job.tangents.is_none()
             && job.members.is_none()
-            && spark.newton_tol.is_none()
     }
 }
 

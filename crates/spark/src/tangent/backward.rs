@@ -83,8 +83,12 @@ impl Backward {
         let (at, end) = (&linear.problem.patterns, &mut linear.end);
         copy(&mut self.momentum, &cotangents.z);
         self.hidden.fill(0.0);
-        at.r_lam
-            .multiply_add_transposed(end.matrix.r_lam(), 1.0, &cotangents.p, &mut self.hidden);
+        at.r_lam.multiply_add_transposed(
+            end.matrix.r_lam(),
+            1.0,
+            &cotangents.carried,
+            &mut self.hidden,
+        );
         end.matrix
             .solve_transposed(model, &mut self.momentum, &mut self.hidden);
     }
@@ -102,14 +106,14 @@ impl Backward {
         );
     }
 
-    /// Takes these to those of y1 and of all impulses, which `cotangents.p` is then.
+    /// Takes these to those of y1 and of all impulses, which `cotangents.carried` is then.
     fn leave_end(&mut self, linear: &LinearStep, step: Step, cotangents: &mut Cotangents) {
         let (at, by_tau, end) = (
             &linear.problem.patterns,
             &linear.sensitivity.problem.patterns,
             &linear.end,
         );
-        add_scaled(&mut cotangents.p, 1.0, &self.momentum);
+        add_scaled(&mut cotangents.carried, 1.0, &self.momentum);
         at.p_y
             .multiply_add_transposed(&end.p_y, -1.0, &self.momentum, &mut self.y);
         by_tau
@@ -143,27 +147,42 @@ impl Backward {
             let weight = step.h * tableau.b[j];
             let f_z = linear.derivatives().f_z.row(j);
             let out = &mut self.right[j * n..(j + 1) * n];
-            at.f_z.multiply_add_transposed(f_z, weight, &of.p, out);
+            at.f_z
+                .multiply_add_transposed(f_z, weight, &of.carried, out);
             let out = self.stages.row_mut(j);
-            at.f_y
-                .multiply_add_transposed(linear.derivatives().f_y.row(j), weight, &of.p, out);
+            at.f_y.multiply_add_transposed(
+                linear.derivatives().f_y.row(j),
+                weight,
+                &of.carried,
+                out,
+            );
         }
         for j in 0..=last {
             let weight = step.h * tableau.b_hat[j];
             let out = self.nodes.row_mut(j);
-            at.r_y
-                .multiply_add_transposed(linear.derivatives().r_y.row(j), weight, &of.p, out);
+            at.r_y.multiply_add_transposed(
+                linear.derivatives().r_y.row(j),
+                weight,
+                &of.carried,
+                out,
+            );
         }
         if let Some(own) = linear.rolling() {
             let l = linear.problem.l();
             for (j, b) in tableau.b.iter().enumerate() {
                 let (weight, out) = (step.h * b, &mut self.right[j * n..(j + 1) * n]);
                 let (r_z, r_y, r_nu) = (own.of.r_z.row(j), own.of.r_y.row(j), own.of.r_nu.row(j));
-                own.at.r_z.multiply_add_transposed(r_z, weight, &of.p, out);
+                own.at
+                    .r_z
+                    .multiply_add_transposed(r_z, weight, &of.carried, out);
                 let out = self.stages.row_mut(j);
-                own.at.r_y.multiply_add_transposed(r_y, weight, &of.p, out);
+                own.at
+                    .r_y
+                    .multiply_add_transposed(r_y, weight, &of.carried, out);
                 let out = &mut self.right[offsets.nu + j * l..offsets.nu + (j + 1) * l];
-                own.at.r_nu.multiply_add_transposed(r_nu, *b, &of.p, out);
+                own.at
+                    .r_nu
+                    .multiply_add_transposed(r_nu, *b, &of.carried, out);
             }
             let first = tableau.stages * n;
             copy(&mut self.right[first..first + n], &of.z);
@@ -171,8 +190,12 @@ impl Backward {
         let rows = self.right[offsets.lam..offsets.nu].chunks_exact_mut(m.max(1));
         for (j, out) in rows.enumerate() {
             let weight = tableau.b_hat[j];
-            at.r_lam
-                .multiply_add_transposed(linear.derivatives().r_lam.row(j), weight, &of.p, out);
+            at.r_lam.multiply_add_transposed(
+                linear.derivatives().r_lam.row(j),
+                weight,
+                &of.carried,
+                out,
+            );
         }
         let rows = self.right[offsets.v..].chunks_exact_mut(n);
         for (j, out) in (0..tableau.stages).zip(rows) {
@@ -199,7 +222,7 @@ impl Backward {
             self.enter_node(linear, stages, step, j, of);
         }
         for row in self.right[..tableau.stages * n].chunks_exact(n) {
-            add_scaled(&mut of.p, 1.0, row);
+            add_scaled(&mut of.carried, 1.0, row);
         }
         of.y.fill(0.0);
         let State { y: y0, .. } = step.state;
@@ -215,7 +238,7 @@ impl Backward {
 
     /// The cotangent of the impulse in column `j` of the weights.
     fn weigh(&mut self, stages: &Stages, n: usize, j: usize, of: &Cotangents) {
-        copy(&mut self.impulse, &of.p);
+        copy(&mut self.impulse, &of.carried);
         let weights = &stages.force_weights;
         if j < weights.cols() {
             for (i, row) in self.right.chunks_exact(n).take(weights.rows()).enumerate() {

@@ -172,7 +172,7 @@ impl Forward {
         for i in 0..tableau.stages {
             let (dy, tau) = (self.stages.row(i), along.tau(directions, tableau.c[i]));
             let out = &mut right[i * n..(i + 1) * n];
-            add_scaled(out, 1.0, along.before.p.row(along.direction));
+            add_scaled(out, 1.0, along.before.carried.row(along.direction));
             at.p_y.multiply_add(slopes.p_y.row(i), -1.0, dy, out);
             by_tau
                 .p_tau
@@ -238,7 +238,7 @@ impl Forward {
         }
         let tau = along.tau(directions, 1.0);
         let out = &mut right[s * n..(s + 1) * n];
-        add_scaled(out, 1.0, along.before.p.row(along.direction));
+        add_scaled(out, 1.0, along.before.carried.row(along.direction));
         for impulse in self.impulses.flat().chunks_exact(n) {
             add_scaled(out, 1.0, impulse);
         }
@@ -325,7 +325,7 @@ impl Forward {
         let is_together = linear.problem.l() > 0;
         let tau = along.tau(directions, 1.0);
         let (dp, momentum, hidden) = (
-            state.p.row_mut(direction),
+            state.carried.row_mut(direction),
             &mut self.momentum,
             &mut self.hidden,
         );

@@ -8,13 +8,15 @@ mod linear_step;
 mod operator;
 
 use super::Spark;
-pub use adjoint::{SharedRecords, SparkAdjoint, SparkRecorder, StepRecord};
+pub use adjoint::SparkAdjoint;
 use forward::{Forward, StepAlong};
 use linear_step::LinearStep;
-use liouville_base::error::{Quantity, StepError};
+use liouville_base::error::StepError;
 use liouville_base::linalg::Matrix;
 use liouville_base::method::{Estimating, Stats, Stepper, Symmetric};
-use liouville_problem::{Directions, Model, SensitivityModel, State, Step, TangentState, finite};
+use liouville_problem::{
+    BeginTangents, Directions, MomentumTangents, SensitivityModel, State, Step, TangentState,
+};
 
 /// A SPARK method at work on a state and its tangents.
 ///
@@ -37,29 +39,25 @@ impl SparkTangents {
     /// # Errors
     /// A derivative at the start that is not finite.
     pub fn new(
-        mut spark: Spark,
-        mut sensitivity: SensitivityModel,
+        spark: Spark,
+        sensitivity: SensitivityModel,
         mut directions: Directions,
         (t, motion): (f64, State),
         (y, z, dt): (Matrix, Matrix, Vec<f64>),
     ) -> Result<(Self, TangentState), StepError> {
-        let mut p = Matrix::zeros(y.rows(), y.cols());
-        let tangents = (&y, &z, &dt[..]);
-        start(
-            &mut spark.model,
-            &mut sensitivity,
-            &mut directions,
-            (t, &motion),
-            tangents,
-            &mut p,
-        )?;
-        let state = TangentState {
+        let mut state = TangentState {
             motion,
+            carried: Matrix::zeros(y.rows(), y.cols()),
             y,
             z,
-            p,
             t: dt,
         };
+        let mut momenta = MomentumTangents {
+            model: spark.model.clone(),
+            sensitivity,
+        };
+        momenta.begin(t, &mut directions, &mut state)?;
+        let sensitivity = momenta.sensitivity;
         let linear = LinearStep::new(&spark, sensitivity, directions.count());
         let order = linear.places().1;
         let stepper = Self {
@@ -71,36 +69,6 @@ impl SparkTangents {
         };
         Ok((stepper, state))
     }
-}
-
-/// Writes p_y dy + p_z dz + p_τ dτ at the start of a run.
-fn start(
-    model: &mut Model,
-    sensitivity: &mut SensitivityModel,
-    directions: &mut Directions,
-    (t, State { y, z, .. }): (f64, &State),
-    (dy, dz, dt): (&Matrix, &Matrix, &[f64]),
-    p: &mut Matrix,
-) -> Result<(), StepError> {
-    let problem = sensitivity.problem.clone();
-    let (at, by_tau) = (&problem.mechanical.patterns, &problem.patterns.p_tau);
-    let [p_tau, ..] = sensitivity.stage(t, y, z);
-    finite(p_tau, Quantity::Derivative, t)?;
-    let [p_z, _] = model.stage_blocks(t, y, z);
-    finite(p_z, Quantity::Derivative, t)?;
-    for direction in 0..p.rows() {
-        let out = p.row_mut(direction);
-        at.p_z.multiply_add(p_z, 1.0, dz.row(direction), out);
-        let tau = directions.tau(direction, dt[direction]);
-        by_tau.multiply_add(p_tau, 1.0, tau, out);
-    }
-    let [p_y, ..] = model.stage_jacobian(t, y, z);
-    finite(p_y, Quantity::Derivative, t)?;
-    for direction in 0..p.rows() {
-        at.p_y
-            .multiply_add(p_y, 1.0, dy.row(direction), p.row_mut(direction));
-    }
-    Ok(())
 }
 
 impl SparkTangents {

@@ -12,6 +12,7 @@ use liouville_base::method::Tolerance;
 use liouville_base::method::{Estimating, Stepper};
 use liouville_base::observe::Monitor;
 use liouville_base::real::{BATCH, Lanes, Scalar};
+use liouville_base::recorder::{Recordable, Recorder, SharedRecords};
 use liouville_base::tableau;
 use liouville_fields::problem::{Piece, Polynomials, Split};
 use liouville_fields::volume::{Determinant, Volume};
@@ -22,9 +23,7 @@ use liouville_problem::{
     SeparableModel, TimeScale,
 };
 use liouville_spark::rattle::Rattle;
-use liouville_spark::{
-    SharedRecords, Solver, Spark, SparkAdjoint, SparkBatch, SparkRecorder, SparkTangents,
-};
+use liouville_spark::{Solver, Spark, SparkAdjoint, SparkBatch, SparkTangents};
 use liouville_tests::quantum::{flows, kinetic, packet, rotor};
 use liouville_tests::splits::{Draw, every_kind};
 use liouville_tests::walk::{START, driven_start, heavy};
@@ -120,7 +119,7 @@ fn tangents(functions: &Functions, params: &[f64], y: &[f64], solver: Solver) ->
     let spark = Spark::new(model, 3, solver);
     let records = SharedRecords::default();
     let mut adjoint = SparkAdjoint::new(&spark, sensitivity.clone());
-    let mut recorder = SparkRecorder::new(spark.clone(), records.clone());
+    let mut recorder = Recorder::new(spark.clone(), records.clone());
     let mut recorded = state.clone();
     let directions = Directions {
         tau: Matrix::from_fn(2, width, |i, j| (i + j) as f64),
@@ -151,7 +150,7 @@ fn tangents(functions: &Functions, params: &[f64], y: &[f64], solver: Solver) ->
         }
     });
     forward(10);
-    let mut of = Cotangents::zeros(n, width);
+    let mut of = Cotangents::zeros([n; 3], width);
     of.y.fill(1.0);
     let steps = records.lock();
     let mut follow = |k: usize| {
@@ -300,7 +299,27 @@ fn a_step_of_the_alpha_family_takes_no_memory() {
         step(0.01);
         let count = allocations(|| [0.01, 0.01, 0.005, 0.02].into_iter().for_each(&mut step));
         assert_eq!(count, 0, "with {reactions:?}");
+        let count = recorded(alpha, t, &mut state);
+        assert_eq!(count, 0, "recorded, with {reactions:?}");
     }
+}
+
+/// Allocations of recorded steps, where as many were recorded before.
+fn recorded<M: Recordable>(method: M, mut t: f64, state: &mut M::State) -> usize
+where
+    M::State: Clone + Send,
+{
+    let records = SharedRecords::default();
+    let mut recorder = Recorder::new(method, records.clone());
+    let mut steps = || {
+        for _ in 0..5 {
+            recorder.step(t, 0.01, state).expect("a step can be made");
+            t += 0.01;
+        }
+    };
+    steps();
+    records.lock().clear();
+    allocations(steps)
 }
 
 /// Allocations of steps after the first.
@@ -339,8 +358,11 @@ fn a_step_of_index_2_takes_no_memory() {
         let mut model = SemiExplicitModel::new(semi_explicit(&f, &k), &[]);
         let start = model.state(0.0, &[0.0, 0.0, 1.0], &[0.0], 0.01);
         let mut state = start.expect("a start");
-        let count = others(&mut Index2::new(model, s), &mut state);
+        let mut index2 = Index2::new(model, s);
+        let count = others(&mut index2, &mut state);
         assert_eq!(count, 0, "with s = {s}");
+        let count = recorded(index2, 0.2, &mut state);
+        assert_eq!(count, 0, "recorded, with s = {s}");
     }
 }
 

@@ -1,57 +1,24 @@
-//! States of semi-explicit systems with their tangents, and what is recorded of them.
+//! What is recorded of states of semi-explicit systems with their tangents.
 
 use crate::semi_explicit::{SemiExplicitModel, SemiExplicitState};
 use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch, Numbers};
 use liouville_base::error::StepError;
-use liouville_base::linalg::Matrix;
 use liouville_base::observe::Observe;
-use liouville_problem::{Carried, Observer, TangentView};
-
-/// A state with its tangents, one a row.
-#[derive(Debug, PartialEq)]
-pub struct SemiExplicitTangentState {
-    /// The state.
-    pub motion: SemiExplicitState,
-    pub(super) y: Matrix,
-    pub(super) z: Matrix,
-    pub(super) t: Vec<f64>,
-}
-
-liouville_base::clone_in_place!(SemiExplicitTangentState { motion, y, z, t });
-
-impl Carried for SemiExplicitTangentState {
-    fn y(&self) -> &[f64] {
-        &self.motion.y
-    }
-
-    fn z(&self) -> &[f64] {
-        &self.motion.z
-    }
-
-    fn tangents(&self) -> Option<TangentView<'_>> {
-        Some(TangentView {
-            y: &self.y,
-            z: &self.z,
-            t: &self.t,
-        })
-    }
-}
-
-liouville_base::checkpoint!(SemiExplicitTangentState { motion, y, z, t });
+use liouville_problem::{Observer, TangentState};
 
 /// Records what [`Observer`] does, and behind it the tangents of y and z in one direction after another.
 #[derive(Clone, Debug)]
 pub struct SemiExplicitTangentObserver(pub Observer<SemiExplicitModel>);
 
-impl Observe<SemiExplicitTangentState> for SemiExplicitTangentObserver {
-    fn width(&self, state: &SemiExplicitTangentState) -> usize {
+impl Observe<TangentState<SemiExplicitState>> for SemiExplicitTangentObserver {
+    fn width(&self, state: &TangentState<SemiExplicitState>) -> usize {
         self.0.width(state) + state.y.flat().len() + state.z.flat().len()
     }
 
     fn observe(
         &mut self,
         t: f64,
-        state: &SemiExplicitTangentState,
+        state: &TangentState<SemiExplicitState>,
         row: &mut Vec<f64>,
     ) -> Result<(), StepError> {
         self.0.observe(t, state, row)?;

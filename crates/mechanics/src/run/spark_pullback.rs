@@ -1,0 +1,83 @@
+//! Pullbacks of SPARK methods.
+
+use super::pullback::{Pullback, Recording, StepAdjoint};
+use super::{Job, Method, Problem, Starter, System};
+use liouville_base::error::StepError;
+use liouville_base::recorder::{Recorder, SharedRecords, StepRecord};
+use liouville_base::run::StartError;
+use liouville_problem::{Cotangents, PointAdjoint, Sensitivity, SensitivityModel, State};
+use liouville_spark::SparkAdjoint;
+use std::sync::Arc;
+
+impl StepAdjoint for SparkAdjoint {
+    type State = State;
+
+    fn carried(n: usize) -> usize {
+        n
+    }
+
+    fn follow(&mut self, record: &StepRecord<State>, of: &mut Cotangents) -> Result<(), StepError> {
+        self.follow(record, of)
+    }
+
+    fn leave(
+        &mut self,
+        at: (f64, &State),
+        _: bool,
+        point: &mut PointAdjoint,
+        of: &mut Cotangents,
+    ) -> Result<(), StepError> {
+        point.leave_momenta(at, of)
+    }
+}
+
+impl Pullback<SparkAdjoint> {
+    /// The pullback of a job's run, whose derivatives by τ are `sensitivity`.
+    ///
+    /// # Errors
+    /// The job is no such run, or its start failed.
+    pub fn new(
+        problem: Problem,
+        method: Method,
+        job: Job,
+        sensitivity: &Arc<Sensitivity>,
+    ) -> Result<Self, StartError> {
+        let system = System::new(problem, method)?;
+        job.check(&system)?;
+        let starter = Starter { system, job };
+        let System::Spark(problem, spark, stages) = &starter.system else {
+            return Err(StartError::Invalid(
+                "a pullback is that of a SPARK method".into(),
+            ));
+        };
+        if !starter.has_pullback(sensitivity) || spark.newton_tol.is_some() {
+            let sentence = "a pullback is that of a single run, of events with derivatives, whose stages are solved to \
+                            roundoff";
+            return Err(StartError::Invalid(sentence.into()));
+        }
+        let (stepper, start, sizes) = starter.spark_at((problem, spark), 0)?;
+        let stages = stages.as_deref();
+        let derivatives = SensitivityModel::new(sensitivity.clone(), starter.params(0));
+        let adjoint = SparkAdjoint::new(&stepper, derivatives);
+        let (whole, partial) = (SharedRecords::default(), SharedRecords::default());
+        let part = Recorder::new(stepper.clone(), partial.clone());
+        let copy = starter.composed_copy((&part, stages));
+        let recorder = Recorder::new(stepper, whole.clone());
+        let control = match sizes {
+            None => starter.symmetric_control((recorder, stages), starter.monitor(0), &start),
+            Some(sizes) => starter.adaptive_control(recorder, sizes),
+        };
+        let method = Recording {
+            adjoint,
+            control,
+            copy,
+            whole,
+            partial,
+            parts: stages.map_or(1, <[f64]>::len),
+            restart: starter.member(0).restart,
+            start,
+            is_given: false,
+        };
+        Ok(Self::of(&starter, sensitivity, method)?)
+    }
+}
