@@ -48,3 +48,18 @@ def liouville(elsewhere, monkeypatch, capsys):
         return subprocess.CompletedProcess(words, left.value.code or 0, *capsys.readouterr())
 
     return run
+
+
+@pytest.fixture
+def jax():
+    """JAX with numbers of 64 bits; tests that take it are left out where it is not installed."""
+    found = pytest.importorskip("jax", reason="JAX is not installed")
+    found.config.update("jax_enable_x64", True)
+    yield found
+    found.config.update("jax_enable_x64", False)
+
+
+@pytest.fixture
+def torch():
+    """PyTorch; tests that take it are left out where it is not installed."""
+    return pytest.importorskip("torch", reason="PyTorch is not installed")

@@ -51,19 +51,6 @@ def moving(solve, like):
     return value
 
 
-@pytest.fixture
-def jax():
-    found = pytest.importorskip("jax", reason="JAX is not installed")
-    found.config.update("jax_enable_x64", True)
-    yield found
-    found.config.update("jax_enable_x64", False)
-
-
-@pytest.fixture
-def torch():
-    return pytest.importorskip("torch", reason="PyTorch is not installed")
-
-
 def test_jax_has_the_gradients_of_vjp_in_all_its_modes(jax):
     solve = lv.jax.solver(SYSTEM, METHOD, **CALL)
 

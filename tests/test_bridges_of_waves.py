@@ -29,19 +29,6 @@ METHOD = lv.Chebyshev(1e-13)
 FLOW = {"t": (0, 1.0), "steps": 10, "every": 5}
 
 
-@pytest.fixture
-def jax():
-    found = pytest.importorskip("jax", reason="JAX is not installed")
-    found.config.update("jax_enable_x64", True)
-    yield found
-    found.config.update("jax_enable_x64", False)
-
-
-@pytest.fixture
-def torch():
-    return pytest.importorskip("torch", reason="PyTorch is not installed")
-
-
 def expected():
     """Return the gradients of the normalised fidelity at the end, by `vjp`."""
     solution, pullback = lv.vjp(SYSTEM, METHOD, wrt=WRT, t=TIMES, psi=PSI)

@@ -14,6 +14,7 @@ from liouville.analysis.linearization import linearized_at
 from liouville.analysis.point import Array, Point, mechanical
 from liouville.errors import IntegrationError, hinted, quoted
 from liouville.fitting.measurements import Measurements
+from liouville.fitting.result import Fit
 from liouville.integrate import integrate
 from liouville.methods import Method
 from liouville.solution import Solution
@@ -26,53 +27,6 @@ MOST, SETTLED = 10, 1e-3
 RANK, APART = 1e-10, 0.1
 #: Nor does an unknown that as large a change of its own moves states by less than this part.
 NOTHING = 1e-11
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class Fit:
-    """What fits best, and how well it is known.
-
-    Attributes
-    ----------
-    params : dict
-        All parameters, the fitted ones with the values found.
-    start : dict of str to ndarray
-        The start by the system's names, as it was found or given, on its constraints.
-    names : tuple of str
-        What was fitted: ``params.l``, or ``params.k[0]`` of a vector, then coordinates of the start
-        such as ``q.x``.
-    covariance : ndarray, shape (K, K)
-        Of the values of `names`; of a start it is singular across the constraints.
-    residuals : ndarray, shape (N,)
-        Measured minus computed values over their standard deviations, or over 1 without `sigma`.
-    sigma : float or None
-        The standard deviation of the measurements found from the residuals, where none was given.
-    evaluations : int
-        Runs that were made.
-    solution : Solution
-        The run that fits best, at the times of the measurements.
-    """
-
-    params: dict[str, Any]
-    start: dict[str, Array]
-    names: tuple[str, ...]
-    covariance: Array
-    residuals: Array
-    sigma: float | None
-    evaluations: int
-    solution: Solution
-
-    @property
-    def errors(self) -> dict[str, float]:
-        """Standard deviations of what was fitted, by name."""
-        sizes = np.sqrt(np.diagonal(self.covariance))
-        return dict(zip(self.names, sizes.tolist(), strict=True))
-
-    def __repr__(self) -> str:
-        """Return the values found with their standard deviations."""
-        values = _values(self.params, self.start, self.solution.names["coordinates"])
-        shown = ", ".join(f"{x} = {values[x]:.6g} ± {size:.1g}" for x, size in self.errors.items())
-        return f"<Fit: {shown}; {self.residuals.size} values, {self.evaluations} runs>"
 
 
 def fit(
@@ -394,16 +348,3 @@ class _Tried:
     params: dict[str, Any]
     start: dict[str, Array]
     run: Solution
-
-
-def _values(
-    params: Mapping[str, Any], start: Mapping[str, Array], coordinates: Sequence[str]
-) -> dict[str, float]:
-    """Return all that may be fitted, by name."""
-    found = {}
-    for name, value in params.items():
-        for k, x in enumerate(np.ravel(value)):
-            found[f"params.{name}" + f"[{k}]" * np.ndim(value)] = float(x)
-    for name, value in start.items():
-        found |= {f"{name}.{x}": float(v) for x, v in zip(coordinates, value, strict=True)}
-    return found

@@ -10,14 +10,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from liouville import _core
-from liouville.errors import hinted
 from liouville.systems import _trace
 from liouville.systems.schrodinger import foreign, graph, observed, time_functions
 from liouville.systems.schrodinger.bounded import Bounded
 from liouville.systems.schrodinger.bounds import check_symmetric, interval, positive, way
 from liouville.systems.schrodinger.entries import Entries, check_size
 from liouville.systems.schrodinger.exchange import Exchange
-from liouville.systems.schrodinger.forms import Term, operators, twice
+from liouville.systems.schrodinger.forms import Term, operators, source_of, twice
 from liouville.systems.schrodinger.frame import Frame, doubled
 from liouville.systems.schrodinger.grid import Grid
 from liouville.systems.schrodinger.lattice import Lattice
@@ -153,7 +152,7 @@ class Schrodinger(Bounded):
         """Make the core's form of H, in a frame if it is known."""
         hamiltonian, drive = self.source, self._drive
         self.grid = hamiltonian if isinstance(hamiltonian, Grid) else None
-        source = _source(hamiltonian)
+        source = source_of(hamiltonian)
         self.size: int = source.size if isinstance(source, (Grid, Exchange)) else source.n
         self.moving_product = source if isinstance(source, MovingProduct) else None
         if self.moving_product is not None:
@@ -391,20 +390,3 @@ class Schrodinger(Bounded):
         if traced.is_driven:
             raise ValueError(f"observable '{name}' depends on time, which none may")
         return traced.at(0.0, self.grid.points)
-
-
-def _source(given: Any) -> Grid | Product | MovingProduct | Exchange | Entries:
-    """Return a Hamiltonian in one of the forms that the core has."""
-    if isinstance(given, Grid):
-        return given
-    if isinstance(given, SpinChain):
-        return given.exchange
-    if isinstance(given, SiteSystem):
-        return given.exchange or Entries.read("H", given.matrix())
-    if isinstance(given, Lattice):
-        return given.entries()
-    found = MovingProduct.read("H", given) or Product.read("H", given)
-    if found is None and callable(given):
-        hint = "give (N, function of psi), (N, function of t and psi), or an operator by t alone"
-        raise TypeError(hinted("H is a function of unknown size", hint))
-    return found or Entries.read("H", given)

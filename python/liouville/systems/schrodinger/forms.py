@@ -1,13 +1,22 @@
-"""In which form the core multiplies with a matrix."""
+"""In which forms the core has a Hamiltonian, and multiplies with a matrix."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from liouville import _core
+from liouville.errors import hinted
 from liouville.systems.schrodinger.entries import Bounds, Entries, check_size
+from liouville.systems.schrodinger.exchange import Exchange
+from liouville.systems.schrodinger.grid import Grid
+from liouville.systems.schrodinger.lattice import Lattice
+from liouville.systems.schrodinger.moving import MovingProduct
+from liouville.systems.schrodinger.products import Product
+from liouville.systems.schrodinger.sites.system import SiteSystem
+from liouville.systems.schrodinger.spins import SpinChain
 
 #: A matrix with more than this part of its places taken is a dense one.
 FULL = 0.25
@@ -66,3 +75,20 @@ def by_rows(matrix: Entries) -> _core.Operator:
     """Return a matrix by its rows."""
     n = matrix.n
     return _core.Operator.rows(_core.Rows(n, n, matrix.row, matrix.col, matrix.values))
+
+
+def source_of(given: Any) -> Grid | Product | MovingProduct | Exchange | Entries:
+    """Return a Hamiltonian in one of the forms that the core has."""
+    if isinstance(given, Grid):
+        return given
+    if isinstance(given, SpinChain):
+        return given.exchange
+    if isinstance(given, SiteSystem):
+        return given.exchange or Entries.read("H", given.matrix())
+    if isinstance(given, Lattice):
+        return given.entries()
+    found = MovingProduct.read("H", given) or Product.read("H", given)
+    if found is None and callable(given):
+        hint = "give (N, function of psi), (N, function of t and psi), or an operator by t alone"
+        raise TypeError(hinted("H is a function of unknown size", hint))
+    return found or Entries.read("H", given)

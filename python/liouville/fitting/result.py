@@ -1,0 +1,72 @@
+"""What a fit has found."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from liouville.analysis.point import Array
+from liouville.solution import Solution
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Fit:
+    """What fits best, and how well it is known.
+
+    Attributes
+    ----------
+    params : dict
+        All parameters, the fitted ones with the values found.
+    start : dict of str to ndarray
+        The start by the system's names, as it was found or given, on its constraints.
+    names : tuple of str
+        What was fitted: ``params.l``, or ``params.k[0]`` of a vector, then coordinates of the start
+        such as ``q.x``.
+    covariance : ndarray, shape (K, K)
+        Of the values of `names`; of a start it is singular across the constraints.
+    residuals : ndarray, shape (N,)
+        Measured minus computed values over their standard deviations, or over 1 without `sigma`.
+    sigma : float or None
+        The standard deviation of the measurements found from the residuals, where none was given.
+    evaluations : int
+        Runs that were made.
+    solution : Solution
+        The run that fits best, at the times of the measurements.
+    """
+
+    params: dict[str, Any]
+    start: dict[str, Array]
+    names: tuple[str, ...]
+    covariance: Array
+    residuals: Array
+    sigma: float | None
+    evaluations: int
+    solution: Solution
+
+    @property
+    def errors(self) -> dict[str, float]:
+        """Standard deviations of what was fitted, by name."""
+        sizes = np.sqrt(np.diagonal(self.covariance))
+        return dict(zip(self.names, sizes.tolist(), strict=True))
+
+    def __repr__(self) -> str:
+        """Return the values found with their standard deviations."""
+        values = _values(self.params, self.start, self.solution.names["coordinates"])
+        shown = ", ".join(f"{x} = {values[x]:.6g} ± {size:.1g}" for x, size in self.errors.items())
+        return f"<Fit: {shown}; {self.residuals.size} values, {self.evaluations} runs>"
+
+
+def _values(
+    params: Mapping[str, Any], start: Mapping[str, Array], coordinates: Sequence[str]
+) -> dict[str, float]:
+    """Return all that may be fitted, by name."""
+    found = {}
+    for name, value in params.items():
+        for k, x in enumerate(np.ravel(value)):
+            found[f"params.{name}" + f"[{k}]" * np.ndim(value)] = float(x)
+    for name, value in start.items():
+        found |= {f"{name}.{x}": float(v) for x, v in zip(coordinates, value, strict=True)}
+    return found
