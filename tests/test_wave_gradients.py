@@ -59,9 +59,27 @@ def on_grid():
     return lv.Schrodinger(grid)
 
 
+def well(t, x, p):
+    return p.k * (x - p.a * ca.sin(p.w[0] * t + p.w[1])) ** 2 / 2
+
+
+def still(t, x, p):
+    return p.k * x**2 / 2 + p.c[0] * ca.cos(p.c[1] * x)
+
+
+def in_well(potential=well, more=None, **also):
+    """Return a grid with a potential of parameters, and perhaps a drive."""
+    params = {"a": 0.3, "k": 1.0, "w": [1.5, 0.2], "c": [0.3, 0.7]}
+    drive = [] if more is None else [(lambda t, p: p.a * ca.cos(t), more)]
+    grid = lv.Grid(-8, 8, 32, potential=potential)
+    return lv.Schrodinger(grid, drive=drive, params=params, **also)
+
+
 U = RNG.standard_normal(17)
 STABLE = lv.SchrodingerSplitting(1e-6, mode="stable")
 PARAMS = ("psi", "params.a", "params.w", "params.b")
+WELL, STILL = ("psi", "params.a", "params.k", "params.w"), ("psi", "params.k", "params.c")
+DIAGONAL, FULL = np.diag(RNG.standard_normal(32)), hermitian(is_complex=True, n=32) / 4
 
 #: System, method, what derivatives are by, and the rest of the run.
 ROWS = {
@@ -84,6 +102,22 @@ ROWS = {
         lambda: lv.Schrodinger(H), lv.StabilitySplitting(processed=False), ("psi",),
         {"t": (4.0, 0.3), "h": 0.3, "every": 5},
     ),
+    "well": (in_well, "auto", WELL, {}),
+    "well and hbar": (lambda: in_well(hbar=0.7), lv.Chebyshev(1e-3), WELL, {}),
+    "well and drive": (lambda: in_well(more=DIAGONAL), "auto", WELL, {"t": (3.0, 0.5, -1.0)}),
+    "well and complex": (lambda: in_well(more=FULL), "auto", WELL, {}),
+    "still": (lambda: in_well(still), lv.Chebyshev(), STILL, {}),
+    "still and drive": (lambda: in_well(still, DIAGONAL), "auto", ("params.a", *STILL), {}),
+    "still by shears": (lambda: in_well(still), STABLE, STILL, {}),
+    "still back": (
+        lambda: in_well(still, hbar=0.8), lv.GrayManolopoulos(4), STILL,
+        {"t": (3, 0), "h": 0.05, "every": 20},
+    ),
+    "well by Magnus 2": (in_well, lv.Magnus(2), WELL, {"t": (0, 3), "steps": 9, "every": 4}),
+    "well by Magnus 6": (in_well, lv.Magnus(6), WELL, {"t": (3, 0), "steps": 5}),
+    "complex well by Magnus 4": (
+        lambda: in_well(more=FULL), lv.Magnus(4), WELL, {"t": (0, 2), "steps": 5},
+    ),
     "Magnus 2 by shears": (driven, lv.Magnus(2, tol=1e-4), PARAMS, {"t": (0, 4), "steps": 7}),
     "Magnus 4 by shears": (driven, lv.Magnus(4), PARAMS, {"t": (4, 0), "steps": 7, "every": 3}),
     "Magnus 6": (driven, lv.Magnus(6), PARAMS, {"t": (0, 4), "steps": 5}),
@@ -97,11 +131,41 @@ ROWS = {
 def test_pullbacks_tangents_and_differences_are_of_one_discrete_map(name):
     make, method, wrt, run = ROWS[name]
     system = make()
+    # potentials change energies that series take to high powers
+    size = {"size": 1e-4} if system.grid is not None else {}
     found = lv.check_gradient(
-        system, method, wrt=wrt, **{"t": TIMES, **run}, psi=state(system.size)
+        system, method, wrt=wrt, **{"t": TIMES, **run}, psi=state(system.size), **size
     )
     assert found.dot < 1e-12
     assert found.differences < 1e-10
+
+
+@pytest.mark.parametrize(("potential", "more"), [(well, None), (still, None), (well, DIAGONAL)])
+def test_gradients_by_a_potential_are_those_of_the_flow(potential, more):
+    """Runs with other parameters choose other windows, and have other bounds."""
+    params = {"k": 1.0, "a": 0.3, "w": np.array([1.5, 0.2]), "c": np.array([0.3, 0.7])}
+    system, method = in_well(potential, more), lv.Chebyshev(1e-12)
+    x = system.grid.points[:, 0]
+    psi, target = np.exp(-((x - 1) ** 2) / 2 + 0j), np.exp(-(x**2) / 3 + 0.5j * x)
+    names = ["k", "a", "w"] if potential is well else ["k", "c"]
+    solution, pullback = lv.vjp(
+        system, method, wrt=[f"params.{name}" for name in names], t=(0, 2), psi=psi
+    )
+    gradients = pullback(psi=fidelity(solution, target)[1])
+
+    def value(name, moved):
+        run = lv.integrate(system, method, t=(0, 2), psi=psi, params={**params, name: moved})
+        return fidelity(run, target)[0]
+
+    for name in names:
+        units = np.eye(2) if np.ndim(params[name]) else [1.0]
+        for unit, found in zip(units, np.atleast_1d(gradients[f"params.{name}"]), strict=True):
+            sides = [
+                value(name, params[name] + j * unit) - value(name, params[name] - j * unit)
+                for j in (5e-3, 1e-2, 1.5e-2)
+            ]
+            wanted = (45 * sides[0] - 9 * sides[1] + sides[2]) / 0.3
+            assert abs(found - wanted) < 1e-8
 
 
 #: Methods and problems of the registry that have derivatives.
@@ -239,10 +303,21 @@ BAD = [
         {"wrt": ["params.b"]}, {}, ValueError, "not smooth in time",
     ),
     (
-        lambda: lv.Schrodinger(
-            lv.Grid(-8, 8, 16, potential=lambda t, x, p: p.k * x**2), params={"k": 1.0}
-        ),
-        {"method": lv.Chebyshev(), "wrt": ["params.k"]}, {}, ValueError, "which the potential",
+        lambda: in_well(still), {"method": lv.Chebyshev(), "wrt": ["params.w"]}, {},
+        ValueError, "nor the potential depends on 'params.w'",
+    ),
+    (
+        lambda: in_well(lambda t, x, p: x**2 / 2 * ca.if_else(t > p.a, p.k, 0.0) + 0 * p.k),
+        {"wrt": ["params.k"]}, {}, ValueError, "of the potential .* is not smooth in time",
+    ),
+    (
+        lambda: in_well(lambda t, x, p: ca.sqrt(p.a - 0.3) * x**2),
+        {"method": lv.Chebyshev(), "wrt": ["params.a"]}, {"psi": np.ones((6, 32))},
+        ValueError, "of the potential by its parameters are not finite",
+    ),
+    (
+        in_well, {"method": lv.SplitOperator(), "wrt": ["params.k"], "h": 0.1}, {},
+        TypeError, "no tangents",
     ),
 ]  # fmt: skip
 
@@ -255,10 +330,52 @@ def test_what_cannot_be_differentiated_is_refused(make, run, given, kind, says):
         lv.vjp(system, **arguments)[1](**given)
 
 
-def test_tangents_of_ensembles_are_refused():
-    rows = np.array([state(), state()])
-    with pytest.raises(TypeError, match="one by one"):
-        lv.ensemble(driven(), "auto", t=TIMES, psi=rows, tangents={"psi": rows[0]})
+@pytest.mark.parametrize("threads", [1, 2])
+@pytest.mark.parametrize("name", [
+    "constant", "chain", "samples", "driven and complex", "well and drive", "still by shears",
+    "shears", "stable", "Magnus 2 by shears", "Magnus 4",
+])  # fmt: skip
+def test_members_have_the_tangents_of_runs_alone(name, threads):
+    make, method, wrt, run = ROWS[name]
+    system, run = make(), {"t": TIMES, **run}
+    rows = np.array([state(system.size) for _ in range(5)])
+    params = {x: np.ones(np.shape(system.params[x[7:]])) for x in wrt if x.startswith("params")}
+    moves = {"psi": rows[:2], **params, **({"drive[0]": U} if "drive[0]" in wrt else {})}
+    many = lv.ensemble(system, method, **run, psi=rows, tangents=moves, threads=threads)
+    plain = lv.ensemble(system, method, **run, psi=rows)
+    if {*moves} == {"psi"} or "Magnus" in name:  # parameters may ask for shorter windows
+        np.testing.assert_array_equal(many.psi, plain.psi)
+    assert many.tangents["psi"].psi.shape == (len(many.t), 5, 2, system.size)
+    for k in range(5):
+        one = lv.integrate(system, method, **run, psi=rows[k], tangents=moves)
+        np.testing.assert_array_equal(many.member(k).psi, one.psi)
+        for x, tangent in one.tangents.items():
+            np.testing.assert_array_equal(many.member(k).tangents[x].psi, tangent.psi)
+
+
+@pytest.mark.parametrize("name", ["driven", "well", "still by shears", "Magnus 4"])
+def test_tangents_pullbacks_and_differences_of_ensembles_agree(name):
+    make, method, wrt, run = ROWS[name]
+    system = make()
+    rows = np.array([state(system.size) for _ in range(3)])
+    found = lv.check_gradient(system, method, wrt=wrt, **{"t": TIMES, **run}, psi=rows, size=1e-4)
+    assert found.dot < 1e-12
+    assert found.differences < 1e-10
+
+
+def test_a_member_that_fails_has_no_tangents():
+    """One far from the middle of all energies leaves its norm; the others have their tangents."""
+    drive = [(lambda t, p: p.k * ca.sin(t), np.diag([0.0, 0.1, 0.0]))]
+    system = lv.Schrodinger(np.diag([-5.0, 0.0, 5.0]), drive=drive, params={"k": 1.0})
+    method, (far, low, _) = lv.Magnus(2, tol=1e-4), np.eye(3)
+    run = {"t": (0, 3), "steps": 9, "tangents": {"psi": far, "params.k": 1.0}}
+    found = lv.ensemble(system, method, psi=[low, far, 1j * low], **run)
+    assert [*found.failures] == [1]
+    for x, tangent in found.tangents.items():
+        assert np.isnan(tangent.psi[:, 1]).all()
+        for k, factor in ((0, 1), (2, 1j)):
+            alone = lv.integrate(system, method, psi=factor * low, **run)
+            np.testing.assert_array_equal(tangent.psi[:, k], alone.tangents[x].psi)
 
 
 def test_what_does_not_fit_in_memory_is_refused_beforehand(monkeypatch):

@@ -325,20 +325,29 @@ class WaveDerivative:
         self, coefficients: NDArray[np.float64], shift: float, t: float, h: float, steps: int
     ) -> None: ...
     def piece(self, piece: int) -> tuple[int, NDArray[np.float64]]: ...
+    def keep_ends(self, piece: int, state: NDArray[np.complex128]) -> NDArray[np.complex128]: ...
     def raise_degree(self, piece: int, degree: int) -> None: ...
     def repeat(
-        self, piece: int, state: NDArray[np.complex128], change: NDArray[np.float64]
+        self,
+        piece: int,
+        state: NDArray[np.complex128],
+        weights: NDArray[np.float64],
+        potential: NDArray[np.float64],
     ) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]: ...
     def follow(
-        self, piece: int, changes: NDArray[np.complex128], weights: NDArray[np.float64]
+        self,
+        piece: int,
+        changes: NDArray[np.complex128],
+        weights: NDArray[np.float64],
+        potential: NDArray[np.float64],
     ) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]: ...
     def pull(
         self,
         piece: int,
         cotangent: NDArray[np.complex128],
         of_steps: NDArray[np.complex128],
-        is_wanted: bool,
-    ) -> tuple[NDArray[np.complex128], NDArray[np.float64]]: ...
+        wanted: tuple[bool, bool],
+    ) -> tuple[NDArray[np.complex128], NDArray[np.float64], NDArray[np.float64]]: ...
 
 def chebyshev_degree(theta: float, tolerance: float) -> int: ...
 def driven_cost(

@@ -79,8 +79,8 @@ class Job:
         Whether the rows are members of an ensemble.
     is_reversible : bool
         Whether the alpha family meets a tolerance by reversible steps.
-    record : WaveRecord or None
-        Where a run of wave functions leaves what its derivatives need.
+    records : list of WaveRecord
+        Where runs of wave functions leave what their derivatives need, one for each member.
     """
 
     start: tuple[Array, ...]
@@ -96,4 +96,4 @@ class Job:
     threads: int = 1
     is_ensemble: bool = False
     is_reversible: bool = False
-    record: _core.WaveRecord | None = None
+    records: list[_core.WaveRecord] = field(default_factory=list)

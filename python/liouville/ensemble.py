@@ -67,7 +67,8 @@ def ensemble(
         Fields of such members are split alike, and are not in lock-step.
     tangents : mapping of str to array_like, optional
         As for :func:`integrate`, the same directions for all members, of which each then runs by
-        itself: derivatives have the member as their second axis.
+        itself: derivatives have the member as their second axis. Wave functions keep what these
+        take of all members until the end.
     progress : bool or callable, optional
         True shows a bar, on a terminal or in a notebook. A function is called about twenty times a
         second, ``progress(done, total)``, with numbers of steps; of members with an executor.

@@ -157,8 +157,8 @@ def vjp(
     wrt : sequence of str
         What gradients are by: states of the system such as ``"q"`` and ``"v"``, ``"params.name"``,
         and ``"t0"`` and ``"t1"`` where steps are equal. Parameters of a field are those of its
-        coefficients. Of a Schrödinger equation ``"psi"``, parameters of its drive, and
-        ``"drive[k]"``, the samples of a drive.
+        coefficients. Of a Schrödinger equation ``"psi"``, parameters of its drive and of the
+        potential of a grid, and ``"drive[k]"``, the samples of a drive.
     threads : int, optional
         At most and by default as many as this process has processors. They take the members of an
         ensemble in turn, or the rows of a large wave function. The result does not depend on them.

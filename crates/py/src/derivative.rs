@@ -4,7 +4,7 @@ use crate::caught::Caught;
 use crate::errors::refused;
 use crate::operator::Hamiltonian;
 use liouville_base::error::StepError;
-use liouville_waves::method::{Derivative, Recorder, Sweeper};
+use liouville_waves::method::{AtNodes, Derivative, Recorder, Sweeper, Wanted};
 use numpy::{
     Complex64, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2,
     PyReadonlyArray3, PyUntypedArrayMethods,
@@ -31,8 +31,13 @@ pub(crate) struct WaveDerivative {
     inner: Derivative,
     places: usize,
     groups: usize,
+    /// Number of rows of H, at each of which a potential has a value.
+    rows: usize,
     caught: Vec<Caught>,
 }
+
+/// Real numbers.
+type Reals<'py> = Bound<'py, PyArray1<f64>>;
 
 /// States as rows of a matrix.
 type States<'py> = Bound<'py, PyArray2<Complex64>>;
@@ -59,6 +64,7 @@ impl WaveDerivative {
             inner: Derivative::new(&sweeper, &groups, &record.0),
             places: inner.places(),
             groups: groups.len(),
+            rows: inner.size(),
             caught,
         })
     }
@@ -93,55 +99,79 @@ impl WaveDerivative {
         Ok((steps, PyArray1::from_slice(py, nodes)))
     }
 
-    /// Lets weights change within a piece by polynomials of this degree at least.
+    /// Makes steps of shears from the state where they begin, keeps both ends for derivatives by H, and returns that where
+    /// they end.
+    fn keep_ends<'py>(
+        &mut self,
+        py: Python<'py>,
+        piece: usize,
+        state: PyReadonlyArray2<'py, Complex64>,
+    ) -> PyResult<States<'py>> {
+        self.check(piece)?;
+        let mut rows = self.flat(&state)?;
+        let [state] = &mut rows[..] else {
+            return Err(refused("one state"));
+        };
+        let inner = &mut self.inner;
+        let made = py.detach(|| inner.keep_ends(piece, state));
+        made.map_err(|error| self.explained(error))?;
+        self.complex(py, &rows)
+    }
+
+    /// Lets H change within a piece by polynomials of this degree at least.
     fn raise_degree(&mut self, piece: usize, degree: usize) -> PyResult<()> {
         self.check(piece)?;
         self.inner.raise(piece, degree);
         Ok(())
     }
 
-    /// The state where a piece ends and at the ends of its steps, from that where it begins, with weights of H changed at
-    /// its nodes, a row for each node, or no rows.
+    /// The state where a piece ends and at the ends of its steps, from that where it begins, with weights and potential of
+    /// H changed at its nodes, a row for each node, or no rows.
     fn repeat<'py>(
         &mut self,
         py: Python<'py>,
         piece: usize,
         state: PyReadonlyArray2<'py, Complex64>,
-        change: PyReadonlyArray2<'py, f64>,
+        weights: PyReadonlyArray2<'py, f64>,
+        potential: PyReadonlyArray2<'py, f64>,
     ) -> PyResult<(States<'py>, States<'py>)> {
         self.check(piece)?;
         let mut rows = self.flat(&state)?;
-        let change = self.of_nodes(piece, change.as_slice()?)?;
+        let change = self.at_nodes(piece, weights.as_slice()?, potential.as_slice()?)?;
         let [state] = &mut rows[..] else {
             return Err(refused("one state"));
         };
         let inner = &mut self.inner;
-        let found = py.detach(|| inner.repeat(piece, state, change));
+        let found = py.detach(|| inner.repeat(piece, state, &change));
         let found = found.map_err(|error| self.explained(error))?;
         Ok((self.complex(py, &rows)?, self.complex(py, &found)?))
     }
 
     /// Changes of the state where a piece ends, a row for each direction, and at the ends of its steps, from those where
-    /// it begins and those of the weights of H, of each direction a row for each node, or no rows.
+    /// it begins and those of the weights and of the potential, of each direction a row for each node, or no rows.
     fn follow<'py>(
         &mut self,
         py: Python<'py>,
         piece: usize,
         changes: PyReadonlyArray2<'py, Complex64>,
         weights: PyReadonlyArray3<'py, f64>,
+        potential: PyReadonlyArray3<'py, f64>,
     ) -> PyResult<(States<'py>, States<'py>)> {
         self.check(piece)?;
         let mut rows = self.flat(&changes)?;
-        let (shape, values) = (weights.shape(), weights.as_slice()?);
-        if rows.is_empty() || shape[0] != rows.len() {
-            return Err(refused("changes of weights for each direction"));
+        let count = rows.len();
+        if count == 0 || weights.shape()[0] != count || potential.shape()[0] != count {
+            return Err(refused("changes of H for each direction"));
         }
-        let each = shape[1] * shape[2];
-        let of_nodes: PyResult<Vec<Vec<f64>>> = (0..rows.len())
+        let (weights, potential) = (weights.as_slice()?, potential.as_slice()?);
+        let of = |values: &[f64], row: usize| {
+            let each = values.len() / count;
+            row * each..(row + 1) * each
+        };
+        let of_nodes: PyResult<Vec<AtNodes>> = (0..count)
             .map(|row| {
-                Ok(self
-                    .of_nodes(piece, &values[row * each..(row + 1) * each])?
-                    .to_vec())
+                let (own, of_points) = (of(weights, row), of(potential, row));
+                self.at_nodes(piece, &weights[own], &potential[of_points])
             })
             .collect();
         let (inner, of_nodes) = (&mut self.inner, of_nodes?);
@@ -151,15 +181,15 @@ impl WaveDerivative {
     }
 
     /// The cotangent of the state where a piece begins, from that where it ends and those at the ends of its steps, and
-    /// those of the weights of H at its nodes, where they are wanted.
+    /// those of the weights of H and of the potential at its nodes, where they are wanted.
     fn pull<'py>(
         &mut self,
         py: Python<'py>,
         piece: usize,
         cotangent: PyReadonlyArray2<'py, Complex64>,
         of_steps: PyReadonlyArray2<'py, Complex64>,
-        is_wanted: bool,
-    ) -> PyResult<(States<'py>, Bound<'py, PyArray1<f64>>)> {
+        wanted: (bool, bool),
+    ) -> PyResult<(States<'py>, Reals<'py>, Reals<'py>)> {
         self.check(piece)?;
         let (mut rows, of_steps) = (self.flat(&cotangent)?, self.flat(&of_steps)?);
         let [cotangent] = &mut rows[..] else {
@@ -168,10 +198,14 @@ impl WaveDerivative {
         if of_steps.len() != self.inner.piece(piece).0 {
             return Err(refused("a cotangent for each step that ends in the piece"));
         }
+        let (weights, potential) = wanted;
+        let wanted = Wanted { weights, potential };
         let inner = &mut self.inner;
-        let found = py.detach(|| inner.pull(piece, cotangent, &of_steps, is_wanted));
+        let found = py.detach(|| inner.pull(piece, cotangent, &of_steps, wanted));
         let found = found.map_err(|error| self.explained(error))?;
-        Ok((self.complex(py, &rows)?, PyArray1::from_vec(py, found)))
+        let weights = PyArray1::from_vec(py, found.weights);
+        let potential = PyArray1::from_vec(py, found.potential);
+        Ok((self.complex(py, &rows)?, weights, potential))
     }
 }
 
@@ -184,13 +218,19 @@ impl WaveDerivative {
         }
     }
 
-    /// Changes of the weights at the nodes of a piece, which may be none.
-    fn of_nodes<'a>(&self, piece: usize, values: &'a [f64]) -> PyResult<&'a [f64]> {
+    /// Changes of the weights and of the potential at the nodes of a piece, which may be none.
+    fn at_nodes(&self, piece: usize, weights: &[f64], potential: &[f64]) -> PyResult<AtNodes> {
         let nodes = self.inner.piece(piece).1.len();
-        if values.is_empty() || values.len() == nodes * self.groups {
-            Ok(values)
+        let fits = |values: &[f64], each: usize| values.is_empty() || values.len() == nodes * each;
+        if fits(weights, self.groups) && fits(potential, self.rows) {
+            Ok(AtNodes {
+                weights: weights.to_vec(),
+                potential: potential.to_vec(),
+            })
         } else {
-            Err(refused("changes of all weights at each node"))
+            Err(refused(
+                "changes of all weights, or of the potential at all places, at each node",
+            ))
         }
     }
 

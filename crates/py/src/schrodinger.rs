@@ -228,7 +228,7 @@ struct WaveJob<'py> {
     states: bool,
     threads: usize,
     is_ensemble: bool,
-    record: Option<PyRef<'py, WaveRecord>>,
+    records: Vec<PyRef<'py, WaveRecord>>,
 }
 
 impl WaveJob<'_> {
@@ -244,7 +244,9 @@ impl WaveJob<'_> {
             stops,
             observables: observables.collect::<PyResult<_>>()?,
             states: self.states,
-            recorder: self.record.map(|record| record.0.clone()),
+            recorders: (self.records.iter())
+                .map(|record| record.0.clone())
+                .collect(),
             threads: self.threads,
         })
     }

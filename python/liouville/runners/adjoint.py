@@ -32,12 +32,15 @@ class Adjoint(ABC):
         Whether states are complex.
     checkpoints : Checkpoints or None
         What the run is to leave for its repetition, if anything.
+    holds_run : bool
+        Whether moved runs hold what this run has chosen, which is over by then.
     """
 
     runner: Runner
     directions: Mapping[str, tuple[tuple[int, ...], bool]]
     is_complex: bool = False
     checkpoints: Checkpoints | None = None
+    holds_run: bool = False
 
     @property
     def wrt(self) -> tuple[str, ...]:

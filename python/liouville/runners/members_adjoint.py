@@ -87,8 +87,12 @@ class MembersAdjoint(Adjoint):
 
     def moved(self, directions: Mapping[str, np.ndarray], size: float) -> Mapping[str, np.ndarray]:
         """Return the states of all runs, each moved by so much of its own directions."""
-        each = [
-            self._of_member(k).moved({name: x[k] for name, x in directions.items()}, size)
-            for k in range(self._count)
-        ]
+
+        def moved(member: int) -> Mapping[str, np.ndarray]:
+            adjoint = self._of_member(member)
+            if adjoint.holds_run:
+                execute(adjoint.runner)
+            return adjoint.moved({name: x[member] for name, x in directions.items()}, size)
+
+        each = [moved(member) for member in range(self._count)]
         return {name: np.stack([states[name] for states in each], axis=1) for name in each[0]}

@@ -77,9 +77,6 @@ def check_covered(system: Any, method: Any, request: Request) -> None:
     if not request.states:
         raise ValueError("tangents are those of states: leave out states=False")
     if isinstance(system, Schrodinger):
-        if request.is_ensemble and not request.has_pullback:
-            sentence = "an ensemble of wave functions has no tangents"
-            raise TypeError(hinted(sentence, "integrate its members one by one"))
         return  # its method is seen when it is planned
     if not isinstance(system, Mechanics):
         return  # and that of others when they are run

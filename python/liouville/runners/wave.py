@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
@@ -72,7 +74,7 @@ class WaveRunner(Runner):
         self._check_records(request, len(self._stops or times[1:]) + 1)
         self.plan = self._planned(method, times, request)
         self._check_states()
-        self._record: _core.WaveRecord | None = None
+        self._records: list[_core.WaveRecord] = []
         self._derivative: WaveDerivative | None = None
         self._directions: WaveDirections | None = None
         if request.tangents is not None or request.has_pullback:
@@ -111,29 +113,41 @@ class WaveRunner(Runner):
         check_memory(what, 16.0 * count * self.system.size, hint)
 
     def _differentiated(self, request: Request) -> None:
-        """Have the run leave what its derivatives need."""
+        """Have all runs leave what their derivatives need."""
         # imported here: few runs are differentiated
         from liouville.runners import wave_derivative
 
         wave_derivative.check_plan(self.plan)
-        if self.members:  # each is run again by itself when it is pulled back
-            return
-        self._record = _core.WaveRecord()
+        runs = math.prod(self.members)
         if request.tangents is not None:
             self._directions = wave_derivative.WaveDirections(self.system, request.tangents)
             names = wave_derivative.check_wrt(self.system, self._directions.names)
             self.plan = wave_derivative.with_breaks(self.plan, self.system, names)
-            wave_derivative.check_room(self.plan, self.system.size, is_wanted=False)
+            own = wave_derivative.of_potential(self.system, names)
+            wave_derivative.check_room(
+                self.plan, self.system.size, is_wanted=False, runs=runs,
+                potentials=self._directions.count if own else 0,
+            )  # fmt: skip
+        elif self.members:  # each is run again by itself when it is pulled back
+            return
+        self._records = [_core.WaveRecord() for _ in range(runs)]
 
     def adjoint(self, request: Request, wrt: Any) -> Adjoint:
         """Return the transposed derivative of the run by what `wrt` names, before it begins."""
         # imported here: few runs are differentiated
         from liouville.runners.wave_adjoint import WaveAdjoint
-        from liouville.runners.wave_derivative import check_room, check_wrt, with_breaks
+        from liouville.runners.wave_derivative import (
+            check_room,
+            check_wrt,
+            of_potential,
+            with_breaks,
+        )
 
         names = check_wrt(self.system, wrt)
         self.plan = with_breaks(self.plan, self.system, names)
-        check_room(self.plan, self.system.size, is_wanted=set(names) != {"psi"})
+        potentials = bool(of_potential(self.system, names))
+        is_wanted = set(names) != {"psi"}
+        check_room(self.plan, self.system.size, is_wanted=is_wanted, potentials=potentials)
         if not self.members:
             return WaveAdjoint(self, names)
         from liouville.runners.members_adjoint import MembersAdjoint
@@ -148,23 +162,39 @@ class WaveRunner(Runner):
 
     def derivative(self, names: Sequence[str]) -> WaveDerivative:
         """Return what moves derivatives by these names through the run, when it is over."""
+        if self._derivative is None:
+            self._derivative = self._derivative_of(0, names, self.threads)
+        return self._derivative
+
+    def _derivative_of(self, member: int, names: Sequence[str], threads: int) -> WaveDerivative:
         # imported here: few runs are differentiated
         from liouville.runners.wave_derivative import WaveDerivative
 
-        if self._derivative is None:
-            assert self._record is not None
-            run = self._record, self.threads
-            self._derivative = WaveDerivative(self.system, self.plan, self.psi, run)
-            self._derivative.resolve(names)
-        return self._derivative
+        run, psi = (self._records[member], threads), np.atleast_2d(self.psi)[member]
+        derivative = WaveDerivative(self.system, self.plan, psi, run)
+        derivative.resolve(names)
+        return derivative
 
     def tangents(self, t: np.ndarray, parts: Mapping[str, np.ndarray]) -> dict[str, Tangent]:
         """Return tangents of the states kept, if any were wanted."""
         own = self._directions
         if own is None or len(t) <= len(self.plan.stops):
             return {}
-        rows = self.derivative(own.names).followed(own.rows)
-        return own.read(rows.reshape(*rows.shape[:-2], -1))
+        if not self.members:
+            rows = self.derivative(own.names).followed(own.rows)
+            return own.read(rows.reshape(*rows.shape[:-2], -1))
+        shape = len(t), own.count, self.system.size
+
+        def followed(member: int) -> np.ndarray:
+            if not np.isfinite(parts["psi"][-1, member]).all():  # it failed
+                return np.full(shape, np.nan, dtype=complex)
+            return self._derivative_of(member, own.names, 1).followed(own.rows)
+
+        # the first records tapes that all share
+        found = [followed(0)]
+        with ThreadPoolExecutor(self.threads) as pool:
+            found += pool.map(followed, range(1, self.members[0]))
+        return own.read(np.stack(found, axis=1).reshape(len(t), self.members[0], -1))
 
     def start(self) -> _core.Run | dict[str, Any]:
         """Start the run, or return the error of its start."""
@@ -174,7 +204,7 @@ class WaveRunner(Runner):
         job = Job(
             start=(np.atleast_2d(self.psi),), span=(plan.t0, plan.stops), observer=observables,
             states=self._states, threads=self.threads, is_ensemble=bool(self.members),
-            record=self._record,
+            records=self._records,
         )  # fmt: skip
         return _core.run(_propagated(self.system, plan), plan.core, job)
 

@@ -20,6 +20,7 @@ class WaveAdjoint(Adjoint):
 
     runner: WaveRunner
     is_complex = True
+    holds_run = True
 
     def __init__(self, runner: WaveRunner, names: tuple[str, ...]) -> None:
         self.runner = runner

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -22,7 +22,6 @@ from liouville.planner.waves.propagators import (
 )
 from liouville.runners.tangents import PARAMS, Directions, Place, check_names
 from liouville.systems import Schrodinger
-from liouville.systems.schrodinger.sensitivity import DriveSensitivity
 from liouville.tangents import Tangent
 
 Array = NDArray[Any]
@@ -39,6 +38,9 @@ LEFT_OUT = 1e-11
 
 #: Terms of a window beyond its length in units of 1/beta, about.
 TERMS = 40
+
+#: Arrays that a potential at the nodes of a window is in, at a time.
+COPIES = 3
 
 #: Most intervals on which derivatives of a drive are polynomials.
 INTERVALS = 4096
@@ -86,13 +88,22 @@ def check_plan(plan: WavePlan) -> None:
         raise TypeError(hinted(f"{plan.scheme} has no tangents and no pullback", COVERED))
 
 
-def check_room(plan: WavePlan, size: int, *, is_wanted: bool) -> None:
-    """Refuse a run that would leave more than fits in memory, with the terms of a window."""
-    kept = 0 if isinstance(plan.core, Shears) else plan.windows
+def check_room(
+    plan: WavePlan, size: int, *, is_wanted: bool, potentials: int = 0, runs: int = 1
+) -> None:
+    """Refuse runs that would leave more than fits in memory, with the terms of a window.
+
+    There are so many changes of a potential, or cotangents of one, at the nodes of a window.
+    """
+    kept = plan.windows
+    if isinstance(plan.core, Shears):
+        kept = 2 * len(plan.stops) if potentials else 0
     if isinstance(plan.core, Exponentials | SeriesExponentials):
         ends = 2 if isinstance(plan.core, Exponentials) else 1
         kept = ends * plan.core.scheme[1] * plan.steps
+    kept *= runs
     terms = plan.theta + TERMS if is_wanted else 0
+    terms += COPIES * (DEGREE + 7) * potentials / 2  # of real numbers
     what = f"differentiating a run of {size} components, which keeps {kept} of its states,"
     check_memory(what, 16.0 * size * (kept + terms), "take fewer steps, or a shorter run")
 
@@ -102,15 +113,51 @@ def check_wrt(system: Schrodinger, wrt: Any) -> tuple[str, ...]:
     if system.moving_product is not None:
         hint = "give H(t) as a matrix and drives, pairs of a function and a matrix"
         raise TypeError(hinted("there is no derivative of an H(t) known by its products", hint))
-    drive, names = system.sensitivity, check_names(wrt, places_of(system), "psi")
+    names = check_names(wrt, places_of(system), "psi")
     for name in names:
-        if name.startswith(PARAMS) and system.potential_depends_on(name.removeprefix(PARAMS)):
-            sentence = f"there is no derivative by '{name}', which the potential depends on"
-            hint = "give that part of the potential as a drive: pairs of a function and an array"
-            raise ValueError(hinted(sentence, hint))
-        if name.startswith(PARAMS) and not drive.depends_on(name.removeprefix(PARAMS)):
-            raise ValueError(f"no drive depends on '{name}': a derivative by it is zero")
+        if name.startswith(PARAMS) and not (
+            of_drive(system, [name]) or of_potential(system, [name])
+        ):
+            sentence = f"neither a drive nor the potential depends on '{name}'"
+            raise ValueError(f"{sentence}: a derivative by it is zero")
     return names
+
+
+def of_drive(system: Schrodinger, names: Sequence[str]) -> list[str]:
+    """Return those of these names that a drive depends on."""
+    drive = system.sensitivity
+    return [
+        name
+        for name in names
+        if name in drive.samples
+        or (name.startswith(PARAMS) and drive.depends_on(name.removeprefix(PARAMS)))
+    ]
+
+
+def of_potential(system: Schrodinger, names: Sequence[str]) -> list[str]:
+    """Return those of these names that the potential of a grid depends on."""
+    potential = system.potential_sensitivity
+    params = [name for name in names if name.startswith(PARAMS)]
+    if potential is None:
+        return []
+    return [name for name in params if potential.depends_on(name.removeprefix(PARAMS))]
+
+
+def _slopes_of(system: Schrodinger, names: Sequence[str]) -> dict[str, Callable[[Array], Array]]:
+    """Return what depends on parameters, with its derivatives by these at times, a row for each."""
+    drive, potential = system.sensitivity, system.potential_sensitivity
+
+    def places(own: Sequence[str]) -> list[int]:
+        cuts = [drive.params[x.removeprefix(PARAMS)][0] for x in own if x.startswith(PARAMS)]
+        return [k for cut in cuts for k in range(cut.start, cut.stop)]
+
+    found: dict[str, Callable[[Array], Array]] = {}
+    if of := places(of_drive(system, names)):
+        found["drive"] = lambda t: drive.slopes(t)[:, of].reshape(t.size, -1)
+    if own := places(of_potential(system, names)):
+        assert potential is not None, "what depends on parameters"
+        found["potential"] = lambda t: potential.slopes(t, own)
+    return found
 
 
 def with_breaks(plan: WavePlan, system: Schrodinger, names: Sequence[str]) -> WavePlan:
@@ -120,9 +167,8 @@ def with_breaks(plan: WavePlan, system: Schrodinger, names: Sequence[str]) -> Wa
         return plan
     drive, (t0, t1) = system.sensitivity, (plan.t0, plan.stops[-1][0])
     breaks = {t for name in by if name in drive.samples for t in drive.times(name).tolist()}
-    own = [name.removeprefix(PARAMS) for name in by if name.startswith(PARAMS)]
-    if own:
-        breaks |= set(_resolved(drive, own, t0, t1))
+    for what, slopes in _slopes_of(system, by).items():
+        breaks |= set(_resolved(what, slopes, t0, t1))
     inside = sorted(t for t in breaks if min(t0, t1) < t < max(t0, t1))
     core = replace(plan.core, breaks=tuple(inside if t1 > t0 else inside[::-1]))
     powers, bessel, products, theta = _core.driven_cost(system.hamiltonian, core, t0, t1)
@@ -136,17 +182,15 @@ def with_breaks(plan: WavePlan, system: Schrodinger, names: Sequence[str]) -> Wa
     )
 
 
-def _resolved(drive: DriveSensitivity, names: Sequence[str], t0: float, t1: float) -> list[float]:
+def _resolved(what: str, slopes: Callable[[Array], Array], t0: float, t1: float) -> list[float]:
     """Return times between which derivatives by parameters are polynomials of time."""
-    cuts = [drive.params[name][0] for name in names]
-    places = np.concatenate([np.arange(cut.start, cut.stop) for cut in cuts])
     todo, found, largest = [(t0, t1)], [], 0.0
     while todo:
         a, b = todo.pop()
         nodes = a + (b - a) * _nodes()
-        rows = drive.slopes(nodes)[:, places].reshape(nodes.size, -1)
+        rows = slopes(nodes)
         if not np.isfinite(rows).all():
-            sentence = f"derivatives of the drive by its parameters are not finite near t = {a:g}"
+            sentence = f"derivatives of the {what} by its parameters are not finite near t = {a:g}"
             raise ValueError(hinted(sentence, "look for a root or a division by zero there"))
         sizes = _sizes(rows)
         largest = max(largest, float(np.abs(rows).max(initial=0.0)))
@@ -156,7 +200,7 @@ def _resolved(drive: DriveSensitivity, names: Sequence[str], t0: float, t1: floa
             middle = 0.5 * (a + b)
             todo += [(middle, b), (a, middle)]
         if len(found) + len(todo) > INTERVALS:
-            sentence = "the derivative of the drive by its parameters is not smooth in time"
+            sentence = f"the derivative of the {what} by its parameters is not smooth in time"
             hint = "take Magnus with steps between its jumps, or samples= at times="
             raise ValueError(hinted(sentence, hint))
     return found
@@ -188,9 +232,10 @@ class WaveDerivative:
     ) -> None:
         record, threads = run
         self._system, self._psi = system, psi
-        self._drive = system.sensitivity
+        self._drive, self._potential = system.sensitivity, system.potential_sensitivity
         self._core = _core.WaveDerivative(system.hamiltonian, system.groups, record, threads)
         self._kept = [0, *np.cumsum([steps for _, steps in plan.stops]).tolist()]
+        self._is_split = isinstance(plan.core, Shears)
         if isinstance(plan.core, Shears):  # one piece to each state kept
             self._kept = [*range(len(plan.times))]
             for t, (end, steps) in zip(plan.times, plan.stops, strict=False):
@@ -203,15 +248,18 @@ class WaveDerivative:
     def resolve(self, names: Sequence[str]) -> None:
         """Let H change within each window by polynomials that derivatives by these names need."""
         drive, by = self._drive, [name for name in names if name != "psi"]
-        cuts = [drive.params[x.removeprefix(PARAMS)][0] for x in by if x.startswith(PARAMS)]
-        places = [k for cut in cuts for k in range(cut.start, cut.stop)]
+        if self._is_split and of_potential(self._system, by):
+            state = self._psi[None]
+            for k in range(len(self._pieces)):
+                state = self._core.keep_ends(k, state)
+        each = _slopes_of(self._system, by)
         least = CUBIC if any(name in drive.samples for name in by) else 0
         for k, (_, nodes) in enumerate(self._pieces):
             if nodes.size != DEGREE + 7:
                 continue
             degree = least
-            if places:
-                sizes = _sizes(drive.slopes(nodes)[:, places].reshape(nodes.size, -1))
+            for slopes in each.values():
+                sizes = _sizes(slopes(nodes))
                 rest = np.cumsum(sizes[::-1])[::-1]
                 above = np.flatnonzero(rest > LEFT_OUT * max(rest[0], 1e-300))
                 degree = max(degree, min(int(above.max(initial=0)), DEGREE))
@@ -224,8 +272,8 @@ class WaveDerivative:
         changes = np.ascontiguousarray(rows[:, n:].real)
         kept = [states]
         for k, (_, nodes) in enumerate(self._pieces):
-            weights = self._changes(nodes, changes)
-            states, outputs = self._core.follow(k, states, weights)
+            moved = self._changes(nodes, changes), self._potential_changes(nodes, changes)
+            states, outputs = self._core.follow(k, states, *moved)
             kept += self._keep(k, outputs.reshape(-1, len(rows), n))
         return self._system.outward(np.array(kept))
 
@@ -241,10 +289,13 @@ class WaveDerivative:
         by_samples[start.size :] = moved[n + start.size :].real
         for k, (_, nodes) in enumerate(self._pieces):
             change = self._changes(nodes, by_samples[None])[0]
-            if nodes.size:
+            of_points = np.zeros((0, 0))
+            if nodes.size and drive.count:
                 change = change if change.size else np.zeros((nodes.size, 1 + drive.count))
                 change[:, 1:] += drive.values(nodes, params) - drive.values(nodes, start)
-            state, outputs = self._core.repeat(k, state, change)
+            if (potential := self._potential) is not None and not np.array_equal(params, start):
+                of_points = potential.values(nodes, params) - potential.values(nodes, start)
+            state, outputs = self._core.repeat(k, state, change, of_points)
             kept += self._keep(k, outputs[:, None])
         return system.outward(np.array(kept)[:, 0])
 
@@ -259,7 +310,7 @@ class WaveDerivative:
             return np.zeros((len(changes), 0, 1 + drive.count))
         found = np.zeros((len(changes), nodes.size, 1 + drive.count))
         count = self._system.parameters.values(None).size
-        if changes[:, :count].any():
+        if drive.count and changes[:, :count].any():
             found[..., 1:] += np.einsum("dp,npk->dnk", changes[:, :count], drive.slopes(nodes))
         place = count
         for name, k in drive.samples.items():
@@ -270,12 +321,21 @@ class WaveDerivative:
             place += size
         return found
 
+    def _potential_changes(self, nodes: Array, changes: Array) -> Array:
+        """Return changes of the potential at nodes, shape (directions, nodes, rows), or none."""
+        count, none = self._system.parameters.values(None).size, np.zeros((len(changes), 0, 0))
+        if self._potential is None or not nodes.size or not changes[:, :count].any():
+            return none
+        return np.array([self._potential.pushed(nodes, own) for own in changes[:, :count]])
+
     def pulled(self, cotangents: Array, names: Sequence[str]) -> dict[str, Array]:
         """Return gradients by these names from cotangents of the states kept, shape (k, N)."""
         system, drive = self._system, self._drive
         rows = dict(zip(self._kept, system.frame.inward(cotangents), strict=True))
         state = np.zeros((1, system.size), dtype=complex)
-        is_wanted = any(name != "psi" for name in names)
+        potential = self._potential if of_potential(system, names) else None
+        wanted = bool(of_drive(system, names)), potential is not None
+        by_potential = np.zeros(system.parameters.values(None).size)
         times, weights = [np.empty(0)], [np.empty((0, 1 + drive.count))]
         for k in reversed(range(len(self._pieces))):
             steps, nodes = self._pieces[k]
@@ -283,14 +343,16 @@ class WaveDerivative:
             of_steps = np.zeros((steps, system.size), dtype=complex)
             for j in range(steps):
                 of_steps[j] = rows.get(first + j, 0.0)
-            state, found = self._core.pull(k, state, of_steps, is_wanted)
-            if is_wanted and nodes.size:
+            state, of_weights, of_points = self._core.pull(k, state, of_steps, wanted)
+            if of_weights.size:
                 times.append(nodes)
-                weights.append(found.reshape(nodes.size, -1))
+                weights.append(of_weights.reshape(nodes.size, -1))
+            if potential is not None:
+                by_potential += potential.pulled(nodes, of_points.reshape(nodes.size, -1))
         gradients = {"psi": system.outward(state[0] + rows[0])}
         t, w = np.concatenate(times), np.concatenate(weights)[:, 1:]
         if any(name.startswith(PARAMS) for name in names):
-            by_params = drive.pulled(t, w)
+            by_params = by_potential + (drive.pulled(t, w) if t.size else 0.0)
             for name, (cut, shape) in drive.params.items():
                 gradients[PARAMS + name] = by_params[cut].reshape(shape)
         for name, k in drive.samples.items():

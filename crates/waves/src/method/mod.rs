@@ -20,7 +20,7 @@ mod term_bounds;
 mod windows;
 
 pub use chebyshev::Chebyshev;
-pub use derivative::{Derivative, Recorder};
+pub use derivative::{AtNodes, Derivative, Recorder, Wanted};
 pub use doubled::Doubled;
 pub use driven::{Driven, DrivenCost, DrivenSeries};
 pub use lanczos::Lanczos;

@@ -40,8 +40,8 @@ pub struct Job {
     pub observables: Vec<Observable>,
     /// Whether states are recorded.
     pub states: bool,
-    /// Where a single run leaves what its derivatives need, if it is to be differentiated.
-    pub recorder: Option<Recorder>,
+    /// Where each member leaves what its derivatives need; none if they are not to be differentiated.
+    pub recorders: Vec<Recorder>,
     /// Threads: of an ensemble, or of one large state.
     pub threads: usize,
 }
@@ -93,7 +93,7 @@ impl Starter {
     /// A run of one member.
     fn single(&self, member: usize, threads: usize, cancel: CancelToken) -> Begun {
         let sweeper = self.sweeper(threads);
-        let sweeper = sweeper.with_recorder(self.job.recorder.clone());
+        let sweeper = sweeper.with_recorder(self.job.recorders.get(member).cloned());
         let stepper = self.method.single(sweeper, cancel);
         self.launch(stepper, &[member])
     }
@@ -110,6 +110,7 @@ impl Starter {
     fn ensemble(self, members: usize) -> Ensemble {
         let bytes = self.method.states() * size_of::<[Lanes<WIDTH>; 2]>() * self.job.n;
         let is_lockstep = !matches!(self.method, Prepared::Single(_))
+            && self.job.recorders.is_empty()
             && self.hamiltonian.reach().is_some()
             && bytes <= LOCKSTEP;
         let block = if is_lockstep && 2 * members >= WIDTH {

@@ -23,7 +23,7 @@ from liouville.systems.schrodinger.lattice import Lattice
 from liouville.systems.schrodinger.moving import MovingProduct
 from liouville.systems.schrodinger.observed import Observable
 from liouville.systems.schrodinger.products import Product
-from liouville.systems.schrodinger.sensitivity import DriveSensitivity
+from liouville.systems.schrodinger.sensitivity import DriveSensitivity, PotentialSensitivity
 from liouville.systems.schrodinger.sites.system import SiteSystem
 from liouville.systems.schrodinger.spins import SpinChain
 from liouville.systems.schrodinger.time_functions import TimeFunction
@@ -302,9 +302,10 @@ class Schrodinger(Bounded):
         """The derivatives of the functions of the drive."""
         return DriveSensitivity(self)
 
-    def potential_depends_on(self, name: str) -> bool:
-        """Whether the potential of a grid depends on a parameter."""
-        return self._potential is not None and self._potential.depends_on(name)
+    @cached_property
+    def potential_sensitivity(self) -> PotentialSensitivity | None:
+        """The derivatives of the potential of a grid, None where it is no function."""
+        return None if self._potential is None else PotentialSensitivity(self, self._potential)
 
     @property
     def params(self) -> dict[str, float | np.ndarray]:

@@ -1,4 +1,4 @@
-"""Derivatives of the functions of a drive, by parameters and by samples."""
+"""Derivatives of the functions of a drive, by parameters and by samples, and of a potential."""
 
 from __future__ import annotations
 
@@ -11,13 +11,20 @@ from numpy.typing import NDArray
 from liouville import _casadi as ca
 from liouville import _core
 from liouville._scipy import scipy
+from liouville.errors import hinted
 from liouville.systems.schrodinger.foreign import Samples
 from liouville.tape import record
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from liouville.systems.schrodinger.equation import Schrodinger
+    from liouville.systems.schrodinger.time_functions import TimeFunction
 
 Array = NDArray[np.float64]
+
+#: At most so many points of a grid tell how a potential's derivatives change in time.
+LOOKED = 2048
 
 
 class DriveSensitivity:
@@ -107,6 +114,96 @@ class DriveSensitivity:
         beyond = np.flatnonzero(t != inside)
         found[beyond] += (t - inside)[beyond, None] * spline(inside[beyond], 1)
         return found
+
+
+class PotentialSensitivity:
+    r"""The potential :math:`V(t, x) / \hbar` of a grid, and its derivatives by parameters.
+
+    Values are those at all rows of H: at all points, and once more where H acts on real and
+    imaginary parts.
+    """
+
+    def __init__(self, system: Schrodinger, function: TimeFunction) -> None:
+        assert system.grid is not None, "a potential is on a grid"
+        self._function, self._params = function, system.parameters
+        self._values = self._params.values(None)
+        self._points = np.ascontiguousarray(system.grid.points)
+        self._repeats, self._scale = 1 + system.frame.is_doubled, 1 / system.hbar
+
+    def depends_on(self, name: str) -> bool:
+        """Whether it depends on a parameter."""
+        return self._function.depends_on(name)
+
+    @cached_property
+    def _value_tape(self) -> _core.Tape:
+        return self._function.tape(self._scale)
+
+    @cached_property
+    def _push_tape(self) -> _core.Tape:
+        """The derivative in a direction, which comes behind the parameters."""
+        inputs, params = self._function.inputs, self._params.vector
+        both = ca.SX.sym("params", 2 * self._values.size)
+        own, direction = ca.vertsplit(both, self._values.size)
+        value = ca.substitute(self._scale * self._function.expression, params, own)
+        pushed = ca.jtimes(value, own, direction)
+        return record("derivatives of the potential", {**inputs, "params": both}, pushed)
+
+    @cached_property
+    def _slope_tape(self) -> _core.Tape:
+        """The derivatives by all parameters."""
+        inputs, params = self._function.inputs, self._params.vector
+        slopes = ca.jacobian(self._scale * self._function.expression, params)
+        return record("derivatives of the potential", inputs, ca.densify(slopes.T))
+
+    @cached_property
+    def _looked(self) -> Array:
+        """Some of the points, in no order that axes have."""
+        count = len(self._points)
+        some = np.random.default_rng(0).permutation(count)[:LOOKED]
+        return self._points[np.sort(some)]
+
+    @staticmethod
+    def _at(t: Array, points: Array) -> list[Array]:
+        return [np.repeat(t, len(points))[:, None], np.tile(points, (t.size, 1))]
+
+    def _of_rows(self, t: Array, flat: Array) -> Array:
+        found: Array = np.tile(flat.reshape(t.size, -1), (1, self._repeats))
+        return found
+
+    def values(self, t: Array, params: Array) -> Array:
+        """Return it at times, shape (k, rows), with these values of all parameters."""
+        return self._of_rows(t, self._value_tape.map(params, self._at(t, self._points)))
+
+    def pushed(self, t: Array, direction: Array) -> Array:
+        """Return its derivatives at times, shape (k, rows), in a direction of all parameters."""
+        both = np.concatenate([self._values, direction])
+        found = self._push_tape.map(both, self._at(t, self._points))
+        return self._of_rows(t, self._finite(t, found))
+
+    def slopes(self, t: Array, places: list[int]) -> Array:
+        """Return its derivatives by these parameters at times, and at points that are looked at."""
+        found = self._slope_tape.map(self._values, self._at(t, self._looked))[:, places]
+        return np.asarray(self._finite(t, found)).reshape(t.size, -1)
+
+    def pulled(self, t: Array, cotangents: Array) -> Array:
+        """Return cotangents of all parameters from those at times, shape (k, rows)."""
+        each = cotangents.reshape(t.size, self._repeats, -1).sum(axis=1)
+        return np.asarray(sum(self._pulled(t, each)))
+
+    def _pulled(self, t: Array, cotangents: Array) -> Iterator[Array]:
+        # one time after another: of each point there are as many derivatives as parameters
+        for k, own in enumerate(cotangents):
+            at = t[k : k + 1]
+            slopes = self._slope_tape.map(self._values, self._at(at, self._points))
+            yield own @ self._finite(at, slopes)
+
+    def _finite(self, t: Array, found: Array) -> Array:
+        bad = np.argwhere(~np.isfinite(found))
+        if not bad.size:
+            return found
+        at = t[bad[0][0] * t.size // len(found)]
+        sentence = f"derivatives of the potential by its parameters are not finite at t = {at:g}"
+        raise ValueError(hinted(sentence, "look for a root or a division by zero there"))
 
 
 @lru_cache(maxsize=1)

@@ -56,6 +56,11 @@ class TimeFunction:
         """The symbol of the time."""
         return self._expressions.symbols.t
 
+    @property
+    def inputs(self) -> dict[str, ca.SX]:
+        """The symbols of the time, of a point if there are points, and of the parameters."""
+        return self._expressions.symbols.inputs()
+
     def depends_on(self, name: str) -> bool:
         """Whether it depends on a parameter."""
         symbol = getattr(self._expressions.symbols.params.namespace, name)
@@ -70,7 +75,7 @@ class TimeFunction:
     def tape(self, factor: float) -> _core.Tape:
         """Record it, times a number: t, x if there are points, and parameters in."""
         expression = self.expression if factor == 1.0 else factor * self.expression
-        return record(self.what, self._expressions.symbols.inputs(), expression)
+        return record(self.what, self.inputs, expression)
 
     @cached_property
     def _own_tape(self) -> _core.Tape:

@@ -149,7 +149,7 @@ impl<S: Stored> Chebyshev<S> {
 impl<S: Stored> Chebyshev<S> {
     /// Leaves the window that begins at a state to a run that is to be differentiated, as one of Bessel functions with
     /// weights of the terms that do not depend on time.
-    fn keep(&self, state: &Wave<S>) -> Result<(), StepError> {
+    fn keep(&self, t: f64, state: &Wave<S>) -> Result<(), StepError> {
         let Some(recorder) = self.sweeper.recorder() else {
             return Ok(());
         };
@@ -181,8 +181,8 @@ impl<S: Stored> Chebyshev<S> {
                 weights: current.map_or_else(|| vec![1.0; terms], |at| at.weights().to_vec()),
                 potential: current.map_or_else(Vec::new, |at| at.potential().to_vec()),
             },
-            nodes: Vec::new(),
-            map: NodeMap::default(),
+            nodes: vec![t],
+            map: NodeMap::constant(),
             steps: outputs.len(),
             outputs,
             is_by_terms: true,
@@ -201,7 +201,7 @@ impl<S: Stored> Stepper for Chebyshev<S> {
             self.lengths = lengths;
             if output == 0 {
                 self.make(t, [&state.q, &state.p])?;
-                self.keep(state)?;
+                self.keep(t, state)?;
                 self.place.start = t;
                 self.start.phase = state.phase;
                 if self.lengths.len() > 1 {

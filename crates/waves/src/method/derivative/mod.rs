@@ -104,6 +104,25 @@ pub(super) fn flat<S: Stored>(state: &Wave<S>) -> Result<Vec<f64>, StepError> {
     Ok(found)
 }
 
+/// Changes of H at the nodes of a piece, or cotangents of H there: those at one node after those at another, and nothing
+/// where there are none.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct AtNodes {
+    /// Of the weights of all groups.
+    pub weights: Vec<f64>,
+    /// Of the potential, at all rows of H.
+    pub potential: Vec<f64>,
+}
+
+/// Which cotangents of H are wanted.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Wanted {
+    /// Those of the weights.
+    pub weights: bool,
+    /// Those of the potential.
+    pub potential: bool,
+}
+
 /// The derivatives of a run, piece by piece.
 pub struct Derivative {
     pieces: Vec<Piece>,
@@ -168,10 +187,22 @@ impl Derivative {
             ends: [Vec::new(), Vec::new()],
             weights: vec![1.0; groups],
             potential: Vec::new(),
-            nodes: Vec::new(),
-            map: NodeMap::default(),
+            nodes: vec![t],
+            map: NodeMap::constant(),
             steps: 1,
         }));
+    }
+
+    /// Makes steps of shears of an H that does not change, from the state where they begin, which is replaced by that where
+    /// they end, and keeps both: derivatives by H take them.
+    ///
+    /// # Errors
+    /// A product failed, or the run was cancelled.
+    pub fn keep_ends(&mut self, piece: usize, state: &mut Vec<f64>) -> Result<(), StepError> {
+        match &mut self.pieces[piece] {
+            Piece::Shears(piece) => piece.keep_ends(&mut self.terms, state),
+            Piece::Series(_) => Ok(()), // it has its start
+        }
     }
 
     /// Lets H change within a piece by polynomials of a degree, if it has polynomials of less.
@@ -181,8 +212,8 @@ impl Derivative {
         }
     }
 
-    /// Replaces a state where a piece begins by that where it ends, by the same choices, with weights of H changed at its nodes.
-    /// Returns it at the ends of its steps, too.
+    /// Replaces a state where a piece begins by that where it ends, by the same choices, with H changed at its nodes. Returns
+    /// it at the ends of its steps, too.
     ///
     /// # Errors
     /// A product failed, or the run was cancelled.
@@ -190,7 +221,7 @@ impl Derivative {
         &mut self,
         piece: usize,
         state: &mut Vec<f64>,
-        change: &[f64],
+        change: &AtNodes,
     ) -> Result<Vec<Vec<f64>>, StepError> {
         match &self.pieces[piece] {
             Piece::Series(piece) => piece.repeat(&mut self.terms, state, change),
@@ -198,8 +229,8 @@ impl Derivative {
         }
     }
 
-    /// Replaces changes of the state where a piece begins, one of each direction, by those where it ends, given those of
-    /// the weights of H at its nodes, of all groups at one after another; none are given where there are none. Returns them at the ends of its steps, too, all directions of the first step before those of the next.
+    /// Replaces changes of the state where a piece begins, one of each direction, by those where it ends, given those of H
+    /// at its nodes. Returns them at the ends of its steps, too, all directions of the first step before those of the next.
     ///
     /// # Errors
     /// A product failed, or the run was cancelled.
@@ -207,7 +238,7 @@ impl Derivative {
         &mut self,
         piece: usize,
         changes: &mut [Vec<f64>],
-        of_nodes: &[Vec<f64>],
+        of_nodes: &[AtNodes],
     ) -> Result<Vec<Vec<f64>>, StepError> {
         let piece = match &self.pieces[piece] {
             Piece::Series(piece) => piece,
@@ -224,7 +255,7 @@ impl Derivative {
     }
 
     /// Replaces a cotangent of the state where a piece ends by that where it begins, given those of the ends of its
-    /// steps; returns those of the weights of H at its nodes, where they are wanted.
+    /// steps; returns those of H at its nodes, as far as they are wanted.
     ///
     /// # Errors
     /// A product failed, or the run was cancelled.
@@ -233,12 +264,12 @@ impl Derivative {
         piece: usize,
         cotangent: &mut Vec<f64>,
         of_steps: &[Vec<f64>],
-        is_wanted: bool,
-    ) -> Result<Vec<f64>, StepError> {
+        wanted: Wanted,
+    ) -> Result<AtNodes, StepError> {
         let terms = &mut self.terms;
         match &self.pieces[piece] {
-            Piece::Series(piece) => piece.pull(terms, cotangent, of_steps, is_wanted),
-            Piece::Shears(piece) => piece.pull(terms, cotangent, of_steps, is_wanted),
+            Piece::Series(piece) => piece.pull(terms, cotangent, of_steps, wanted),
+            Piece::Shears(piece) => piece.pull(terms, cotangent, of_steps, wanted),
         }
     }
 }

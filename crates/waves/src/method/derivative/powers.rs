@@ -8,7 +8,6 @@
 use crate::method::driven::choice::{Form, Window};
 
 /// The powers u^l_m of the newest m.
-#[derive(Default)]
 pub(super) struct TransposedPowers {
     /// Of powers z of the last m, in a ring; of Bessel functions u^l of even m and of odd m, one l after another.
     kept: Vec<Vec<f64>>,

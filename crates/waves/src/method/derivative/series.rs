@@ -4,10 +4,13 @@
 //!     λ_n = Σ_j F_jn x_j + κ_{n+1} λ_{n+2} + Σ_lk g_lk u^lk_n − σ r_n,      r_n = i s_n λ_{n+1},  u^0k_n = B_k r_n
 //!     cotangent of g_lk = Σ_n u^lk_n · c_n
 //!
-//! with x_j = e^{iσs_j} times the cotangent of ψ_j. Source: the transpose of the series of `driven`.
+//! A potential is a group of each of its places, whose B is a one there: V_l(x) has the cotangent Σ_n u^l_n(x) · c_n(x) with
+//! u^0_n = r_n, and
+//!
+//! x_j = e^{iσs_j} times the cotangent of ψ_j. Source: the transpose of the series of `driven`.
 
 use super::powers::TransposedPowers;
-use super::{copied, inner, turn};
+use super::{AtNodes, Wanted, copied, inner, turn};
 use crate::method::driven::choice::{Form, Window};
 use crate::method::driven::fit::Fit;
 use crate::method::driven::polynomials::{NodeMap, by_nodes};
@@ -50,14 +53,23 @@ impl SeriesPiece {
         self.phase + self.window.sigma * output.s
     }
 
-    /// The fit of changes of the weights at the nodes, none where none are given.
-    fn change_of(&self, of_nodes: &[f64]) -> Option<Fit> {
+    /// The fit of changes of H at the nodes, none where none are given.
+    fn change_of(&self, of_nodes: &AtNodes) -> Option<Fit> {
         let degree = self.fit.degree;
-        let width = self.fit.weights.len() / (degree + 1);
-        (!of_nodes.is_empty()).then(|| Fit {
+        let fitted = |values: &[f64]| match values {
+            [] => Vec::new(),
+            _ => self
+                .map
+                .apply(values, values.len() / self.nodes.len(), degree),
+        };
+        let (mut weights, potential) = (fitted(&of_nodes.weights), fitted(&of_nodes.potential));
+        if weights.is_empty() {
+            weights.resize(self.fit.weights.len(), 0.0);
+        }
+        (*of_nodes != AtNodes::default()).then_some(Fit {
             degree,
-            weights: self.map.apply(of_nodes, width, degree),
-            potential: Vec::new(),
+            weights,
+            potential,
         })
     }
 
@@ -79,11 +91,16 @@ impl SeriesPiece {
         &self,
         terms: &mut Terms,
         state: &mut Vec<f64>,
-        change: &[f64],
+        change: &AtNodes,
     ) -> Result<Vec<Vec<f64>>, StepError> {
         let mut fit = self.fit.clone();
         if let Some(change) = self.change_of(change) {
             add_scaled(&mut fit.weights, 1.0, &change.weights);
+            if fit.potential.is_empty() {
+                fit.potential = change.potential;
+            } else if !change.potential.is_empty() {
+                add_scaled(&mut fit.potential, 1.0, &change.potential);
+            }
         }
         turn(state, self.phase);
         terms.begin(&self.window, fit.degree, state);
@@ -111,7 +128,7 @@ impl SeriesPiece {
         &self,
         (terms, moved): (&mut Terms, &mut [Terms]),
         changes: &mut [Vec<f64>],
-        of_nodes: &[Vec<f64>],
+        of_nodes: &[AtNodes],
     ) -> Result<Vec<Vec<f64>>, StepError> {
         let (window, fit, count) = (&self.window, &self.fit, self.count());
         terms.begin(window, fit.degree, &self.start);
@@ -160,14 +177,15 @@ impl SeriesPiece {
         terms: &mut Terms,
         cotangent: &mut Vec<f64>,
         of_steps: &[Vec<f64>],
-        is_wanted: bool,
-    ) -> Result<Vec<f64>, StepError> {
+        wanted: Wanted,
+    ) -> Result<AtNodes, StepError> {
         let (window, fit, count) = (&self.window, &self.fit, self.count());
         let (form, size) = (window.form, cotangent.len());
-        let kept = if is_wanted {
-            self.terms_of(terms)?
-        } else {
+        let is_wanted = wanted.weights;
+        let kept = if wanted == Wanted::default() {
             Vec::new()
+        } else {
+            self.terms_of(terms)?
         };
         let outputs = self.turned(cotangent, of_steps);
         let groups = fit.weights.len() / (fit.degree + 1);
@@ -184,11 +202,8 @@ impl SeriesPiece {
         let mut powers: Vec<TransposedPowers> = (0..groups)
             .map(|k| TransposedPowers::new(form, degree_of(k), size))
             .collect();
-        let of_potential = !fit.potential.is_empty();
-        let mut plain = TransposedPowers::default();
-        if of_potential {
-            plain = TransposedPowers::new(form, fit.degree, size);
-        }
+        let sizes = (size, terms.places());
+        let mut potential = PotentialPull::new(fit, form, sizes, wanted.potential);
         let mut weights = vec![0.0; fit.weights.len()];
         let mut later = [vec![0.0; size], vec![0.0; size]];
         let mut r = vec![0.0; size];
@@ -244,22 +259,20 @@ impl SeriesPiece {
                     }
                 }
             }
-            if of_potential {
-                plain.begin(window, m).copy_from_slice(&r);
-                let points = fit.potential.len() / (fit.degree + 1);
-                for l in 0..=fit.degree {
-                    let v = &fit.potential[l * points..(l + 1) * points];
-                    add_product(now, v, plain.power(form, l));
-                }
-            }
+            potential.add((window, fit, m), &r, now, kept.get(m));
         }
         *cotangent = std::mem::take(&mut later[0]);
         turn(cotangent, -self.phase);
-        Ok(if is_wanted {
-            self.map.transposed(&weights, groups, fit.degree)
-        } else {
-            Vec::new()
-        })
+        let at_nodes =
+            |values: &[f64], width: usize| self.map.transposed(values, width, fit.degree);
+        let mut found = AtNodes::default();
+        if wanted.weights {
+            found.weights = at_nodes(&weights, groups);
+        }
+        if wanted.potential {
+            found.potential = at_nodes(&potential.found, potential.places);
+        }
+        Ok(found)
     }
 
     /// All terms of the series.
@@ -288,6 +301,50 @@ impl SeriesPiece {
     }
 }
 
+/// What a potential adds to cotangents, and its own.
+struct PotentialPull {
+    /// Powers of r, where there is a potential or its cotangents are wanted.
+    powers: Option<TransposedPowers>,
+    /// Cotangents of its coefficients, empty where they are not wanted.
+    found: Vec<f64>,
+    places: usize,
+}
+
+impl PotentialPull {
+    /// Begins with nothing, for vectors of a size of an H with so many rows.
+    fn new(fit: &Fit, form: Form, (size, places): (usize, usize), is_wanted: bool) -> Self {
+        let is_there = is_wanted || !fit.potential.is_empty();
+        let count = if is_wanted { fit.degree + 1 } else { 0 };
+        Self {
+            powers: is_there.then(|| TransposedPowers::new(form, fit.degree, size)),
+            found: vec![0.0; count * places],
+            places,
+        }
+    }
+
+    /// Adds Σ_l V_l u^l of the next lower m to `now`, and to the cotangents of V_l what u^l has with the term c_m.
+    fn add(
+        &mut self,
+        (window, fit, m): (&Window, &Fit, usize),
+        r: &[f64],
+        now: &mut [f64],
+        term: Option<&Vec<f64>>,
+    ) {
+        let (Some(powers), form) = (&mut self.powers, window.form) else {
+            return;
+        };
+        powers.begin(window, m).copy_from_slice(r);
+        for (l, v) in fit.potential.chunks(self.places).enumerate() {
+            add_product(now, v, powers.power(form, l));
+        }
+        for (l, found) in self.found.chunks_mut(self.places).enumerate() {
+            if let Some(term) = term {
+                add_inner(found, powers.power(form, l), term);
+            }
+        }
+    }
+}
+
 /// Sets `out` to i times a multiple of `x`.
 fn times_i(scale: f64, x: &[f64], out: &mut [f64]) {
     let half = x.len() / 2;
@@ -297,6 +354,16 @@ fn times_i(scale: f64, x: &[f64], out: &mut [f64]) {
     }
     for (out, x) in p.iter_mut().zip(x_q) {
         *out = scale * x;
+    }
+}
+
+/// Adds what the parts of u and x at each place have as their inner product to `out`.
+fn add_inner(out: &mut [f64], u: &[f64], x: &[f64]) {
+    let size = out.len();
+    for (u, x) in u.chunks(size).zip(x.chunks(size)) {
+        for ((out, u), x) in out.iter_mut().zip(u).zip(x) {
+            *out += u * x;
+        }
     }
 }
 

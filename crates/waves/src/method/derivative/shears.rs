@@ -4,9 +4,9 @@
 //!     q ← q + a (H − σ) p:   cotangent of w_k += a q̄·B_k p,   p̄ ← p̄ + a (H − σ) q̄
 //!     p ← p − a (H − σ) q:   cotangent of w_k −= a p̄·B_k q,   q̄ ← q̄ − a (H − σ) p̄
 //!
-//! A shear is undone by that of −a, so that no state between is kept.
+//! A potential is a group of each of its places x: the cotangent of V(x) gets a q̄(x) p(x), or −a p̄(x) q(x). A shear is undone by that of −a, so that no state between is kept.
 
-use super::{inner, turn};
+use super::{AtNodes, Wanted, inner, turn};
 use crate::method::driven::polynomials::NodeMap;
 use crate::method::driven::terms::Terms;
 use crate::problem::Update;
@@ -92,8 +92,20 @@ impl ShearsPiece {
         (0..self.repeats).flat_map(|_| self.shears.iter().copied())
     }
 
-    fn sum<'a>(&'a self, weights: &'a [f64]) -> (&'a [f64], &'a [f64], f64) {
-        (weights, &self.potential, self.shift)
+    fn sum(&self) -> (&[f64], &[f64], f64) {
+        (&self.weights, &self.potential, self.shift)
+    }
+
+    /// The changes of H in these shears, by those at the nodes.
+    fn change_of(&self, of_nodes: &AtNodes) -> AtNodes {
+        let applied = |values: &[f64]| match values {
+            [] => Vec::new(),
+            _ => self.map.apply(values, values.len() / self.nodes.len(), 0),
+        };
+        AtNodes {
+            weights: applied(&of_nodes.weights),
+            potential: applied(&of_nodes.potential),
+        }
     }
 
     /// See [`super::Derivative::repeat`].
@@ -101,20 +113,47 @@ impl ShearsPiece {
         &self,
         terms: &mut Terms,
         state: &mut [f64],
-        change: &[f64],
+        change: &AtNodes,
     ) -> Result<Vec<Vec<f64>>, StepError> {
-        let mut weights = self.weights.clone();
-        if !change.is_empty() {
-            let change = self.map.apply(change, weights.len(), 0);
-            add_scaled(&mut weights, 1.0, &change);
+        let (mut weights, mut potential) = (self.weights.clone(), self.potential.clone());
+        let change = self.change_of(change);
+        if !change.weights.is_empty() {
+            add_scaled(&mut weights, 1.0, &change.weights);
+        }
+        if potential.is_empty() {
+            potential = change.potential;
+        } else if !change.potential.is_empty() {
+            add_scaled(&mut potential, 1.0, &change.potential);
         }
         turn(state, self.angles.0);
         for shear in self.all() {
             let parts = split(state, shear.0);
-            add_product(terms, self.sum(&weights), signed(shear), parts)?;
+            add_product(
+                terms,
+                (&weights, &potential, self.shift),
+                signed(shear),
+                parts,
+            )?;
         }
         turn(state, self.angles.1);
         Ok(vec![state.to_vec(); self.steps])
+    }
+
+    /// See [`super::Derivative::keep_ends`].
+    pub(super) fn keep_ends(
+        &mut self,
+        terms: &mut Terms,
+        state: &mut Vec<f64>,
+    ) -> Result<(), StepError> {
+        let turned = |state: &Vec<f64>, angle: f64| {
+            let mut found = state.clone();
+            turn(&mut found, angle);
+            found
+        };
+        self.ends[0] = turned(state, self.angles.0);
+        self.repeat(terms, state, &AtNodes::default())?;
+        self.ends[1] = turned(state, -self.angles.1);
+        Ok(())
     }
 
     /// See [`super::Derivative::follow`].
@@ -122,15 +161,10 @@ impl ShearsPiece {
         &self,
         terms: &mut Terms,
         changes: &mut [Vec<f64>],
-        of_nodes: &[Vec<f64>],
+        of_nodes: &[AtNodes],
     ) -> Result<Vec<Vec<f64>>, StepError> {
-        let width = self.weights.len();
-        let of = |values: &Vec<f64>| {
-            let is_given = !values.is_empty();
-            is_given.then(|| self.map.apply(values, width, 0))
-        };
-        let moved: Vec<Option<Vec<f64>>> = of_nodes.iter().map(of).collect();
-        let is_moved = moved.iter().any(Option::is_some);
+        let moved: Vec<AtNodes> = of_nodes.iter().map(|own| self.change_of(own)).collect();
+        let is_moved = moved.iter().any(|own| *own != AtNodes::default());
         let mut state = self.ends[0].clone();
         let mut part = vec![0.0; state.len() / 2];
         for change in &mut *changes {
@@ -139,19 +173,24 @@ impl ShearsPiece {
         for shear in self.all() {
             let a = signed(shear);
             for change in &mut *changes {
-                add_product(terms, self.sum(&self.weights), a, split(change, shear.0))?;
+                add_product(terms, self.sum(), a, split(change, shear.0))?;
             }
             if is_moved {
                 let parts = split(&mut state, shear.0);
+                for (change, moved) in changes.iter_mut().zip(&moved) {
+                    let (out, _) = split(change, shear.0);
+                    for ((out, v), x) in out.iter_mut().zip(&moved.potential).zip(&*parts.1) {
+                        *out += a * v * *x;
+                    }
+                }
                 let each = |k: usize, part: &[f64]| {
                     for (change, moved) in changes.iter_mut().zip(&moved) {
-                        if let Some(moved) = moved {
-                            add_scaled(split(change, shear.0).0, a * moved[k], part);
+                        if let Some(weight) = moved.weights.get(k) {
+                            add_scaled(split(change, shear.0).0, a * weight, part);
                         }
                     }
                 };
-                let sum = self.sum(&self.weights);
-                add_products(terms, sum, a, parts, each, &mut part)?;
+                add_products(terms, self.sum(), a, parts, each, &mut part)?;
             }
         }
         for change in &mut *changes {
@@ -170,30 +209,41 @@ impl ShearsPiece {
         terms: &mut Terms,
         cotangent: &mut [f64],
         of_steps: &[Vec<f64>],
-        is_wanted: bool,
-    ) -> Result<Vec<f64>, StepError> {
+        wanted: Wanted,
+    ) -> Result<AtNodes, StepError> {
         for x in of_steps {
             add_scaled(cotangent, 1.0, x);
         }
         let mut state = self.ends[1].clone();
         let mut found = vec![0.0; self.weights.len()];
         let mut part = vec![0.0; cotangent.len() / 2];
+        let mut potential = Vec::new();
+        if wanted.potential {
+            potential.resize(part.len(), 0.0);
+        }
         turn(cotangent, -self.angles.1);
         for shear in self.all().rev() {
             let a = signed(shear);
-            let (sum, (now, other)) = (self.sum(&self.weights), split(cotangent, shear.0));
-            if is_wanted {
+            let (sum, (now, other)) = (self.sum(), split(cotangent, shear.0));
+            if wanted != Wanted::default() {
                 let parts = split(&mut state, shear.0);
+                for ((found, now), x) in potential.iter_mut().zip(&*now).zip(&*parts.1) {
+                    *found += a * now * *x;
+                }
                 let each = |k: usize, part: &[f64]| found[k] += a * inner(now, part);
                 add_products(terms, sum, -a, parts, each, &mut part)?;
             }
             add_product(terms, sum, a, (other, now))?;
         }
         turn(cotangent, -self.angles.0);
-        Ok(if is_wanted {
-            self.map.transposed(&found, found.len(), 0)
-        } else {
-            Vec::new()
-        })
+        let at_nodes = |values: &[f64]| self.map.transposed(values, values.len(), 0);
+        let mut of_nodes = AtNodes::default();
+        if wanted.weights {
+            of_nodes.weights = at_nodes(&found);
+        }
+        if wanted.potential {
+            of_nodes.potential = at_nodes(&potential);
+        }
+        Ok(of_nodes)
     }
 }

@@ -20,6 +20,14 @@ pub(in crate::method) struct NodeMap {
 }
 
 impl NodeMap {
+    /// A constant, by its value at one node.
+    pub(in crate::method) fn constant() -> Self {
+        Self {
+            series: vec![1.0],
+            powers: vec![1.0],
+        }
+    }
+
     /// Coefficients of powers, from rows of values at the nodes.
     pub(in crate::method) fn apply(&self, values: &[f64], width: usize, degree: usize) -> Vec<f64> {
         let nodes = self.series.len() / (degree + 1);

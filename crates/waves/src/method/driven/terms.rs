@@ -67,6 +67,11 @@ impl Terms {
         self.groups.len()
     }
 
+    /// Number of rows of H.
+    pub(in crate::method) fn places(&self) -> usize {
+        self.groups[0].hamiltonian().size()
+    }
+
     /// Begins with a state.
     pub(in crate::method) fn begin(&mut self, window: &Window, degree: usize, start: &[f64]) {
         let size = start.len();
@@ -227,7 +232,7 @@ impl Terms {
     }
 
     fn add_potential(&self, window: &Window, fit: &Fit, product: &mut [f64]) {
-        let size = self.groups[0].hamiltonian().size();
+        let size = self.places();
         for (l, v) in fit.potential.chunks(size).enumerate().take(self.n + 1) {
             let (factor, x) = self.power(window, l);
             for (out, x) in product.chunks_mut(size).zip(x.chunks(size)) {
