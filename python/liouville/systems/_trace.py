@@ -5,7 +5,6 @@ from __future__ import annotations
 import inspect
 import keyword
 import math
-import os
 import traceback
 import warnings
 from collections import Counter
@@ -18,6 +17,7 @@ from numpy.typing import ArrayLike
 
 from liouville import _casadi as ca
 from liouville.errors import hinted
+from liouville.systems._call_errors import is_undecided, misfit, misread, undecided
 from liouville.tape import check
 
 #: The arguments of a user's function, by their names: symbols, and the :class:`Parameters` last.
@@ -263,10 +263,12 @@ def _call(what: str, function: Callable[..., Any], args: Args) -> Any:
             warnings.filterwarnings("ignore", r"\s*casadi: a numpy function", FutureWarning)
             return function(*symbols, params.namespace)
     except Exception as error:
-        if isinstance(error, RuntimeError) and "truth value" in str(error):
-            raise _undecided(what, function, error) from error
+        if is_undecided(error):
+            raise undecided(what, function, error) from error
         if _is_inner(error):
             raise
+        if found := misread(what, function, error, args) or misfit(what, function, error, args):
+            raise found from error
         error.add_note(
             f"raised while `{what}` was called with CasADi symbols; "
             "use casadi's functions (ca.sin), and ca.if_else for a choice; code for numbers alone "
@@ -298,25 +300,6 @@ def _check_signature(what: str, function: Callable[..., Any], args: Args) -> Non
                 f"write it as def function({wanted}), whichever of these it uses",
             )
         ) from None
-
-
-def _undecided(what: str, function: Callable[..., Any], error: RuntimeError) -> TypeError:
-    """Return the error of a function that asks whether an expression is true."""
-    frames = traceback.extract_tb(error.__traceback__)
-    file = getattr(getattr(function, "__code__", None), "co_filename", None)
-    lines = [
-        f", line {x.lineno} of {os.path.basename(x.filename)},"
-        for x in frames
-        if x.filename == file
-    ]
-    where = lines[-1] if lines else ""
-    return TypeError(
-        hinted(
-            f"{what}{where} asks whether an expression is true, which has no value yet",
-            "for `if` write ca.if_else(condition, a, b), for `and`, `or`, `max`, `min` "
-            "ca.logic_and, ca.logic_or, ca.fmax, ca.fmin",
-        )
-    )
 
 
 def _scalar(what: str, value: Any) -> ca.SX:

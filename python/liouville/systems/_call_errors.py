@@ -1,0 +1,117 @@
+"""What goes wrong in a user's function that is called with symbols, in the user's names."""
+
+from __future__ import annotations
+
+import os
+import re
+import traceback
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from liouville import _casadi as ca
+from liouville.errors import hinted
+
+#: Sizes or an index that do not fit: what CasADi says after the place in its own source.
+ASSERTION = re.compile(r"(?s)\S*casadi/core/\S+: (Assertion .* failed:\n)?(?P<reason>.*?)\.?$")
+
+
+def is_undecided(error: Exception) -> bool:
+    """Return whether an error says that an expression was asked whether it is true."""
+    return isinstance(error, RuntimeError) and "truth value" in str(error)
+
+
+def undecided(what: str, function: Callable[..., Any], error: Exception) -> TypeError:
+    """Return the error of a function that asks whether an expression is true."""
+    return TypeError(
+        hinted(
+            f"{what}{_line(function, error)} asks whether an expression is true, which has no "
+            "value yet",
+            "for `if` write ca.if_else(condition, a, b), for `and`, `or`, `max`, `min` "
+            "ca.logic_and, ca.logic_or, ca.fmax, ca.fmin",
+        )
+    )
+
+
+def misread(
+    what: str, function: Callable[..., Any], error: Exception, args: Mapping[str, Any]
+) -> Exception | None:
+    """Return the error of a function that reads what a vector has not, None of another one.
+
+    `args` are the function's symbols by name, the parameters last.
+    """
+    found = _reading(error)
+    if found is None:
+        return None
+    vector, index = found
+    name = next((name for name, x in _vectors(args).items() if x is vector), None)
+    many, called = vector.numel(), name or "it"
+    has = "1 component" if many == 1 else f"{many} components"
+    within = f"indices are integers from 0 to {many - 1}" if many > 1 else f"{called}[0] is all"
+    if not vector.is_column():
+        has, within = f"shape {vector.shape}", "indices are integers below these numbers"
+    reads = f"reads {name}[{_written(index)}]" if name else f"reads [{_written(index)}] of a vector"
+    sentence = f"{what}{_line(function, error)} {reads}, and {called} has {has}"
+    if index is Ellipsis:
+        sentence = f"{what}{_line(function, error)} iterates over {name or 'a vector'} of CasADi's"
+        within = f"write `for k in range({many})`, and {name or 'the vector'}[k]"
+    if isinstance(error, (NotImplementedError, TypeError)):
+        return TypeError(hinted(sentence, within))
+    return ValueError(hinted(sentence, within if many else f"there are {_sizes(args)}"))
+
+
+def misfit(
+    what: str, function: Callable[..., Any], error: Exception, args: Mapping[str, Any]
+) -> ValueError | None:
+    """Return the error of a function whose operands have sizes that do not fit, else None."""
+    found = ASSERTION.match(str(error)) if isinstance(error, RuntimeError) else None
+    if found is None:
+        return None
+    sentence = f"{what}{_line(function, error)} puts together what does not fit: {found['reason']}"
+    return ValueError(hinted(sentence, f"there are {_sizes(args)}"))
+
+
+def _reading(error: Exception) -> tuple[ca.SX, Any] | None:
+    """Return the vector that an error comes from, and the index that it was read with."""
+    if not isinstance(error, (RuntimeError, NotImplementedError, TypeError)):
+        return None
+    for frame, _ in traceback.walk_tb(error.__traceback__):
+        vector = frame.f_locals.get("self")
+        if not isinstance(vector, ca.SX):
+            continue
+        if frame.f_code.co_name == "__getitem__":
+            return vector, frame.f_locals.get("s")
+        if frame.f_code.co_name == "__iter__":
+            return vector, Ellipsis
+    return None
+
+
+def _line(function: Callable[..., Any], error: Exception) -> str:
+    """Return the line of a user's file that an error comes from, as part of a sentence."""
+    frames = traceback.extract_tb(error.__traceback__)
+    file = getattr(getattr(function, "__code__", None), "co_filename", None)
+    lines = [
+        f", line {x.lineno} of {os.path.basename(x.filename)},"
+        for x in frames
+        if x.filename == file
+    ]
+    return lines[-1] if lines else ""
+
+
+def _vectors(args: Mapping[str, Any]) -> dict[str, ca.SX]:
+    """Return the symbols that a function is given, by what it calls them."""
+    *own, params = args
+    found = {name: args[name] for name in own}
+    return found | {f"{params}.{name}": x for name, x in vars(args[params].namespace).items()}
+
+
+def _sizes(args: Mapping[str, Any]) -> str:
+    vectors = _vectors(args).items()
+    return ", ".join(f"{name} of {'x'.join(map(str, x.shape))}" for name, x in vectors)
+
+
+def _written(index: Any) -> str:
+    """Write an index as it stands between brackets."""
+    if isinstance(index, slice):
+        ends = ["" if x is None else str(x) for x in (index.start, index.stop)]
+        return ":".join(ends if index.step is None else [*ends, str(index.step)])
+    return ", ".join(map(_written, index)) if isinstance(index, tuple) else repr(index)
