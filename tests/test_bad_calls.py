@@ -212,6 +212,18 @@ ROWS = [
     ("invariants a list", lambda: system(invariants=[kinetic]), TypeError, "invariants is a map"),
     ("invariant unnamed", lambda: system(invariants={1: kinetic}), TypeError, "1 is not a name"),
     (
+        "invariant the energy",
+        lambda: system(invariants={"energy": kinetic}),
+        ValueError,
+        "invariant 'energy' is the system's own, .*\nhint: .* another name",
+    ),
+    (
+        "invariant H",
+        lambda: lv.Hamiltonian(lambda t, q, p, params: p[0] ** 2, q=1, invariants={"energy": abs}),
+        ValueError,
+        "invariant 'energy' is the system's own",
+    ),
+    (
         "invariant a vector",
         lambda: system(invariants={"L": lambda t, q, v, params: q}),
         ValueError,

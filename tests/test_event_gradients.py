@@ -234,6 +234,20 @@ def test_what_has_no_derivative_is_refused():
     with pytest.raises(lv.IntegrationError, match="leads beside the constraints"):
         lv.integrate(**call, events={"wall": beside})
     free, events, at, _ = ball()
+    fall = lv.Lagrangian(lambda t, q, v, params: v[0] ** 2 / 2 - params.g * q[0], q=1,
+                         params={"g": 9.81})  # fmt: skip
+    ground = {"ground": lv.Event(lambda t, q, v, lam, params: q[0], "down",
+                                 reset=lambda t, q, v, lam, params: -v / 2)}  # fmt: skip
+    drop = {"t": (0.0, 10.0), "steps": 1000, "events": ground, "q": [1.0], "v": [0.0]}
+    accumulate = (
+        r"hits of 'ground' accumulate at t = 1.35457, and so near.*\nhint: end the run before"
+    )
+    with pytest.raises(lv.IntegrationError, match=accumulate):
+        lv.integrate(fall, lv.Spark(2), tangents={"params.g": 1.0}, **drop)
+    solution, pullback = lv.vjp(fall, lv.Spark(2), wrt=["v"], **drop)
+    assert "accumulate at t = 1.35457" in solution.message
+    with pytest.raises(lv.IntegrationError, match=accumulate):
+        pullback(q=np.ones_like(solution.q))
     up = {"q": np.array([0.0, 1.0]), "v": np.array([0.0, 2.0])}
     touch = lv.Event(lambda t, q, v, lam, params: (q[1] - 1.5) ** 3)
     with pytest.raises(lv.IntegrationError, match="touched and not crossed"):

@@ -279,7 +279,14 @@ def test_a_pickle_has_the_same_matrix_and_makes_the_same_equation(system):
         (lambda: lv.BosonSystem(4, ["+- + h.c.", ("+ + h.c.", 1.0)], particles=2),
          r"term 1, '\+', on site 0, changes the number of bosons, so that particles=2"),
         (lambda: lv.SpinSystem(4, ["z"]).product_state([0, 0]), "has the norm 0 in the sector"),
-        (lambda: lv.SpinSystem(60, ["z"]), "60 sites of 2 states: at most 48 are taken"),
+        (lambda: lv.SpinSystem(60, ["z"]), "60 sites of 2 states: at most 48 are taken\nhint: longer"),
+        (lambda: lv.SpinSystem(1, ["xx"]), "'xx', acts on 2 neighbouring sites, and there is 1\n"),
+        (lambda: lv.SpinSystem(3, ["x"]).operator("z+-z"), "'z.-z', acts on 4 .*, and there are 3"),
+        (lambda: lv.BosonSystem(1, ["n", "+- + h.c."], cutoff=2), r"term 1, '\+- \+ h.c.', acts on 2"),
+        (lambda: lv.SpinSystem(4, [("z", 1.0, [])]), "term 0, 'z', has no sites\nhint: leave"),
+        (lambda: lv.BosonSystem(10, ["n"], cutoff=200),
+         "10 sites of 201 states: at most 6 .*\nhint: of 10 sites the most bosons .* cutoff=26$"),
+        (lambda: lv.BosonSystem(60, ["n"], cutoff=2), "at most 30 .*\nhint: longer ones"),
     ],
 )  # fmt: skip
 def test_what_is_wrong_is_said(make, words):
@@ -298,6 +305,10 @@ def test_a_chain_of_24_fits_and_what_does_not_is_refused_with_numbers(monkeypatc
         lv.SpinSystem(28, [*exchange, ("zzz", 1.0)], up=14)
     with pytest.raises(MemoryError, match=r"of 17179869184 states, .* and 18 GiB may be taken"):
         lv.SpinSystem(34, [("zz", 1.0), ("x", 1.0)])
+    with pytest.raises(
+        MemoryError, match=r"12 sites of at most 12\).*\nhint: take a smaller cutoff="
+    ):
+        lv.BosonSystem(12, ["n"], cutoff=12)
 
 
 def test_the_number_of_entries_is_known_beforehand():

@@ -213,6 +213,14 @@ def _reset(error: dict[str, Any], constraints: Sequence[str]) -> Description:
 
 def _no_derivative(error: dict[str, Any]) -> Description:
     event, t = error["event"], error["t"]
+    if "limit" in error:
+        return (
+            f"the hits of '{event}' accumulate at t = {error['limit']:.6g}, and so near to it as "
+            f"t = {t:.6g} their times have no derivative",
+            "end the run before, at an earlier time or after a number of hits, terminal= of the "
+            "event; from there on the motion stays on it, which another model describes",
+            event,
+        )
     if error["is_grazing"]:
         return (
             f"event '{event}' is touched and not crossed at t = {t:.6g}, where its time has no "

@@ -246,7 +246,9 @@ class TracedRunner(Runner):
         if error.get("quantity") in ("event", "reset") and error["kind"] == "not finite":
             error["quantity"] += f" {names[error['index']]}"
         if error["kind"] in ("reset", "no derivative"):
-            error["event"] = names[error["event"]]
+            error["event"] = name = names[error["event"]]
+            limit = self._watch.accumulated(name, error["t"]) if error.get("is_grazing") else None
+            error |= {} if limit is None else {"limit": limit}
         return system.describe(error)
 
     def _check_sizes(self, request: Request) -> None:

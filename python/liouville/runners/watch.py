@@ -17,6 +17,9 @@ from liouville.systems import Field, Mechanics, SemiExplicit
 #: The watch as it crosses the border: the order of the method, the times, and the events.
 Crossed = tuple[int, np.ndarray | None, list[_job.Event]]
 
+#: Hits accumulate where so many intervals in turn shrink, to this part of the longest.
+SHRINKING, SHORT = 4, 1e-2
+
 
 class Watch:
     """The events and the times asked for.
@@ -37,6 +40,7 @@ class Watch:
         if span[1] < span[0]:
             _check_invertible(self.events)
         self.times = given(times, span, every)
+        self._hits: dict[str, np.ndarray] = {}
 
     def __getstate__(self) -> dict[str, Any]:
         """Leave the functions behind: the core has them as tapes."""
@@ -96,9 +100,20 @@ class Watch:
                 at = _states_at(system, times, sides[:, side], params, members)
                 states |= {f"{state}{end}": x for state, x in at.items()}
             points[name] = Points(times, states | ({"member": members} if params.ndim > 1 else {}))
+        self._hits = {name: found.t for name, found in points.items()}
         names = [*self.events]
         said = {member: _said(names[which], t, limit) for which, t, limit, member in ends}
         return points, said, rest
+
+    def accumulated(self, name: str, t: float) -> float | None:
+        """Return where the hits of an event until t accumulate, None if they do not."""
+        hits = self._hits.get(name, np.empty(0))
+        intervals = np.abs(np.diff(hits[np.abs(hits - hits[:1]) <= np.abs(t - hits[:1])]))
+        last = intervals[-SHRINKING:]
+        if len(last) < SHRINKING or (np.diff(last) >= 0).any() or last[-1] > SHORT * max(intervals):
+            return None
+        ratio = last[-1] / last[-2]
+        return float(t + np.copysign(ratio / (1 - ratio) * last[-1], t - hits[0]))
 
 
 def _states_at(

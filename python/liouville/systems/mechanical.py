@@ -44,7 +44,8 @@ class Lagrangian(Mechanics):
     force : callable, optional
         ``force(t, q, v, params)``: the n generalised forces Q that do not come from L.
     invariants : mapping of str to callable, optional
-        Quantities ``f(t, q, v, params)`` to record besides "energy", :math:`v^T L_v - L`.
+        Quantities ``f(t, q, v, params)`` to record besides "energy", :math:`v^T L_v - L`, whose
+        name is taken.
     switches : mapping of str to callable, optional
         Functions ``f(t, q, v, params)`` at whose zeros forces bend sharply, such as the edges of a
         regularised friction. Steps controlled by their errors end there, and the next one is as
@@ -109,7 +110,7 @@ class Lagrangian(Mechanics):
             states=("q", "v"),
             coordinates=coordinates,
             constraints=names + more,
-            invariants={"energy": ca.dot(s.z, p) - L, **traced_invariants(invariants, args)},
+            invariants=traced_invariants(invariants, args, ca.dot(s.z, p) - L),
             power=extra_power(extra, s.z, -jacobian(L, s.t), g, s, lam),
             switches=traced_switches(switches, args),
         )
@@ -133,7 +134,8 @@ class Hamiltonian(Mechanics):
     force : callable, optional
         ``force(t, q, p, params)``: the n generalised forces Q that do not come from H.
     invariants : mapping of str to callable, optional
-        Quantities ``f(t, q, p, params)`` to record besides "energy", which is H.
+        Quantities ``f(t, q, p, params)`` to record besides "energy", which is H; that name is
+        taken.
 
     Raises
     ------
@@ -175,7 +177,7 @@ class Hamiltonian(Mechanics):
             states=("q", "p"),
             coordinates=coordinates,
             constraints=names + more,
-            invariants={"energy": H, **traced_invariants(invariants, args)},
+            invariants=traced_invariants(invariants, args, H),
             power=extra_power(extra, v, jacobian(H, s.t), g, s, lam),
         )
 

@@ -45,7 +45,7 @@ class Structure(Mechanics):
         Parameters by name, with default values; the functions see ``params.name``.
     invariants : mapping of str to callable, optional
         Quantities ``f(t, q, v, params)`` to record besides "energy",
-        :math:`\tfrac12 v^T M v + \tfrac12 q^T K q`.
+        :math:`\tfrac12 v^T M v + \tfrac12 q^T K q`, whose name is taken.
 
     Raises
     ------
@@ -106,7 +106,7 @@ class Structure(Mechanics):
             states=("q", "v"),
             coordinates=coordinates,
             constraints=names,
-            invariants={"energy": ca.SX(0), **traced_invariants(invariants, args)},
+            invariants=traced_invariants(invariants, args, ca.SX(0)),
             power=extra_power(extra, s.z, ca.SX(0), g, s, lam),
         )
 

@@ -332,12 +332,21 @@ class TracedSystem(Pickled, ABC):
 
 
 def traced_invariants(
-    invariants: Mapping[str, Function] | None, args: _trace.Args
+    invariants: Mapping[str, Function] | None, args: _trace.Args, energy: ca.SX | None = None
 ) -> dict[str, ca.SX]:
-    """Trace the quantities that a user wants recorded."""
-    return {
+    """Trace the quantities that a user wants recorded, besides the energy of the system's own.
+
+    ValueError if one would take the place of that energy, whose drift judges a run.
+    """
+    own = {} if energy is None else {"energy": energy}
+    given = _trace.mapping("invariants", invariants)
+    for name in own:
+        if name in given:
+            sentence = f"invariant '{name}' is the system's own, recorded of every run"
+            raise ValueError(hinted(sentence, "leave it out, or give yours another name"))
+    return own | {
         name: _trace.scalar(f"invariant '{name}'", function, args)
-        for name, function in _trace.mapping("invariants", invariants).items()
+        for name, function in given.items()
     }
 
 

@@ -16,6 +16,9 @@ from liouville.systems.schrodinger.entries import numbers as array_of
 #: Pairs of a function of time and a matrix.
 Drive = list[tuple[Any, Any]]
 
+#: The fewest samples of a function.
+FEWEST = 2
+
 #: A run may leave the times of samples by so much of their distance: these may be midpoints.
 ROOM = 0.5 + 1e-9
 
@@ -179,6 +182,10 @@ class Samples:
         if values.shape != times.shape:
             sentence = f"{name} has samples of shape {values.shape}"
             raise ValueError(f"{sentence}, and there are {times.size} times")
+        bad = np.flatnonzero(~np.isfinite(values.astype(float)))
+        if bad.size:
+            which = f"sample {bad[0]} of {name}, at t = {times[bad[0]]:g},"
+            raise ValueError(f"{which} is {values[bad[0]]}, wanted a finite number")
         from liouville.systems._table import table
 
         ends = "not-a-knot" if times.size > 3 else "natural"
@@ -207,4 +214,13 @@ def _times(times: ArrayLike) -> np.ndarray:
     found = numbers(times)
     if found is None or found.ndim != 1:
         raise TypeError(f"times is an array of the times of samples, not {times!r}")
+    if found.size < FEWEST:
+        raise ValueError(f"times are {FEWEST} at least, not {found.size}")
+    if not np.isfinite(found).all():
+        k = int(np.argmin(np.isfinite(found)))
+        raise ValueError(f"times[{k}] is {found[k]}, wanted a finite number")
+    if not (np.diff(found) > 0).all():
+        k = int(np.argmin(np.diff(found) > 0))
+        sentence = f"times increase: times[{k}] = {found[k]:g} is followed by {found[k + 1]:g}"
+        raise ValueError(hinted(sentence, "sort times and samples together, each time once"))
     return found

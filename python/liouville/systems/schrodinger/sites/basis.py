@@ -92,15 +92,28 @@ class Basis:
         """Bits of a site."""
         return max(1, (self.levels - 1).bit_length())
 
-    def check(self) -> None:
+    def check(self, hint: str = "longer ones are for tensor networks") -> None:
         """Refuse more sites than an integer or the tables have room for."""
-        most = MOST_BITS // self.width
-        high = self.sites - self.sites // 2
-        if self.sites > most or self.levels**high > LARGEST_HALF:
-            while self.levels ** (most - most // 2) > LARGEST_HALF:
+        if not self._has_room(self.sites, self.levels):
+            most = MOST_BITS // self.width
+            while not self._has_room(most, self.levels):
                 most -= 1
             sentence = f"{self.sites} sites of {self.levels} states: at most {most} are taken"
-            raise ValueError(hinted(sentence, "longer ones are for tensor networks"))
+            raise ValueError(hinted(sentence, hint))
+
+    @property
+    def most_levels(self) -> int:
+        """The most states that so many sites may have, 1 if there are too many."""
+        levels = self.levels
+        while levels > 1 and not self._has_room(self.sites, levels):
+            levels -= 1
+        return levels
+
+    @staticmethod
+    def _has_room(sites: int, levels: int) -> bool:
+        """Return whether an integer and the tables have room for so many sites."""
+        width = max(1, (levels - 1).bit_length())
+        return sites * width <= MOST_BITS and levels ** (sites - sites // 2) <= LARGEST_HALF
 
     @property
     def size(self) -> int:

@@ -159,6 +159,8 @@ class BosonSystem(SiteSystem):
     126
     """
 
+    _fewer = "take a smaller cutoff=, fix particles=, or take fewer sites"
+
     def __init__(
         self,
         sites: int,
@@ -190,3 +192,9 @@ class BosonSystem(SiteSystem):
         """Name the numbers of sites and of bosons."""
         sector = "" if self.particles is None else f", particles={self.particles}"
         return f"BosonSystem({self.sites} sites of at most {self.cutoff}{sector})"
+
+    def _check_basis(self) -> None:
+        most = self._basis.most_levels
+        if most < 2:
+            self._basis.check()
+        self._basis.check(f"of {self.sites} sites the most bosons on one are cutoff={most - 1}")

@@ -45,6 +45,9 @@ class SiteSystem:
         Whether the last site is a neighbour of the first.
     """
 
+    #: What helps against too many states.
+    _fewer = "fix what the sum conserves, or take fewer sites"
+
     _letters: Letters
     _basis: Basis
 
@@ -53,7 +56,7 @@ class SiteSystem:
         if isinstance(terms, str) or not isinstance(terms, Sequence) or not len(terms):
             raise TypeError(f"terms is a sequence of (letters, coefficient, sites), not {terms!r}")
         self.terms = tuple(terms)
-        self._basis.check()
+        self._check_basis()
         if not self._basis.size:
             asked = " and ".join(charge.asked for charge in self._basis.charges)
             raise ValueError(f"{sites} sites have no state with {asked}")
@@ -204,8 +207,11 @@ class SiteSystem:
                     raise ValueError(hinted(f"{products.origins[key]}, {what}", hint))
 
     def _check_memory(self, needed: float) -> None:
-        fewer = "fix what the sum conserves, or take fewer sites"
-        check_memory(f"{self!r} of {self.size} states, with a state,", needed, fewer)
+        check_memory(f"{self!r} of {self.size} states, with a state,", needed, self._fewer)
+
+    def _check_basis(self) -> None:
+        """Refuse more sites, or more states of a site, than there is room for."""
+        self._basis.check()
 
     def _exchange(self) -> Exchange | None:
         """Return the model as the core takes it without a matrix, where it does."""

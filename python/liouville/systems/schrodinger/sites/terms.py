@@ -167,8 +167,14 @@ def _sites(
     """Return the sites of each factor: those given, or all chains of neighbours."""
     factors = beside.size
     if places is None:
-        whole = sites if periodic else sites - int(beside.max())
-        found: NDArray[np.int64] = (np.arange(max(whole, 0))[:, None] + beside) % sites
+        many = int(beside.max()) + 1
+        if many > sites:
+            there = f"there {'is' if sites == 1 else 'are'} {sites}"
+            sentence = f"{name}, {word!r}, acts on {many} neighbouring sites, and {there}"
+            hint = "leave it out, take more sites, or give the sites that it acts on"
+            raise ValueError(hinted(sentence, hint))
+        whole = sites if periodic else sites + 1 - many
+        found: NDArray[np.int64] = (np.arange(whole)[:, None] + beside) % sites
         return found
     try:
         found = np.asarray(places)
@@ -176,6 +182,8 @@ def _sites(
         found = np.array(None)
     if found.dtype.kind not in "iu" and found.size:
         raise TypeError(f"the sites of {name}, {word!r}, are integers, not {places!r}")
+    if not found.size:
+        raise ValueError(hinted(f"{name}, {word!r}, has no sites", "leave the term out"))
     if found.ndim < 2:
         found = found.reshape((-1, 1) if factors == 1 else (1, -1))
     if found.ndim != 2 or found.shape[1] != factors:
