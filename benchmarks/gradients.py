@@ -31,6 +31,7 @@ def cases():
     """Yield a name, system, start, interval, steps and stages."""
     pendulum, andrews = load("pendulum"), load("andrews")
     yield "pendulum", pendulum.system, pendulum.start, (0.0, 50.0), 2500, 4
+    yield "pendulum", pendulum.system, pendulum.start, (0.0, 400.0), 20_000, 2
     yield "Andrews' mechanism", andrews.system, andrews.start, (0.0, 0.03), 300, 3
     for links in LINKS:
         start, t = chain.start_for(links), (0.0, 20 / links)

@@ -157,7 +157,7 @@ ROWS = [
         "L beyond q",
         lambda: system(lambda t, q, v, params: q[7]),
         ValueError,
-        r"lagrangian, line \d+ of test_bad_calls.py, reads q\[7\], and q has 2 components\nhint: .* 1$",
+        r"lagrangian, line \d+ of test_bad_calls.py, reads q\[7\], and q has 2 comp.*\nhint: .* 1$",
     ),
     (
         "L beyond a slice",
@@ -199,7 +199,7 @@ ROWS = [
         "sizes that do not fit",
         lambda: system(force=lambda t, q, v, params: q + ca.vertcat(1, 2, 3)),
         ValueError,
-        "force, .* what does not fit: Dimension mismatch.*2x1.*3x1\nhint: there are t of 1x1, q of 2",
+        "force, .* what does not fit: Dimension mismatch.*2x1.*3x1\nhint: there are t of 1x1, q",
     ),
     ("force too long", lambda: system(force=returns([0] * 3)), ValueError, "force.*3.*wanted 2"),
     ("force None", lambda: system(force=returns(None)), TypeError, "force returns None"),
@@ -441,6 +441,12 @@ ROWS = [
     ("t empty", lambda: run(t=(1, 1)), ValueError, r"t = \(1, 1\) is no interval"),
     ("t endless", lambda: run(t=(0, INF)), ValueError, r"finite interval, not \(0, inf\)"),
     ("t NaN", lambda: run(t=(NAN, 1)), ValueError, r"finite interval, not \(nan, 1\)"),
+    (
+        "t too short",
+        lambda: run(t=(0, 1e-300), h=None, steps=1),
+        ValueError,
+        r"t = \(0, 1e-300\) is too short: .* 1e-130 long at least\nhint: take another unit",
+    ),
     ("t too long", lambda: run(t=(-1.7e308, 1.7e308)), ValueError, "finite interval"),
     ("t missing", lambda: lv.integrate(PENDULUM, lv.Spark(3), h=0.1), TypeError, "argument: 't'"),
     # start values

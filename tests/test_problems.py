@@ -304,3 +304,8 @@ def test_a_problem_is_imported_where_it_is_first_used():
 def test_unknown_problem_is_refused_with_the_nearest_name():
     with pytest.raises(ValueError, match=r"'andrew'\nhint: did you mean 'andrews'"):
         problems.load("andrew")
+    for nothing in ("", "zzz"):
+        with pytest.raises(
+            ValueError, match=f"'{nothing}'\nhint: there are pendulum, .*, lattice3d$"
+        ):
+            problems.load(nothing)

@@ -15,6 +15,9 @@ from liouville.errors import hinted
 #: Beyond this, a step's number and its time are no longer exact.
 MOST_STEPS = 2**53
 
+#: Of shorter times squares have no digits left, nor have their parts as small as roundoff.
+SHORTEST = 1e-130
+
 
 def number(wanted: str, value: Any) -> float:
     """Return a real number as a float; TypeError says what is wanted."""
@@ -46,6 +49,9 @@ def interval(t: Any) -> tuple[float, float]:
         raise ValueError(f"t is a finite interval, not ({t0:g}, {t1:g})")
     if t0 == t1:
         raise ValueError(f"t = ({t0:g}, {t1:g}) is no interval")
+    if abs(t1 - t0) < SHORTEST:
+        sentence = f"t = ({t0:g}, {t1:g}) is too short: a time is {SHORTEST:g} long at least"
+        raise ValueError(hinted(sentence, "take another unit of time"))
     return t0, t1
 
 

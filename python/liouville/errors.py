@@ -4,12 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Sequence
+from difflib import get_close_matches
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from liouville.optimal import OptimalControl
     from liouville.section import Section
     from liouville.solution import Solution
+
+
+#: How much a name has in common with one that it may be meant for, as difflib counts.
+NEAR = 0.5
 
 
 class IntegrationError(RuntimeError):
@@ -87,6 +92,12 @@ def quoted(names: Sequence[str]) -> str:
     """Write names for a message: 'a', 'b' and 'c'."""
     words = [f"'{name}'" for name in names]
     return " and ".join([", ".join(words[:-1]), words[-1]]) if len(words) > 1 else words[0]
+
+
+def meant(name: str, names: Collection[str]) -> str:
+    """Return a hint on a name that is none: the nearest one, or all where none is near."""
+    near = get_close_matches(name, names, n=1, cutoff=NEAR)
+    return f"did you mean {near[0]!r}?" if near else f"there are {', '.join(names)}"
 
 
 def check_name(name: str, names: Collection[str], kind: str) -> None:

@@ -70,7 +70,8 @@ def solver(
     TypeError, ValueError
         An argument is wrong, or what is asked for has no pullback. Where a run fails, or its start
         cannot be differentiated, CasADi's RuntimeError has the sentence; IPOPT takes a shorter
-        step there.
+        step there. CasADi prints the error to ``sys.stderr`` besides, whoever catches it;
+        ``contextlib.redirect_stderr`` takes it from there.
 
     Examples
     --------
@@ -127,7 +128,11 @@ class _Called(ca.Callback):
 
     def eval(self, given: Sequence[ca.DM]) -> list[ca.DM]:
         """Return the outputs."""
-        return [ca.DM(x) for x in self._call([x.full() for x in given])]
+        try:
+            return [ca.DM(x) for x in self._call([x.full() for x in given])]
+        except Exception as error:
+            # CasADi prints what is raised before an error of its own: the sentence will do
+            raise error.with_traceback(None) from None
 
 
 class _Run(_Called):

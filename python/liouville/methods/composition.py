@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from difflib import get_close_matches
 
 from liouville import _core
+from liouville.errors import hinted, meant
 from liouville.methods.lobatto import LobattoPair
 from liouville.methods.spark import Spark
 
@@ -21,11 +21,10 @@ def scheme_name(value: object, names: tuple[str, ...]) -> str:
     if not isinstance(value, str):
         raise TypeError(f"a composition is the name of a scheme, not {value!r}")
     if value not in names:
-        near = get_close_matches(value, names, n=1, cutoff=0.0)[0]
-        raise ValueError(
-            f"no composition is called {value!r}, or not for such a method\n"
-            f"hint: did you mean {near!r}? There are {', '.join(names)}"
-        )
+        near, known = meant(value, names), f"There are {', '.join(names)}"
+        hint = f"{near} {known}" if near.endswith("?") else near
+        sentence = f"no composition is called {value!r}, or not for such a method"
+        raise ValueError(hinted(sentence, hint))
     return value
 
 

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from difflib import get_close_matches
 from typing import ClassVar
 
+from liouville.errors import hinted, meant
 from liouville.methods.spark import (
     NEWTON_TOL_HELP,
     SOLVERS,
@@ -88,11 +88,10 @@ class LobattoPair:
         """Refuse numbers that make no method."""
         check_stages(self.stages, 2, MOST_STAGES)
         if self.force not in FORCES:
-            near = get_close_matches(str(self.force).upper(), FORCES, n=1, cutoff=0.0)[0]
-            raise ValueError(
-                f"force is one of {', '.join(FORCES)}, not {self.force!r}\n"
-                f"hint: did you mean {near!r}? 'B' is the symplectic one"
-            )
+            sentence = f"force is one of {', '.join(FORCES)}, not {self.force!r}"
+            near = meant(str(self.force).upper(), FORCES)
+            near = f"{near} " if near.endswith("?") else ""
+            raise ValueError(hinted(sentence, f"{near}'B' is the symplectic one"))
         check_solver(self.solver)
         check_newton_tol(self.newton_tol)
 

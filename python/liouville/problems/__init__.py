@@ -31,12 +31,13 @@ Examples
 {'q': (1.0, 0.0), 'v': (0.0, 0.0)}
 """
 
-from difflib import get_close_matches
 from importlib import import_module
 from types import ModuleType
 from typing import Protocol
 
 import casadi as ca
+
+from liouville.errors import hinted, meant
 
 #: The mechanical systems with holonomic constraints.
 MECHANICAL = (
@@ -129,13 +130,12 @@ def load(name: str) -> ModuleType:
     Raises
     ------
     TypeError, ValueError
-        There is no problem of that name; the message has the nearest one.
+        There is no problem of that name; the message has the nearest one, or all.
     """
     if not isinstance(name, str):
         raise TypeError(f"name is that of a problem, such as 'pendulum', not {name!r}")
     if name not in NAMES:
-        near = get_close_matches(name, NAMES, n=1, cutoff=0.0)[0]
-        raise ValueError(f"no problem is called {name!r}\nhint: did you mean {near!r}?")
+        raise ValueError(hinted(f"no problem is called {name!r}", meant(name, NAMES)))
     return import_module(f"{__name__}.{name}")
 
 

@@ -38,6 +38,9 @@ STATES = {
 #: The memory of the two halves by which shears step a state of a complex H.
 HALVES = 2
 
+#: So many times within a step that failed are looked at.
+LOOKS = 65
+
 #: The memory of a window of several outputs beside these outputs: copies of terms.
 OUTPUTS = 17
 
@@ -241,7 +244,31 @@ class WaveRunner(Runner):
             found[name] = self.system.hbar * found[name]
         return found
 
+    def _singular(self, error: dict[str, Any]) -> Description | None:
+        """Return which function of time is not finite within the step that failed, and where."""
+        if not self.system.is_driven or "start" not in error:
+            return None
+        h = self.steps.mean(self.steps.t1, self.steps.count)
+        for t in error["start"] + h * np.linspace(0.0, 1.0, LOOKS):
+            try:
+                self.system.check_time(float(t))
+            except ValueError as found:
+                sentence, _, hint = str(found).partition("\nhint: ")
+                return sentence, hint, sentence.split(" is ")[0]
+        return None
+
     def _described(self, error: dict[str, Any]) -> Description:
+        size = error.get("norm", error.get("theta", 0.0))
+        is_finite = error["kind"] not in ("norm", "spectrum") or np.isfinite(size)
+        if not is_finite and (found := self._singular(error)):
+            return found
+        if not is_finite and error["kind"] == "norm" and self.system.is_driven:
+            return (
+                f"the norm is {size:.6g} where it was {error['norm_at_start']:.6g}: H(t) may have "
+                "values beyond its bounds",
+                "look for a jump, or a division by zero, in a function of time",
+                "norm",
+            )
         if error["kind"] == "norm":
             low, high = self.plan.bounds
             return (

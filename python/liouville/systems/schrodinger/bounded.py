@@ -89,6 +89,12 @@ class Bounded(Pickled):
         """Return the weights of these at a time, the first of which is 1."""
         return np.array([1.0, *(float(f.at(t)[0]) for f in self._functions)])
 
+    def check_time(self, t: float) -> None:
+        """Refuse a time at which the potential or a drive is not finite: ValueError names it."""
+        self.weights_at(t)
+        if self._moving is not None and self.grid is not None:
+            self._moving.at(t, self.grid.points)
+
     def product_at(self, t: float) -> Callable[[np.ndarray], np.ndarray]:
         r"""Return the product of :math:`H / \hbar` at a time with a real vector of the core."""
         if self.moving_product is not None:

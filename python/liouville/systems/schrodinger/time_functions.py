@@ -94,7 +94,7 @@ class TimeFunction:
         values = self._own_tape.map(self._expressions.symbols.params.values(None), args)[:, 0]
         bad = np.flatnonzero(~np.isfinite(values))
         if bad.size:
-            place = "" if points is None else f" at x = {points[bad[0]].tolist()}"
+            place = "" if points is None else f" and x = {_point(points[bad[0]])}"
             raise ValueError(
                 hinted(
                     f"{self.what} is {values[bad[0]]} at t = {t:g}{place}",
@@ -102,6 +102,12 @@ class TimeFunction:
                 )
             )
         return np.array(values)
+
+
+def _point(x: np.ndarray) -> str:
+    """Write a point for a message."""
+    inner = ", ".join(f"{each:g}" for each in x)
+    return inner if x.size == 1 else f"({inner})"
 
 
 def potential(grid: Grid, params: _trace.Parameters) -> TimeFunction | np.ndarray:
