@@ -127,6 +127,20 @@ impl<R: Real> Model<R> {
         ])
     }
 
+    /// The same of [`Model::stage_blocks`], [`Model::stage_jacobian`] and [`Model::node_jacobian`].
+    pub fn jacobians_at_points<P: Real>(
+        &self,
+        [stages, nodes]: [usize; 2],
+        number: impl Fn(R) -> P + Copy,
+    ) -> Option<[PointRegisters<P>; 3]> {
+        let problem = &self.problem;
+        Some([
+            (problem.stage_blocks).at_points(&self.stage_blocks.one, stages, number)?,
+            (problem.stage_jacobian).at_points(&self.stage_jacobian.one, stages, number)?,
+            (problem.node_jacobian).at_points(&self.node_jacobian.one, nodes, number)?,
+        ])
+    }
+
     /// [`Model::stage`] at several points.
     #[inline(always)]
     pub fn stages<'a>(

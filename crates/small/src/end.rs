@@ -140,6 +140,7 @@ impl<L: Layout> Small<L> {
             return;
         }
         let t = step.t + self.tables.c_hat.0[self.tables.intervals] * step.h;
+        self.update_mass(model, t);
         let blocks = self.end_blocks(model, t);
         let end = &mut self.end;
         for _ in 0..corrections {
@@ -158,6 +159,24 @@ impl<L: Layout> Small<L> {
                 (end.y[q], end.y_low[q]) = (sum.high, sum.low);
             }
         }
+    }
+
+    /// M⁻¹ at y1, where it varies.
+    #[inline(always)]
+    fn update_mass(&mut self, model: &mut Model<L>, t: f64) {
+        if self.full.is_none() {
+            return;
+        }
+        let n = self.problem.n;
+        let mut mass = [[L::splat(0.0); COORDINATES]; COORDINATES];
+        let [p_z, _] = model.stage_blocks(t, &self.end.y[..n], &self.end.z[..n]);
+        for (&(row, col), x) in self.problem.patterns.p_z.entries().iter().zip(p_z) {
+            mass[row][col] = *x;
+        }
+        for q in n..COORDINATES {
+            mass[q][q] = L::splat(1.0);
+        }
+        self.inverse_mass = inverse_of(mass);
     }
 
     /// What the constraints at y1 are made of.
@@ -204,6 +223,7 @@ impl<L: Layout> Small<L> {
         let weight = self.weights[1].0[k];
         let mut reaction = [L::splat(0.0); COORDINATES];
         let mut blocks = Blocks::default();
+        self.update_mass(model, t);
         if m > 0 {
             blocks = self.end_blocks(model, t);
             let [_, r] = model.node(t, &self.end.y[..n], &self.end.lam[..m]);
@@ -294,6 +314,33 @@ fn dot<L: Layout>(a: &[L; COORDINATES], b: &[L; COORDINATES]) -> L {
         sum += a[q] * b[q];
     }
     sum
+}
+
+/// The inverse, by Gauss and Jordan without pivots.
+#[inline(always)]
+fn inverse_of<L: Layout>(
+    mut a: [[L; COORDINATES]; COORDINATES],
+) -> [[L; COORDINATES]; COORDINATES] {
+    for k in 0..COORDINATES {
+        let inverse = L::splat(1.0) / a[k][k];
+        let mut pivot = a[k];
+        pivot[k] = L::splat(1.0);
+        for x in &mut pivot {
+            *x *= inverse;
+        }
+        for (i, row) in a.iter_mut().enumerate() {
+            if i == k {
+                continue;
+            }
+            let factor = row[k];
+            row[k] = L::splat(0.0);
+            for (x, pivot) in row.iter_mut().zip(&pivot) {
+                *x -= factor * *pivot;
+            }
+        }
+        a[k] = pivot;
+    }
+    a
 }
 
 /// The solution of one or two equations, by determinants.

@@ -73,7 +73,7 @@ impl<L: Layout> Small<L> {
         }
     }
 
-    /// Impulses, and M⁻¹ times the residual of the momentum; `is_first` where they are the first of a step.
+    /// Impulses, and the residual of the momentum; `is_first` where they are the first of a step.
     #[inline(always)]
     pub(super) fn evaluate(&mut self, step: Step<L>, is_first: bool) {
         self.move_points(step, is_first || self.reads_y);
@@ -118,6 +118,15 @@ impl<L: Layout> Small<L> {
                 |row, sum| (p[row] - p0) - (low + (f[row] + sum)),
             );
         }
+        if self.full.is_none() {
+            self.find_velocities();
+        }
+    }
+
+    /// M⁻¹ times the residual of the momentum.
+    #[inline(always)]
+    fn find_velocities(&mut self) {
+        let (n, s) = (self.problem.n.min(COORDINATES), L::rows(self.tables.stages));
         let residual = &self.work.residual;
         for i in 0..n {
             let inverse = &self.inverse_mass[i];
@@ -135,17 +144,34 @@ impl<L: Layout> Small<L> {
     }
 
     #[inline(always)]
-    fn linearize(&mut self) {
+    fn linearize(&mut self, h: f64) {
+        if self.problem.m > 0 {
+            self.run_node_blocks();
+        }
+        if let Some(full) = &mut self.full {
+            let points = [&mut self.stage, &mut self.node, &mut self.node_blocks];
+            full.update(&self.problem, &self.tables, points, h);
+        } else if self.problem.m > 0 {
+            self.update_node_schur();
+        }
+    }
+
+    #[inline(always)]
+    fn run_node_blocks(&mut self) {
+        for place in 0..=self.problem.n + self.problem.m {
+            let given = self.node.argument(place);
+            self.node_blocks.argument(place).copy_from_slice(given);
+        }
+        self.problem.node_blocks.run_points(&mut self.node_blocks);
+    }
+
+    #[inline(always)]
+    fn update_node_schur(&mut self) {
         let (n, m) = (
             self.problem.n.min(COORDINATES),
             self.problem.m.min(CONSTRAINTS),
         );
         let rows = L::rows(self.tables.intervals + 1);
-        for place in 0..1 + n + m {
-            let given = self.node.argument(place);
-            self.node_blocks.argument(place).copy_from_slice(given);
-        }
-        self.problem.node_blocks.run_points(&mut self.node_blocks);
         let at = &self.problem.patterns;
         for (place, &(c, q)) in at.g_y.entries().iter().enumerate() {
             let out = &mut self.linear.g_y[c % CONSTRAINTS][q % COORDINATES].as_mut()[..rows];
@@ -231,13 +257,19 @@ impl<L: Layout> Small<L> {
         let has_constraints = self.problem.m > 0;
         if has_constraints {
             self.compensate();
+        }
+        if self.full.is_some() {
+            self.solve_full(h);
+        } else if has_constraints {
             self.correct_multipliers(h);
         }
         let (mut largest, mut total) = (L::zeros(), L::Row::splat(0.0));
         for q in 0..n {
             let u = self.velocity[q].as_ref();
             let d_z = &mut self.work.d_z.as_mut()[..rows];
-            if has_constraints {
+            if let Some(full) = &self.full {
+                d_z.copy_from_slice(&full.corrections[q].as_ref()[..rows]);
+            } else if has_constraints {
                 L::product(
                     d_z,
                     &self.tables.a_hat,
@@ -309,9 +341,7 @@ impl<L: Layout> Equations<L> for SmallEquations<'_, L> {
                 small.evaluate(step, is_first);
                 if is_first {
                     small.measure_moved(step);
-                    if small.problem.m > 0 {
-                        small.linearize();
-                    }
+                    small.linearize(step.h);
                 }
                 let (size, is_finite) = small.correct(step.h);
                 (small.relative(size), is_finite)

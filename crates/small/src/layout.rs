@@ -27,6 +27,8 @@ pub trait Layout: Real {
     fn at(points: &Self::Points, i: usize) -> Self;
     /// Sets the value at one point.
     fn set(points: &mut Self::Points, i: usize, value: Self);
+    /// Sets the values beyond the first `count` points, where lanes stand for points that are not there.
+    fn extend(points: &mut Self::Points, count: usize, value: Self);
     /// Factors of the points, as a row takes them.
     fn factor(factors: &Lanes, row: usize) -> Self::Row;
     /// `out_i = finish(Σ_j weights_ij x_j)`, even and odd j apart.
@@ -82,6 +84,12 @@ impl Weights {
         weights
     }
 
+    /// The columns.
+    #[inline(always)]
+    pub(super) fn columns(&self) -> &[Lanes] {
+        &self.columns[..self.count]
+    }
+
     #[inline(always)]
     pub(super) fn set(&mut self, value: impl Fn(usize, usize) -> f64) {
         for (j, column) in self.columns[..self.count].iter_mut().enumerate() {
@@ -91,6 +99,21 @@ impl Weights {
         }
     }
 }
+
+/// A one at each of the first points.
+const FIRST: [Lanes; POINTS + 1] = {
+    let mut first = [Lanes([0.0; POINTS]); POINTS + 1];
+    let mut count = 0;
+    while count <= POINTS {
+        let mut i = 0;
+        while i < count {
+            first[count].0[i] = 1.0;
+            i += 1;
+        }
+        count += 1;
+    }
+    first
+};
 
 impl Layout for f64 {
     type Row = Lanes;
@@ -115,6 +138,10 @@ impl Layout for f64 {
     #[inline(always)]
     fn set(points: &mut [Lanes; 1], i: usize, value: f64) {
         points[0] = UNITS[i].choose(Lanes::splat(value), points[0]);
+    }
+    #[inline(always)]
+    fn extend(points: &mut [Lanes; 1], count: usize, value: f64) {
+        points[0] = FIRST[count].choose(points[0], Lanes::splat(value));
     }
     #[inline(always)]
     fn factor(factors: &Lanes, _: usize) -> Lanes {
@@ -187,6 +214,8 @@ impl<const W: usize> Layout for Lanes<W> {
     fn set(points: &mut [Self; POINTS], i: usize, value: Self) {
         points[i] = value;
     }
+    #[inline(always)]
+    fn extend(_: &mut [Self; POINTS], _: usize, _: Self) {}
     #[inline(always)]
     fn factor(factors: &Lanes, row: usize) -> Self {
         Self::splat(factors.0[row])

@@ -1,21 +1,24 @@
 //! Steps of small systems, of fixed sizes, with the stages of a step, or members, in vector registers.
 //!
-//! What nearly all steps do is done here: the start, extrapolated or cold, node Schur, the update. The equations, the stopping
+//! What nearly all steps do is done here: the start, extrapolated or cold, corrections, the update. The equations, the stopping
 //! rule and the order of sums are those of the crate above; a step that leaves this path is made there, from its start.
-//! With M = p_z constant and V = Z, node Schur takes per correction the products with ā, â, μ̄, μ̂ and the inverse of
+//! V is Z. With M = p_z constant, node Schur takes per correction the products with ā, â, μ̄, μ̂ and the inverse of
 //!
 //!     P⁻¹ S,   S_il = P_il G_i M⁻¹ R_l,   P = ā â,
 //!
-//! which is a multiple of the identity in the nodes as h → 0: it needs no pivots.
+//! which is a multiple of the identity in the nodes as h → 0: it needs no pivots. Where M varies, it is full Newton.
 
+mod blocks;
 mod end;
 mod equations;
+mod full_newton;
 mod layout;
 mod linear;
 mod start;
 mod tables;
 
 use end::End;
+use full_newton::FullNewton;
 use layout::{Layout, POINTS};
 use linear::Linear;
 use liouville_base::compiled;
@@ -36,12 +39,20 @@ pub const LAM: usize = 1;
 const COORDINATES: usize = 4;
 const CONSTRAINTS: usize = 2;
 
-/// Whether V is Z, its mass constant, and nothing but holonomic constraints acts with reactions linear in λ.
+/// Whether V is Z, momenta are linear in it, and nothing but holonomic constraints acts with reactions linear in λ.
 fn is_plain(problem: &Mechanical) -> bool {
-    problem.is_linear
-        && problem.l() == 0
-        && problem.patterns.v_z.is_none()
-        && problem.stage_blocks.is_empty()
+    problem.is_linear && problem.l() == 0 && problem.patterns.v_z.is_none()
+}
+
+/// The matrices that corrections may be made with.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Matrices {
+    /// Node Schur's where the mass is constant, else full Newton's.
+    Any,
+    /// Node Schur's.
+    NodeSchur,
+    /// Full Newton's.
+    Newton,
 }
 
 /// The memory of a step.
@@ -58,9 +69,12 @@ pub struct Small<L: Layout> {
     /// Whether forces depend on the stages at all, and p or they on their positions.
     has_force: bool,
     reads_y: bool,
+    /// M⁻¹, at the end of the step where it varies.
     inverse_mass: [[L; COORDINATES]; COORDINATES],
     is_diagonal: bool,
     linear: Linear<L>,
+    /// Full Newton, where the mass varies.
+    full: Option<Box<FullNewton<L>>>,
     z: [L::Points; COORDINATES],
     lam: [L::Points; CONSTRAINTS],
     /// The best found for members that take no further corrections.
@@ -114,16 +128,33 @@ type Kept<L> = (
 );
 
 impl<L: Layout> Small<L> {
-    /// Memory for a small system with these parameters; `None` where it is none.
+    /// Memory for a small system with these parameters; `None` where it is none, or wants another matrix.
     #[inline(never)]
-    pub fn new(model: &mut Model<L>, tableau: &tableau::Spark) -> Option<Box<Self>> {
+    pub fn new(
+        model: &mut Model<L>,
+        tableau: &tableau::Spark,
+        matrices: Matrices,
+    ) -> Option<Box<Self>> {
         let sizes = (model.problem.n, model.problem.m);
         let points = tableau.stages.max(tableau.intervals + 1);
         let is_small = sizes.0 <= COORDINATES && sizes.1 <= CONSTRAINTS && points <= POINTS;
-        if !is_small || !is_plain(&model.problem) {
+        let problem = model.problem.clone();
+        let is_constant = problem.stage_blocks.is_empty();
+        let other = if is_constant {
+            Matrices::Newton
+        } else {
+            Matrices::NodeSchur
+        };
+        if !is_small || !is_plain(&problem) || matrices == other {
             return None;
         }
-        let problem = model.problem.clone();
+        let tables = Tables::new(tableau)?;
+        let (mut full, mut inverse) = (None, [[L::splat(0.0); COORDINATES]; COORDINATES]);
+        if is_constant {
+            inverse = inverse_mass(model)?;
+        } else {
+            full = Some(Box::new(FullNewton::new(model, &tables)?));
+        }
         let rows = [tableau.stages, tableau.intervals + 1].map(L::rows);
         let [stage, node, node_blocks] = model.at_points(rows, Layout::every)?;
         let zeros = [L::zeros(); COORDINATES];
@@ -131,7 +162,7 @@ impl<L: Layout> Small<L> {
         let at = &problem.patterns;
         let has_force = !at.f_y.is_empty() || !at.f_z.is_empty();
         Some(Box::new(Self {
-            tables: Tables::new(tableau)?,
+            tables,
             start: StartWeights::new(tableau),
             stage,
             compensated: model.compensated_g_at(&node).map(Box::new),
@@ -139,9 +170,10 @@ impl<L: Layout> Small<L> {
             node_blocks,
             has_force,
             reads_y: !at.f_y.is_empty() || !at.p_y.is_empty(),
-            inverse_mass: inverse_mass(model)?,
+            inverse_mass: inverse,
             is_diagonal: at.p_z.entries().iter().all(|(i, j)| i == j),
             linear: Linear::new(tableau.intervals * problem.m),
+            full,
             z: zeros,
             lam: of_unknowns.1,
             kept: (!L::IS_SINGLE).then(|| Box::new(of_unknowns)),
@@ -161,6 +193,11 @@ impl<L: Layout> Small<L> {
             end: End::new(),
             problem,
         }))
+    }
+
+    /// Whether corrections are full Newton's.
+    pub fn is_newton(&self) -> bool {
+        self.full.is_some()
     }
 
     /// Iterates from the extrapolated start, or the cold one, and finds the end of the step for members that are open;
@@ -225,7 +262,7 @@ fn inverse_mass<L: Layout>(model: &mut Model<L>) -> Option<[[L; COORDINATES]; CO
 }
 
 compiled!(R in [f64, Block] {
-    Small::<R>::new as fn(_, _) -> _,
+    Small::<R>::new as fn(_, _, _) -> _,
     Small::<R>::advance as fn(_, _, _, _, _, _) -> _,
     Small::<R>::commit as fn(_, _, _, _),
 });

@@ -17,7 +17,9 @@ pub(super) struct Tables {
     pub(super) c_hat: Lanes,
     b: Lanes,
     b_hat: Lanes,
-    /// μᵛ, μᶠ (s by s), μ̄ and ā ((k+1) by s), μ̂ and â (s by k).
+    /// aᵛ, aᶠ, μᵛ, μᶠ (s by s), μ̄ and ā ((k+1) by s), μ̂ and â (s by k).
+    pub(super) a_v: Weights,
+    pub(super) a_f: Weights,
     pub(super) mu_v: Weights,
     pub(super) mu_f: Weights,
     pub(super) mu_bar: Weights,
@@ -55,6 +57,8 @@ impl Tables {
             c_hat: lanes(&tableau.c_hat),
             b: lanes(&tableau.b),
             b_hat: lanes(&tableau.b_hat),
+            a_v: matrix(&tableau.a_v, s),
+            a_f: matrix(&tableau.a_f, s),
             mu_v: matrix(&tableau.mu_v, s),
             mu_f: matrix(&tableau.mu_f, s),
             mu_bar: matrix(&tableau.mu_bar, s),

@@ -62,8 +62,7 @@ impl SparkBatch {
         solver: Solver,
     ) -> Self {
         let mut model = Model::new(problem.clone(), params);
-        let is_schur = solver != Solver::Newton;
-        let small = is_schur.then(|| Small::new(&mut model, &tableau)).flatten();
+        let small = Small::new(&mut model, &tableau, solver.matrices());
         let is_common = |x: &Block| x.0.iter().all(|value| value.to_bits() == x.0[0].to_bits());
         let count = if params.iter().all(is_common) {
             1
@@ -118,7 +117,8 @@ impl SparkBatch {
 
     /// The common path, up to where the step has only to be committed; says who has come to its end.
     fn advance(&mut self, step: Step<Block>) -> Result<(), StepError> {
-        let is_open = |rests: &[Rest; 2]| !rests.iter().any(|rest| rest.is_on());
+        let is_newton = self.small.as_ref().is_some_and(|small| small.is_newton());
+        let is_open = |[schur, all]: &[Rest; 2]| !(all.is_on() || schur.is_on() && !is_newton);
         self.members = self.rests.map(|rests| {
             if is_open(&rests) {
                 Member::Open
@@ -133,7 +133,8 @@ impl SparkBatch {
             self.members = [Member::Out; BATCH];
             return Ok(());
         }
-        let most = self.solver.max_iterations(&self.problem, &stages.tableau);
+        let sizes = (&*self.problem, &stages.tableau);
+        let most = self.solver.max_small_iterations(is_newton, sizes);
         if let Some(small) = &mut self.small {
             let (predictor, until) = (&mut self.predictor, (most, stages.stop));
             let made = small.advance(model, predictor.start(), step, until, &mut self.members);
@@ -208,10 +209,12 @@ impl SparkBatch {
 
     fn sum_up(&mut self) {
         let stages = self.stages.tableau.stages;
+        let is_newton = self.small.as_ref().is_some_and(|small| small.is_newton());
         for (member, stands) in self.members.iter().enumerate() {
             if let Member::Converged(iterations) = stands {
                 self.rests[member].iter_mut().for_each(Rest::end_row);
                 if member < self.count {
+                    self.stats.newton_steps += usize::from(is_newton);
                     self.stats.iterations += iterations;
                     self.stats.evaluations += (iterations + 1) * stages;
                 }

@@ -39,7 +39,7 @@ use liouville_base::method::{Stats, Stepper, Symmetric};
 use liouville_base::newton::{self, Continuation, Member, Rest, Solved};
 use liouville_base::tableau;
 use liouville_problem::{Estimate, Mechanical, Model, State, Step};
-use liouville_small::Small;
+use liouville_small::{Matrices, Small};
 use node_schur::NodeSchur;
 use predictor::Predictor;
 use stages::{Stages, Unknowns};
@@ -67,6 +67,23 @@ impl Solver {
                     [usize::from(order > CHEAP_NEWTON || problem.patterns.p_y.is_empty())]
             }
             _ => MOST_ITERATIONS,
+        }
+    }
+
+    /// Corrections that a small system may take, by full Newton or node Schur.
+    fn max_small_iterations(self, is_newton: bool, of: (&Mechanical, &tableau::Spark)) -> usize {
+        if is_newton {
+            return MOST_ITERATIONS;
+        }
+        self.max_iterations(of.0, of.1)
+    }
+
+    /// The matrices that a small system may be solved with.
+    fn matrices(self) -> Matrices {
+        match self {
+            Self::Auto => Matrices::Any,
+            Self::NodeSchur => Matrices::NodeSchur,
+            Self::Newton => Matrices::Newton,
         }
     }
 }
@@ -114,8 +131,7 @@ impl Spark {
     /// The method of these coefficients.
     pub fn of(mut model: Model, tableau: tableau::Spark, solver: Solver) -> Self {
         model.reserve_batch(tableau.stages, tableau.intervals + 1);
-        let is_schur = solver != Solver::Newton;
-        let small = is_schur.then(|| Small::new(&mut model, &tableau)).flatten();
+        let small = Small::new(&mut model, &tableau, solver.matrices());
         let stages = Stages::new(&model, tableau);
         Self {
             solver,
@@ -166,11 +182,13 @@ impl Spark {
         let Some(small) = &mut self.small else {
             return false;
         };
-        if self.schur_rest.is_on() || self.rest.is_on() {
+        let is_newton = small.is_newton();
+        if (self.schur_rest.is_on() && !is_newton) || self.rest.is_on() {
             return false;
         }
         let stages = &mut self.stages;
-        let most = (self.solver).max_iterations(&self.model.problem, &stages.tableau);
+        let sizes = (&*self.model.problem, &stages.tableau);
+        let most = self.solver.max_small_iterations(is_newton, sizes);
         let (until, mut members) = ((most, stages.stop), [Member::Open]);
         let (model, from) = (&mut self.model, self.predictor.start());
         let made = small.advance(model, from, step, until, &mut members);
@@ -178,6 +196,7 @@ impl Spark {
             return false;
         };
         self.stats.iterations += iterations;
+        self.stats.newton_steps += usize::from(is_newton);
         stages.evaluations += (iterations + 1) * stages.tableau.stages;
         self.schur_rest.end_row();
         self.rest.end_row();
