@@ -204,8 +204,6 @@ def test_a_member_that_fails_and_what_has_no_pullback_are_named():
         lv.vjp(problem.system, lv.HHT(), **(call | {"steps": None, "rtol": 1e-6}))
     with pytest.raises(TypeError, match="of an ensemble go without t_eval="):
         lv.vjp(problem.system, lv.Spark(2), **call, t_eval=[0.5])
-    with pytest.raises(TypeError, match="of an ensemble go without events="):
-        lv.vjp(problem.system, lv.Spark(2), **call, events={"e": lambda t, q, v, lam, p: q[0]})
     with pytest.raises(TypeError, match="rtol"):
         lv.vjp(problem.system, lv.Spark(2), **{**call, "steps": None}, rtol=1e-6)
     solution, pullback = lv.vjp(problem.system, lv.Spark(2), **call)

@@ -37,8 +37,10 @@ class Pullback:
     by the states there are ``events={"name": {"t": ..., "q": ...}}``.
 
     Cotangents of an ensemble have the member as their second axis, as its solution has, and its
-    gradients have it as their first. Members are pulled back one by one, each from a run of its
-    own with the same bits, on as many threads as :func:`vjp` was given.
+    gradients have it as their first. Those of events are rows as in ``solution.events``, of one
+    member after another; behind the end of a member's run they are zero. Members are pulled back
+    one by one, each from a run of its own with the same bits, on as many threads as :func:`vjp`
+    was given.
 
     The states between are made again from checkpoints, about the square root of the number of
     steps of them, so a call takes one more run, and as much again and somewhat more for the
@@ -265,8 +267,8 @@ def check_gradient(
     Raises
     ------
     TypeError, ValueError
-        As of :func:`vjp`; controlled steps on constraints, which a moved run does not repeat, and
-        an event that ends moved runs after other numbers of states.
+        As of :func:`vjp`; controlled steps on constraints, which a moved run does not repeat, an
+        event that ends moved runs after other numbers of states, or those of members.
     IntegrationError
         A step of the run, or of a moved one, failed.
 
@@ -292,6 +294,9 @@ def check_gradient(
         sentence = "runs moved by differences would take other steps where steps are controlled"
         raise TypeError(hinted(sentence, "give h or steps: equal ones are checked"))
     solution, pullback = vjp(system, method, wrt=wrt, t=t, params=params, **run)
+    if solution.members is not None and solution.endings:
+        sentence = "events end runs of members, which then have other numbers of states"
+        raise ValueError(hinted(sentence, "check members one by one"))
     rng, adjoint = np.random.default_rng(seed), pullback.adjoint
 
     def random(shape: tuple[int, ...], is_complex: bool) -> np.ndarray:

@@ -41,6 +41,7 @@ def member_of(solution: Solution, member: int) -> Solution:
     if failure is not None or k in solution.endings or solution.status == "interrupted":
         rows = _reached(arrays, rows)
         arrays = _each(solution, lambda x: x[:rows, k])
+    arrays["tangents"] = {name: x.of_member(k) for name, x in arrays["tangents"].items()}
     status, steps = "done", solution.stats.get("steps")
     if failure is not None:
         status, steps = "failed", failure.step

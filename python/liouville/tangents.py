@@ -29,7 +29,8 @@ class Tangent:
         constraints of a structure are redundant.
     events : dict of str to Points
         Derivatives of the times of events, ``tangent.events["name"].t`` of shape (k,) or (k, d),
-        and of the states there, by the names that ``solution.events`` has.
+        and of the states there, by the names that ``solution.events`` has, with ``member`` in an
+        ensemble.
     """
 
     states: dict[str, Array]
@@ -60,6 +61,10 @@ class Tangent:
         """Return the shapes of the derivatives."""
         shapes = (f"{name} {x.shape}" for name, x in self.states.items())
         return f"<Tangent {', '.join(shapes)}>"
+
+    def of_member(self, member: int) -> Tangent:
+        """Return that of one member of an ensemble, whose arrays have been cut before."""
+        return Tangent(self.states, {name: x.of_member(member) for name, x in self.events.items()})
 
     def each(self, change: Callable[[dict[str, Array]], dict[str, Array]]) -> Tangent:
         """Return the same with other arrays."""

@@ -57,7 +57,6 @@ class MechanicalRunner(TracedRunner):
         by_rtol = self._control == "error" and request.control is None
         self._is_reversible = by_rtol and not self._is_general and system.is_conservative
         self._is_rattle = isinstance(self._problem, _core.Separable)
-        self._moved_events: dict[str, np.ndarray] = {}
         self._direct(request)
 
     def _refuse_resets(self) -> None:
@@ -115,16 +114,11 @@ class MechanicalRunner(TracedRunner):
             rows = own.shared(self._stepped, motion, params, rows, self.times is not None)
         return own.read(states, rows, *sizes, self._moved_events)
 
-    def events(self, run: _core.Run) -> tuple[dict[str, Points], dict[int, str]]:
-        """Return the events met, by name, and a sentence on each that ended a run, by member."""
-        if self._directions is None or self._watched is None:
-            return super().events(run)
+    @property
+    def _event_width(self) -> int:
+        """How many numbers of tangents come behind each state of an event."""
         wide = 1 + 2 * len(self.system.coordinates) + self.multipliers
-        more = self._directions.count * wide
-        found, said, self._moved_events = self._watch.events_of(
-            run, self.system, self._values, more
-        )
-        return found, said
+        return 0 if self._directions is None else self._directions.count * wide
 
     @property
     def shares_multipliers(self) -> bool:

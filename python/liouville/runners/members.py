@@ -7,11 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from liouville import _core
 from liouville._job import Job
 from liouville.control import Takes
 from liouville.errors import hinted, quoted
-from liouville.points import Points
 from liouville.runners.mechanical import MechanicalRunner
 from liouville.runners.runner import Request, threads_of
 from liouville.runners.semi_explicit import SemiExplicitRunner
@@ -65,11 +63,10 @@ class Members(TracedRunner):
 
         return MembersAdjoint(self, of_member, self.threads)
 
-    def events(self, run: _core.Run) -> tuple[dict[str, Points], dict[int, str]]:
-        """Return the events met, of one member after another, and what ended which runs."""
-        if self._watched is None:
-            return {}, {}
-        return self._watch.events_of(run, self.system, np.atleast_2d(self._rows))[:2]
+    @property
+    def _each_values(self) -> np.ndarray:
+        """The values of all parameters, a row for each member or one for all."""
+        return np.atleast_2d(self._rows)
 
     def _takes(self) -> Takes:
         return Takes(type(self.choice).__name__, hint=f"{EQUAL}: give h or steps")

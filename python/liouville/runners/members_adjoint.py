@@ -8,8 +8,8 @@ from threading import Event
 
 import numpy as np
 
-from liouville.errors import IntegrationError
-from liouville.runners.adjoint import Adjoint, Gradients
+from liouville.errors import IntegrationError, hinted
+from liouville.runners.adjoint import EVENTS, Adjoint, Gradients
 from liouville.runners.execute import execute
 from liouville.runners.runner import Runner
 from liouville.solution import Solution
@@ -46,8 +46,7 @@ class MembersAdjoint(Adjoint):
             adjoint = self._of_member(member)
             if adjoint.checkpoints is not None:
                 adjoint.checkpoints.stop = stop
-            own = {name: np.ascontiguousarray(x[:, member]) for name, x in cotangents.items()}
-            return self._pulled(adjoint, solution, member, own)
+            return self._pulled(adjoint, solution, member, cotangents)
 
         # the first records tapes that all share
         found, others = [pulled(0)], range(1, self._count)
@@ -70,8 +69,10 @@ class MembersAdjoint(Adjoint):
         cotangents: Mapping[str, np.ndarray],
     ) -> Gradients:
         steps, checkpoints = adjoint.runner.steps.count, adjoint.checkpoints
+        # the run of a member that an event ended has fewer steps, and a last state there
+        is_whole = member not in solution.endings
         try:
-            if checkpoints is not None and steps <= SHORT:
+            if checkpoints is not None and is_whole and steps <= SHORT:
                 own, run = solution.member(member), adjoint.runner.start()
                 assert not isinstance(run, dict), "a member that has run"
                 checkpoints.stride = steps
@@ -80,7 +81,7 @@ class MembersAdjoint(Adjoint):
                 own = execute(adjoint.runner, checkpoints=checkpoints)
             if own.status != "done":
                 raise IntegrationError(own.message, solution=own)
-            return adjoint.pulled(own, cotangents)
+            return adjoint.pulled(own, _of_member(solution, own, member, cotangents))
         except IntegrationError as error:
             sentence = f"member {member}: {error}"
             raise IntegrationError(sentence, quantity=error.quantity, member=member) from error
@@ -96,3 +97,25 @@ class MembersAdjoint(Adjoint):
 
         each = [moved(member) for member in range(self._count)]
         return {name: np.stack([states[name] for states in each], axis=1) for name in each[0]}
+
+
+def _of_member(
+    solution: Solution, own: Solution, member: int, cotangents: Mapping[str, np.ndarray]
+) -> dict[str, np.ndarray]:
+    """Return the cotangents of a member's own run, which may end before others."""
+    found = {}
+    for name, x in cotangents.items():
+        if name.startswith(EVENTS):
+            event = name.removeprefix(EVENTS).rpartition(".")[0]
+            is_own = solution.events[event].states["member"] == member
+            found[name] = np.ascontiguousarray(x[is_own])
+            continue
+        rows = np.zeros((len(own.t), *x.shape[2:]), dtype=x.dtype)
+        there = len(solution.member(member).t)
+        if x[there:, member].any():
+            sentence = f"the run of member {member} is over at t = {own.t[-1]:g}"
+            hint = f"cotangents of '{name}' are zero behind it, where its states are NaN"
+            raise ValueError(hinted(sentence, hint))
+        rows[:there] = x[:there, member]
+        found[name] = rows
+    return found

@@ -65,10 +65,9 @@ def check_covered(system: Any, method: Any, request: Request) -> None:
     """
     base = method.base if isinstance(method, Composition) else method
     events, has_times = request.events is not None, request.t_eval is not None
-    for name in ("events", "t_eval") if request.is_ensemble else ():
-        if getattr(request, name) is not None:
-            sentence = f"tangents of an ensemble go without {name}="
-            raise TypeError(hinted(sentence, "make a run of each member"))
+    if request.is_ensemble and has_times:
+        sentence = "tangents of an ensemble go without t_eval="
+        raise TypeError(hinted(sentence, "make a run of each member"))
     has_events = events and not isinstance(system, Mechanics)
     without = {"events": has_events, "store": request.is_stored}
     without["t_eval"] = has_times and isinstance(system, Field | SemiExplicit)
@@ -216,6 +215,9 @@ class ConstrainedDirections(Directions):
         for place in np.ndindex(each.shape[:-2]):
             at, own = float(times[place[0]]), each[place]
             y, z, lam = (x[place] for x in states)
+            if np.isnan(y).any():  # the run of the member is over
+                found[place] = np.nan
+                continue
             values = params[place[1]] if params.ndim > 1 else params
             dt = self.tau[:, :1] + (self.stretch * (at - t0))[:, None]
             dt = np.zeros_like(dt) if is_held else dt
@@ -230,17 +232,18 @@ class ConstrainedDirections(Directions):
         rows: np.ndarray,
         n: int,
         m: int,
-        events: Mapping[str, np.ndarray],
+        events: Mapping[str, tuple[np.ndarray, np.ndarray | None]],
     ) -> dict[str, Tangent]:
         """Name the columns of tangents in records; `m` is 0 where multipliers are not told.
 
-        Of each event there are rows of time, states and multipliers, before a reset and after it.
+        Of each event there are rows of time, states and multipliers, before a reset and after it,
+        and of an ensemble which members they are of.
         """
         cuts = {states[0]: slice(n), states[1]: slice(n, 2 * n)}
         if rows.shape[-1] == self.count * (2 * n + m):
             cuts["lam"] = slice(2 * n, None)
         found = self.named(rows, cuts)
-        for event, sides in events.items():
+        for event, (sides, members) in events.items():
             width = sides.shape[-1] // self.count
             wide = {"t": slice(1), states[0]: slice(1, 1 + n), states[1]: slice(1 + n, 1 + 2 * n)}
             if width == 1 + 2 * n + m:
@@ -251,6 +254,7 @@ class ConstrainedDirections(Directions):
                        for x, y in at[name].states.items()}  # fmt: skip
                 t = own.pop("t")[..., 0]
                 own.pop(f"t{AFTER}", None)
+                own |= {} if members is None else {"member": members}
                 tangent.events[event] = Points(t, own)
         return found
 

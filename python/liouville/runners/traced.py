@@ -78,6 +78,7 @@ class TracedRunner(Runner):
         self.columns = {**self._own(), **self.widths}
         self._check_sizes(request)
         self._directions: ConstrainedDirections | None = None
+        self._moved_events: dict[str, tuple[np.ndarray, np.ndarray | None]] = {}
 
     def _takes(self) -> Takes:
         """Return the controls of the steps that the method takes."""
@@ -199,7 +200,20 @@ class TracedRunner(Runner):
         """Return the events met, by name, and a sentence on each that ended a run, by member."""
         if self._watched is None:
             return {}, {}
-        return self._watch.events_of(run, self.system, self._values)[:2]
+        found, said, self._moved_events = self._watch.events_of(
+            run, self.system, self._each_values, self._event_width
+        )
+        return found, said
+
+    @property
+    def _each_values(self) -> np.ndarray:
+        """The values of all parameters, of an ensemble a row for each member or one for all."""
+        return self._values
+
+    @property
+    def _event_width(self) -> int:
+        """How many numbers of tangents come behind each state of an event."""
+        return 0
 
     def _monitored(self, control: Reversible) -> tuple[_core.Tape, bool] | None:
         """Return the monitor that the steps follow, None for one that the core has."""

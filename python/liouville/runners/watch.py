@@ -81,26 +81,34 @@ class Watch:
         system: Mechanics | SemiExplicit | Field,
         params: np.ndarray,
         more: int = 0,
-    ) -> tuple[dict[str, Points], dict[int, str], dict[str, np.ndarray]]:
+    ) -> tuple[dict[str, Points], dict[int, str], dict[str, tuple[np.ndarray, np.ndarray | None]]]:
         """Return the events by name, and which of them ended the run of which member.
 
         Of an ensemble, `params` has a row for each member, or one for all. Behind each state there
-        may be `more` numbers, which come last: at all events of a name, before and after.
+        may be `more` numbers, which come last: at all events of a name, before and after, with the
+        members of an ensemble that met them.
         """
         found, ends = run.events()
-        points, rest = {}, {}
+        points: dict[str, Points] = {}
+        rest: dict[str, tuple[np.ndarray, np.ndarray | None]] = {}
         width = sum(len(names) for names in system.places.values())
         none = np.empty(0), np.empty(0), np.empty(0, dtype=np.int64)
         # where no member could begin, the core has seen no event
         for name, (times, rows, members) in zip(self.events, found or repeat(none), strict=False):
             sides = rows.reshape(times.size, 1 + (name in self._resets), width + more)
-            sides, rest[name] = sides[..., :width], sides[..., width:]
+            rest[name] = sides[..., width:], members if params.ndim > 1 else None
+            sides = sides[..., :width]
             states: dict[str, np.ndarray] = {}
+            own = {"member": members} if params.ndim > 1 else {}
             for side, end in enumerate(("", AFTER)[: sides.shape[1]]):
                 at = _states_at(system, times, sides[:, side], params, members)
                 states |= {f"{state}{end}": x for state, x in at.items()}
+<<<<<<< HEAD
             points[name] = Points(times, states | ({"member": members} if params.ndim > 1 else {}))
         self._hits = {name: found.t for name, found in points.items()}
+=======
+            points[name] = Points(times, states | own)
+>>>>>>> 2360065 (mechanics: tangents and pullbacks of ensembles with events)
         names = [*self.events]
         said = {member: _said(names[which], t, limit) for which, t, limit, member in ends}
         return points, said, rest

@@ -159,11 +159,11 @@ impl Job {
         let events = (self.detection.iter()).flat_map(|detection| &detection.events);
         let mut slopes = events.map(|event| (event, event.slopes.as_ref()));
         slopes.all(|(event, slopes)| {
-            let (params, point) = (self.params.len(), event.tape.inputs());
-            let Some(slopes) = slopes.filter(|_| point.len() == 5 && self.members.is_none()) else {
+            let point = event.tape.inputs();
+            let Some(slopes) = slopes.filter(|_| point.len() == 5) else {
                 return false;
             };
-            let [n, lam] = [point[1], point[3]];
+            let [n, lam, params] = [point[1], point[3], point[4]];
             let x = 1 + 2 * n + lam + params;
             slopes.fit(
                 event.reset.as_ref().map(|(law, _)| law),
