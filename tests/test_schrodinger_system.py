@@ -3,7 +3,9 @@
 One file, since chains, lattices, grids and matrices are all held against matrices written out.
 """
 
+import pickle
 import warnings
+from functools import partial
 
 import casadi as ca
 import numpy as np
@@ -467,3 +469,60 @@ def test_a_ring_with_flux_runs_by_a_series():
     )
     assert np.linalg.norm(solution.psi[-1] - wanted) < 1e-10 * np.linalg.norm(psi)
     assert np.ptp(solution.observed["energy of H"]) < 1e-8
+
+
+def equations():
+    """Return equations with parameters, each by a function of these."""
+    rng = np.random.default_rng(8)
+    h, b = (x + x.T for x in rng.standard_normal((2, 12, 12)))
+    c = b + 1j * (h @ b - b @ h)
+    x = np.linspace(-1, 4, 9)
+
+    def of_matrices(a, w, **more):
+        drive = [(lambda t, p: p.a * ca.sin(p.w[0] * t + p.w[1]), b), (more.pop("u", x), c)]
+        return lv.Schrodinger(h, drive=drive, times=x, params={"a": a, "w": w}, **more)
+
+    def of_grid(a, w, is_still=False, **more):
+        def potential(t, x, p):
+            return p.a * (x - (0.0 if is_still else ca.sin(p.w[0] * t))) ** 2 + p.w[1] * x
+
+        grid = lv.Grid(-6, 6, 24, potential=potential)
+        return lv.Schrodinger(grid, params={"a": a, "w": w}, **more)
+
+    return {
+        "matrices": of_matrices,
+        "given bounds": partial(of_matrices, bounds=(-60, 60), hbar=0.8),
+        "moving": of_grid,
+        "still": partial(of_grid, is_still=True),
+        "lanczos": partial(of_grid, is_still=True, bounds="lanczos", hbar=1.2),
+    }
+
+
+@pytest.mark.parametrize("name", equations())
+def test_other_parameters_are_those_of_another_equation_bit_for_bit(name):
+    """Matrices, which do not depend on them, are read once."""
+    make = equations()[name]
+    old, new = (0.4, [1.0, 0.2]), (0.7, [1.4, -0.3])
+    first, wanted = make(*old), make(*new)
+    psi = np.exp(1j * np.arange(first.size))
+    lv.integrate(first, "auto", t=(0, 1), psi=psi)  # finds bounds, which are its own
+    found = first.with_params({"a": new[0], "w": new[1]})
+    assert found.params["a"] == new[0]
+    assert first.params["a"] == old[0]
+    assert found.bounds == wanted.bounds
+    assert found.guarantee == wanted.guarantee
+    for system in (found, pickle.loads(pickle.dumps(found))):
+        one, two = (lv.integrate(x, "auto", t=(0, 1, 2), psi=psi) for x in (system, wanted))
+        np.testing.assert_array_equal(one.psi, two.psi)
+    again = first.with_params({"a": new[0], "w": new[1]}).with_params({"a": old[0], "w": old[1]})
+    one, two = (lv.integrate(x, "auto", t=(0, 1), psi=psi) for x in (first, again))
+    np.testing.assert_array_equal(one.psi, two.psi)
+
+
+def test_other_samples_are_those_of_another_equation_bit_for_bit():
+    make, u = equations()["matrices"], np.cos(np.arange(9.0))
+    first, wanted = make(0.4, [1.0, 0.2]), make(0.7, [1.0, 0.2], u=u)
+    found = first.with_samples({"drive[1]": u}).with_params({"a": 0.7})
+    one, two = (lv.integrate(x, "auto", t=(0, 1), psi=np.eye(12)[1]) for x in (found, wanted))
+    np.testing.assert_array_equal(one.psi, two.psi)
+    assert found.term_bounds == first.term_bounds

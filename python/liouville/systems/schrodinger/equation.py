@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from copy import copy
 from functools import cached_property
 from typing import Any, Self
 
@@ -11,13 +12,13 @@ from numpy.typing import ArrayLike
 
 from liouville import _core
 from liouville.systems import _trace
-from liouville.systems.schrodinger import foreign, graph, observed, time_functions
+from liouville.systems.schrodinger import foreign, forms, graph, observed, time_functions
 from liouville.systems.schrodinger.bounded import Bounded
 from liouville.systems.schrodinger.bounds import check_symmetric, interval, positive, way
 from liouville.systems.schrodinger.entries import Entries, check_size
 from liouville.systems.schrodinger.exchange import Exchange
-from liouville.systems.schrodinger.forms import Term, operators, source_of, twice
-from liouville.systems.schrodinger.frame import Frame, doubled
+from liouville.systems.schrodinger.forms import Term, twice
+from liouville.systems.schrodinger.frame import Frame
 from liouville.systems.schrodinger.grid import Grid
 from liouville.systems.schrodinger.lattice import Lattice
 from liouville.systems.schrodinger.moving import MovingProduct
@@ -27,6 +28,12 @@ from liouville.systems.schrodinger.sensitivity import DriveSensitivity, Potentia
 from liouville.systems.schrodinger.sites.system import SiteSystem
 from liouville.systems.schrodinger.spins import SpinChain
 from liouville.systems.schrodinger.time_functions import TimeFunction
+
+#: What is computed once of functions of time and their parameters, ...
+OF_FUNCTIONS = ("_spectrum", "_known", "sensitivity", "potential_sensitivity")
+
+#: ... and of a potential.
+OF_POTENTIAL = ("_static", "_closer", "_parts", "term_bounds")
 
 
 class Schrodinger(Bounded):
@@ -152,12 +159,12 @@ class Schrodinger(Bounded):
         """Make the core's form of H, in a frame if it is known."""
         hamiltonian, drive = self.source, self._drive
         self.grid = hamiltonian if isinstance(hamiltonian, Grid) else None
-        source = source_of(hamiltonian)
+        source = forms.source_of(hamiltonian)
         self.size: int = source.size if isinstance(source, (Grid, Exchange)) else source.n
         self.moving_product = source if isinstance(source, MovingProduct) else None
         if self.moving_product is not None:
             self.moving_product.check_alone(drive)
-        self._functions, driven = self._read(drive)
+        self._functions, driven = time_functions.read(drive, self._params, self.size)
         if isinstance(source, Exchange) and not all(matrix.is_real for matrix in driven):
             source = source.entries()
         self.frame = self._framed([source, *driven]) if frame is None else frame
@@ -180,18 +187,6 @@ class Schrodinger(Bounded):
         super()._restore(state)
         self._make(state["frame"])
 
-    def _read(
-        self, drive: Sequence[tuple[Callable[..., Any], Any]]
-    ) -> tuple[list[TimeFunction], list[Entries]]:
-        functions, matrices = [], []
-        for k, (function, matrix) in enumerate(drive):
-            name = f"H{k + 1}"
-            functions.append(TimeFunction(f"drive[{k}]", function, self._params))
-            matrices.append(Entries.read(name, matrix))
-            if matrices[-1].n != self.size:
-                raise ValueError(f"{name} has order {matrices[-1].n}, H has {self.size}")
-        return functions, matrices
-
     def _framed(self, parts: Sequence[Any]) -> Frame:
         matrices = [part for part in parts if isinstance(part, Entries)]
         phases, is_doubled = None, False
@@ -210,54 +205,41 @@ class Schrodinger(Bounded):
         self.potential: np.ndarray | None = None
         self._potential: TimeFunction | None = None
         self._moving: TimeFunction | None = None
-        self._terms = [self._of_grid(source) if isinstance(source, Grid) else self._of(source)]
-        self._terms += map(self._of_matrix, driven)
+        if isinstance(source, Grid):
+            first = self._of_grid(source, time_functions.potential(source, self._params))
+        else:
+            first = forms.term_of(source, self.source, self.frame, 1 / self.hbar)
+        each = (forms.term_of_matrix(matrix, self.frame, 1 / self.hbar) for matrix in driven)
+        self._terms = [first, *each]
         self.is_foreign = isinstance(source, (Product, MovingProduct))
         self.is_driven = bool(driven or self._moving or self.moving_product)
+        self._join()
+        if isinstance(source, Product):
+            check_symmetric("H", self._static)
+
+    def _join(self) -> None:
+        """Make the core's H of the terms and of functions of time."""
         flat = [operator for term in self._terms for operator in term.operators]
         params = self._params.values(None)
         more: dict[str, Any] = {}
-        if driven:
-            repeats = [len(term.operators) for term in self._terms]
-            more["drive"] = (time_functions.weights(self._functions, repeats, self._params), params)
+        if self._functions:
+            more["drive"] = (self._weights, params)
         if self._moving is not None and self.grid is not None:
             tape = self._moving.tape(1 / self.hbar)
             points = np.tile(self.grid.points, (1 + self.frame.is_doubled, 1))
             more["potential"] = (tape, params, points.ravel())
         self.hamiltonian = _core.Hamiltonian(flat, self.frame.is_doubled, **more)
-        if isinstance(source, Product):
-            check_symmetric("H", self._static)
 
-    def _of(self, source: Entries | Product | MovingProduct | Exchange) -> Term:
-        """Make the first term; a model may know closer bounds than its matrix."""
-        scale = 1 / self.hbar
-        if isinstance(source, Product):
-            return Term([source.operator(scale, self.frame.is_doubled)], None)
-        if isinstance(source, MovingProduct):
-            return Term([source.operator(scale)], None)
-        if isinstance(source, Exchange):
-            low, high = source.bounds()
-            return Term([source.operator(scale)], (scale * low, scale * high))
-        term = self._of_matrix(source)
-        if not isinstance(self.source, Lattice) or term.bounds is None:
-            return term
-        low, high = self.source.bounds()
-        closer = (max(term.bounds[0], scale * low), min(term.bounds[1], scale * high))
-        return Term(term.operators, closer)
+    @cached_property
+    def _weights(self) -> _core.Tape:
+        return time_functions.weights(self._functions, self.groups, self._params)
 
-    def _of_matrix(self, matrix: Entries) -> Term:
-        matrix = matrix.times(1 / self.hbar)
-        inside = self.frame.entries(matrix)
-        inside = doubled(inside) if self.frame.is_doubled else inside
-        return Term(operators(inside), matrix.bounds)
-
-    def _of_grid(self, grid: Grid) -> Term:
+    def _of_grid(self, grid: Grid, found: TimeFunction | np.ndarray) -> Term:
         kinetic = [energies / self.hbar for energies in grid.kinetic(self.hbar)]
         check_size("T / hbar", np.concatenate(kinetic))
         is_doubled = self.frame.is_doubled
         terms = [twice(_core.Operator.kinetic(kinetic), is_doubled)]
         low, high = 0.0, float(sum(energies.max() for energies in kinetic))
-        found = time_functions.potential(grid, self._params)
         if isinstance(found, TimeFunction):
             self._potential = found
             if found.is_driven:
@@ -317,17 +299,37 @@ class Schrodinger(Bounded):
         """Return the equation with other parameters; ValueError names an unknown one."""
         if not params:
             return self
-        return self._other(self._drive, self._params.replaced(self._params.values(params)).defaults)
+        new = self._params.replaced(self._params.values(params))
+        return self._of_other(self._drive, [f.with_params(new) for f in self._functions], new)
 
-    def _other(self, drive: Sequence[Any], params: Mapping[str, ArrayLike]) -> Self:
-        given = self._given
-        bounds = self._way if given is None else (given[0] * self.hbar, given[1] * self.hbar)
-        return type(self)(self.source, bounds=bounds, hbar=self.hbar, drive=drive, params=params)
+    def _of_other(
+        self, drive: list[Any], functions: list[TimeFunction], params: _trace.Parameters
+    ) -> Self:
+        """Return the equation of the same matrices with other functions of time, or parameters."""
+        other = copy(self)
+        for name in (*OF_FUNCTIONS, *(OF_POTENTIAL if self._potential is not None else ())):
+            other.__dict__.pop(name, None)
+        other._drive, other._functions, other._params = drive, functions, params
+        if drive is not self._drive:
+            other.__dict__.pop("_weights", None)
+        else:  # programs are those of all values
+            other.__dict__["sensitivity"] = self.sensitivity.with_params(params)
+            if self.potential_sensitivity is not None:
+                own = self.potential_sensitivity.with_params(params)
+                other.__dict__["potential_sensitivity"] = own
+        if self._potential is not None and self.grid is not None:
+            first = other._of_grid(self.grid, self._potential.with_params(params))
+            other._terms = [first, *self._terms[1:]]
+        other._join()
+        return other
 
     def with_samples(self, samples: Mapping[str, ArrayLike]) -> Self:
         """Return the equation with other samples at the same times, by names as ``drive[0]``."""
-        drive = foreign.resampled(self._drive, samples)
-        return self._other(drive, self._params.defaults)
+        drive, functions = foreign.resampled(self._drive, samples), [*self._functions]
+        for k, (new, _) in enumerate(drive):
+            if new is not self._drive[k][0]:
+                functions[k] = TimeFunction(f"drive[{k}]", new, self._params)
+        return self._of_other(drive, functions, self._params)
 
     def inward(self, psi: Any, is_ensemble: bool = False) -> np.ndarray:
         """Check a state and return it as the core has it, or P states as its rows.

@@ -11,6 +11,7 @@ from liouville import _core
 from liouville.errors import hinted
 from liouville.systems.schrodinger.entries import Bounds, Entries, check_size
 from liouville.systems.schrodinger.exchange import Exchange
+from liouville.systems.schrodinger.frame import Frame, doubled
 from liouville.systems.schrodinger.grid import Grid
 from liouville.systems.schrodinger.lattice import Lattice
 from liouville.systems.schrodinger.moving import MovingProduct
@@ -64,6 +65,33 @@ def operators(matrix: Entries) -> list[_core.Operator]:
         rest = Entries(n, matrix.row[left], matrix.col[left], matrix.values[left])
         terms.append(by_rows(rest))
     return terms
+
+
+def term_of_matrix(matrix: Entries, frame: Frame, scale: float) -> Term:
+    """Make the term of a matrix times a number, in a frame."""
+    matrix = matrix.times(scale)
+    inside = frame.entries(matrix)
+    inside = doubled(inside) if frame.is_doubled else inside
+    return Term(operators(inside), matrix.bounds)
+
+
+def term_of(
+    source: Entries | Product | MovingProduct | Exchange, given: Any, frame: Frame, scale: float
+) -> Term:
+    """Make the term of H times a number, in a frame; what it was given as may know its bounds."""
+    if isinstance(source, Product):
+        return Term([source.operator(scale, frame.is_doubled)], None)
+    if isinstance(source, MovingProduct):
+        return Term([source.operator(scale)], None)
+    if isinstance(source, Exchange):
+        low, high = source.bounds()
+        return Term([source.operator(scale)], (scale * low, scale * high))
+    term = term_of_matrix(source, frame, scale)
+    if not isinstance(given, Lattice) or term.bounds is None:
+        return term
+    low, high = given.bounds()
+    closer = (max(term.bounds[0], scale * low), min(term.bounds[1], scale * high))
+    return Term(term.operators, closer)
 
 
 def twice(operator: _core.Operator, is_doubled: bool) -> _core.Operator:

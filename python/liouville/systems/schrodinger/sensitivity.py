@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import copy
 from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, Any
 
@@ -16,8 +17,9 @@ from liouville.systems.schrodinger.foreign import Samples
 from liouville.tape import record
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
+    from liouville.systems._trace import Parameters
     from liouville.systems.schrodinger.equation import Schrodinger
     from liouville.systems.schrodinger.time_functions import TimeFunction
 
@@ -25,6 +27,41 @@ Array = NDArray[np.float64]
 
 #: At most so many points of a grid tell how a potential's derivatives change in time.
 LOOKED = 2048
+
+
+class _DriveTapes:
+    """Programs of the functions of a drive, of all values of their parameters."""
+
+    def __init__(self, functions: Sequence[TimeFunction], params: Parameters) -> None:
+        self._functions, self._params = functions, params
+
+    @cached_property
+    def _column(self) -> tuple[ca.SX, ca.SX]:
+        """The time and all functions of it."""
+        t = ca.SX.sym("t")
+        each = [ca.substitute(f.expression, f.t, t) for f in self._functions]
+        return t, ca.vertcat(ca.SX(0, 1), *each)
+
+    @cached_property
+    def value(self) -> _core.Tape:
+        t, column = self._column
+        return record("drive", {"t": t, "params": self._params.vector}, column)
+
+    @cached_property
+    def slope(self) -> _core.Tape:
+        """The functions' derivatives by all parameters, those by one after those by another."""
+        t, column = self._column
+        slopes = ca.jacobian(column, self._params.vector)
+        inputs = {"t": t, "params": self._params.vector}
+        return record("derivatives of the drive", inputs, ca.densify(slopes))
+
+    @cached_property
+    def pull(self) -> _core.Tape:
+        t, column = self._column
+        w = ca.SX.sym("w", len(self._functions))
+        pulled = ca.jtimes(column, self._params.vector, w, True)
+        inputs = {"t": t, "w": w, "params": self._params.vector}
+        return record("derivatives of the drive", inputs, ca.densify(pulled))
 
 
 class DriveSensitivity:
@@ -53,34 +90,13 @@ class DriveSensitivity:
         given = enumerate(function for function, _ in system.drives)
         self.samples = {f"drive[{k}]": k for k, f in given if isinstance(f, Samples)}
         self._tables = {k: system.drives[k][0].table for k in self.samples.values()}
+        self._tapes = _DriveTapes(self._functions, self._params)
 
-    @cached_property
-    def _column(self) -> tuple[ca.SX, ca.SX]:
-        """The time and all functions of it."""
-        t = ca.SX.sym("t")
-        each = [ca.substitute(f.expression, f.t, t) for f in self._functions]
-        return t, ca.vertcat(ca.SX(0, 1), *each)
-
-    @cached_property
-    def _value_tape(self) -> _core.Tape:
-        t, column = self._column
-        return record("drive", {"t": t, "params": self._params.vector}, column)
-
-    @cached_property
-    def _slope_tape(self) -> _core.Tape:
-        """The functions' derivatives by all parameters, those by one after those by another."""
-        t, column = self._column
-        slopes = ca.jacobian(column, self._params.vector)
-        inputs = {"t": t, "params": self._params.vector}
-        return record("derivatives of the drive", inputs, ca.densify(slopes))
-
-    @cached_property
-    def _pull_tape(self) -> _core.Tape:
-        t, column = self._column
-        w = ca.SX.sym("w", self.count)
-        pulled = ca.jtimes(column, self._params.vector, w, True)
-        inputs = {"t": t, "w": w, "params": self._params.vector}
-        return record("derivatives of the drive", inputs, ca.densify(pulled))
+    def with_params(self, params: Parameters) -> DriveSensitivity:
+        """Return the same with other values of the parameters."""
+        other = copy(self)
+        other._values = params.values(None)
+        return other
 
     def depends_on(self, name: str) -> bool:
         """Whether a function depends on a parameter."""
@@ -88,17 +104,17 @@ class DriveSensitivity:
 
     def values(self, t: Array, params: Array) -> Array:
         """Return the functions at times, shape (k, count), with these values of all parameters."""
-        return np.asarray(self._value_tape.map(params, [t[:, None]]))
+        return np.asarray(self._tapes.value.map(params, [t[:, None]]))
 
     def slopes(self, t: Array) -> Array:
         """Return their derivatives by all parameters at times, shape (k, P, count)."""
-        flat = self._slope_tape.map(self._values, [t[:, None]])
+        flat = self._tapes.slope.map(self._values, [t[:, None]])
         return np.asarray(flat).reshape(t.size, -1, self.count)
 
     def pulled(self, t: Array, cotangents: Array) -> Array:
         """Return cotangents of all parameters from those of the functions, shape (k, count)."""
         args = [t[:, None], np.ascontiguousarray(cotangents)]
-        found: Array = self._pull_tape.map(self._values, args).sum(axis=0)
+        found: Array = self._tapes.pull.map(self._values, args).sum(axis=0)
         return found
 
     def times(self, name: str) -> Array:
@@ -116,6 +132,34 @@ class DriveSensitivity:
         return found
 
 
+class _PotentialTapes:
+    """Programs of a potential times a number, of all values of its parameters."""
+
+    def __init__(self, function: TimeFunction, params: Parameters, scale: float) -> None:
+        self._function, self._params, self._scale = function, params, scale
+
+    @property
+    def value(self) -> _core.Tape:
+        return self._function.tape(self._scale)
+
+    @cached_property
+    def push(self) -> _core.Tape:
+        """The derivative in a direction, which comes behind the parameters."""
+        inputs, params = self._function.inputs, self._params.vector
+        both = ca.SX.sym("params", 2 * params.numel())
+        own, direction = ca.vertsplit(both, params.numel())
+        value = ca.substitute(self._scale * self._function.expression, params, own)
+        pushed = ca.jtimes(value, own, direction)
+        return record("derivatives of the potential", {**inputs, "params": both}, pushed)
+
+    @cached_property
+    def slope(self) -> _core.Tape:
+        """The derivatives by all parameters."""
+        inputs, params = self._function.inputs, self._params.vector
+        slopes = ca.jacobian(self._scale * self._function.expression, params)
+        return record("derivatives of the potential", inputs, ca.densify(slopes.T))
+
+
 class PotentialSensitivity:
     r"""The potential :math:`V(t, x) / \hbar` of a grid, and its derivatives by parameters.
 
@@ -128,32 +172,18 @@ class PotentialSensitivity:
         self._function, self._params = function, system.parameters
         self._values = self._params.values(None)
         self._points = np.ascontiguousarray(system.grid.points)
-        self._repeats, self._scale = 1 + system.frame.is_doubled, 1 / system.hbar
+        self._repeats, scale = 1 + system.frame.is_doubled, 1 / system.hbar
+        self._tapes = _PotentialTapes(function, self._params, scale)
+
+    def with_params(self, params: Parameters) -> PotentialSensitivity:
+        """Return the same with other values of the parameters."""
+        other = copy(self)
+        other._values = params.values(None)
+        return other
 
     def depends_on(self, name: str) -> bool:
         """Whether it depends on a parameter."""
         return self._function.depends_on(name)
-
-    @cached_property
-    def _value_tape(self) -> _core.Tape:
-        return self._function.tape(self._scale)
-
-    @cached_property
-    def _push_tape(self) -> _core.Tape:
-        """The derivative in a direction, which comes behind the parameters."""
-        inputs, params = self._function.inputs, self._params.vector
-        both = ca.SX.sym("params", 2 * self._values.size)
-        own, direction = ca.vertsplit(both, self._values.size)
-        value = ca.substitute(self._scale * self._function.expression, params, own)
-        pushed = ca.jtimes(value, own, direction)
-        return record("derivatives of the potential", {**inputs, "params": both}, pushed)
-
-    @cached_property
-    def _slope_tape(self) -> _core.Tape:
-        """The derivatives by all parameters."""
-        inputs, params = self._function.inputs, self._params.vector
-        slopes = ca.jacobian(self._scale * self._function.expression, params)
-        return record("derivatives of the potential", inputs, ca.densify(slopes.T))
 
     @cached_property
     def _looked(self) -> Array:
@@ -172,17 +202,17 @@ class PotentialSensitivity:
 
     def values(self, t: Array, params: Array) -> Array:
         """Return it at times, shape (k, rows), with these values of all parameters."""
-        return self._of_rows(t, self._value_tape.map(params, self._at(t, self._points)))
+        return self._of_rows(t, self._tapes.value.map(params, self._at(t, self._points)))
 
     def pushed(self, t: Array, direction: Array) -> Array:
         """Return its derivatives at times, shape (k, rows), in a direction of all parameters."""
         both = np.concatenate([self._values, direction])
-        found = self._push_tape.map(both, self._at(t, self._points))
+        found = self._tapes.push.map(both, self._at(t, self._points))
         return self._of_rows(t, self._finite(t, found))
 
     def slopes(self, t: Array, places: list[int]) -> Array:
         """Return its derivatives by these parameters at times, and at points that are looked at."""
-        found = self._slope_tape.map(self._values, self._at(t, self._looked))[:, places]
+        found = self._tapes.slope.map(self._values, self._at(t, self._looked))[:, places]
         return np.asarray(self._finite(t, found)).reshape(t.size, -1)
 
     def pulled(self, t: Array, cotangents: Array) -> Array:
@@ -194,7 +224,7 @@ class PotentialSensitivity:
         # one time after another: of each point there are as many derivatives as parameters
         for k, own in enumerate(cotangents):
             at = t[k : k + 1]
-            slopes = self._slope_tape.map(self._values, self._at(at, self._points))
+            slopes = self._tapes.slope.map(self._values, self._at(at, self._points))
             yield own @ self._finite(at, slopes)
 
     def _finite(self, t: Array, found: Array) -> Array:

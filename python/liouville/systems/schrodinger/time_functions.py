@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from functools import cached_property
+from copy import copy
 from typing import Any
 
 import numpy as np
@@ -13,6 +13,7 @@ from liouville import _core
 from liouville.errors import hinted
 from liouville.systems import _trace
 from liouville.systems._expressions import Expressions, Symbols
+from liouville.systems.schrodinger.entries import Entries
 from liouville.systems.schrodinger.grid import Grid
 from liouville.tape import record
 
@@ -45,6 +46,7 @@ class TimeFunction:
         expression = _trace.scalar(what, function, s.args)
         self.is_driven = ca.depends_on(expression, s.t)
         self._expressions = Expressions(s, {what: expression})
+        self._tapes: dict[float, _core.Tape] = {}  # of all values of the parameters
 
     @property
     def expression(self) -> ca.SX:
@@ -55,6 +57,12 @@ class TimeFunction:
     def t(self) -> ca.SX:
         """The symbol of the time."""
         return self._expressions.symbols.t
+
+    def with_params(self, params: _trace.Parameters) -> TimeFunction:
+        """Return the same function of the same parameters with other values."""
+        other, symbols = copy(self), self._expressions.symbols.with_params(params)
+        other._expressions = Expressions(symbols, {self.what: self.expression})
+        return other
 
     @property
     def inputs(self) -> dict[str, ca.SX]:
@@ -73,25 +81,23 @@ class TimeFunction:
         return self._expressions.of(t, *(x or own), _trace.vector_of(params))[0]
 
     def tape(self, factor: float) -> _core.Tape:
-        """Record it, times a number: t, x if there are points, and parameters in."""
-        expression = self.expression if factor == 1.0 else factor * self.expression
-        return record(self.what, self.inputs, expression)
-
-    @cached_property
-    def _own_tape(self) -> _core.Tape:
-        return self.tape(1.0)
+        """Return its tape, times a number: t, x if there are points, and parameters in."""
+        if factor not in self._tapes:
+            expression = self.expression if factor == 1.0 else factor * self.expression
+            self._tapes[factor] = record(self.what, self.inputs, expression)
+        return self._tapes[factor]
 
     def values(self, times: np.ndarray) -> np.ndarray:
         """Return values at times, of a function without points; they may be not finite."""
         params = self._expressions.symbols.params.values(None)
-        found = self._own_tape.map(params, [np.ascontiguousarray(times, dtype=float)[:, None]])
+        found = self.tape(1.0).map(params, [np.ascontiguousarray(times, dtype=float)[:, None]])
         return np.array(found[:, 0])
 
     def at(self, t: float, points: np.ndarray | None = None) -> np.ndarray:
         """Return values at a time, one for each point; ValueError names one that is not finite."""
         times = np.full((1 if points is None else len(points), 1), float(t))
         args = [times] if points is None else [times, np.ascontiguousarray(points)]
-        values = self._own_tape.map(self._expressions.symbols.params.values(None), args)[:, 0]
+        values = self.tape(1.0).map(self._expressions.symbols.params.values(None), args)[:, 0]
         bad = np.flatnonzero(~np.isfinite(values))
         if bad.size:
             place = "" if points is None else f" and x = {_point(points[bad[0]])}"
@@ -108,6 +114,20 @@ def _point(x: np.ndarray) -> str:
     """Write a point for a message."""
     inner = ", ".join(f"{each:g}" for each in x)
     return inner if x.size == 1 else f"({inner})"
+
+
+def read(
+    drive: Sequence[tuple[Callable[..., Any], Any]], params: _trace.Parameters, size: int
+) -> tuple[list[TimeFunction], list[Entries]]:
+    """Return the functions of a drive and its matrices, each of the order of H."""
+    functions, matrices = [], []
+    for k, (function, matrix) in enumerate(drive):
+        name = f"H{k + 1}"
+        functions.append(TimeFunction(f"drive[{k}]", function, params))
+        matrices.append(Entries.read(name, matrix))
+        if matrices[-1].n != size:
+            raise ValueError(f"{name} has order {matrices[-1].n}, H has {size}")
+    return functions, matrices
 
 
 def potential(grid: Grid, params: _trace.Parameters) -> TimeFunction | np.ndarray:
