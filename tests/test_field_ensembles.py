@@ -1,5 +1,7 @@
 """Ensembles of fields with parameters of their own, and states at equal times."""
 
+from concurrent.futures import ThreadPoolExecutor
+
 import numpy as np
 import pytest
 from test_field_gradients import made
@@ -54,11 +56,71 @@ def test_sections_and_tangents_of_such_members():
     np.testing.assert_array_equal(many.tangents["x"].x[:, 1], one.tangents["x"].x)
 
 
-def test_a_parameter_that_leaves_a_term_out_is_refused():
-    """By member."""
+def test_a_member_without_some_terms_is_split_by_the_same_method():
+    """In any place and any chunk, with the bits of a run of its own; gradients too."""
+    system, _, x = made("abc")
+    method = V("exponentials", "natural", composition="BM4", linear="split")
+    values = np.array([0.0, 1.0, 0.0, 0.5])
+    run = {**RUN, "x": x, "params": {"A": values}}
+    many, pullback = lv.vjp(system, method, wrt=["x", "params.B"], **run)
+    found = pullback(x=np.ones_like(many.x))
+    for k, value in enumerate(values):
+        alone, own = lv.vjp(
+            system, method, wrt=["x", "params.B"], **{**run, "params": {"A": value}}
+        )
+        np.testing.assert_array_equal(many.x[:, k], alone.x)
+        for name, gradient in own(x=np.ones_like(alone.x)).items():
+            np.testing.assert_array_equal(found[name][k], gradient)
+    free = lv.ensemble(system, V(), **run)
+    assert np.abs(free.x - many.x).max() < 1e-4
+    with ThreadPoolExecutor(2) as executor:
+        for chunk in (1, 3):
+            cut = lv.ensemble(system, V(), **run, executor=executor, chunk=chunk)
+            np.testing.assert_array_equal(cut.x, free.x)
+    with pytest.raises(
+        ValueError, match="plan is for a field of 3 variables and 6 terms, not 3 and 4"
+    ):
+        lv.integrate(
+            system, lv.plan(system, method, h=0.05, x=x[None]), **RUN, x=x, params={"A": 0}
+        )
+    with pytest.raises(ValueError, match="member 1: the field is zero"):
+        lv.ensemble(system, V(), **RUN, x=x, params={name: [1.0, 0.0] for name in "ABC"})
+
+
+def test_a_member_that_fails_names_its_own_pieces():
+    """Of the first member's pieces there is none of that number."""
+    system = lv.PolynomialField(
+        lambda t, x, p: [p.a * x[0] * x[1] + p.b * x[1], -p.a * x[1] ** 2 / 2], x=2,
+        params={"a": 1.0, "b": 1.0},
+    )  # fmt: skip
+    method = V("exponentials", "natural", composition="S2", linear="split")
+    found = lv.ensemble(
+        system, method, t=(0, 6), h=0.5, x=[1.0, -0.5], params={"a": [0.0, 1.0], "b": [1.0, 1.0]}
+    )
+    alone = {"t": (0, 6), "h": 0.5, "x": [1.0, -0.5], "params": {"a": 1.0}}
+    with pytest.raises(lv.IntegrationError) as error:
+        lv.integrate(system, method, **alone)
+    assert [*found.failures] == [1]
+    assert found.failures[1].message == str(error.value)
+
+
+def test_one_start_is_that_of_all_members():
+    """Where parameters have rows; each member has the bits of a run of its own."""
+    system, _, x = made("stretched")
+    which = next(iter(system.params))
+    values = system.params[which] * np.array([1.0, 1.1, 0.9])
+    run = {**RUN, "params": {which: values}}
+    one = lv.ensemble(system, V(), **run, x=x)
+    np.testing.assert_array_equal(one.x, lv.ensemble(system, V(), **run, x=np.tile(x, (3, 1))).x)
+    with pytest.raises(ValueError, match=r"parameter 'B' has 2 members .* parameter 'A' has 3"):
+        lv.ensemble(made("abc")[0], V(), **RUN, x=[0, 0, 0], params={"A": [1] * 3, "B": [1] * 2})
+    with pytest.raises(ValueError, match=r"x has shape \(3,\), wanted \(P, 3\)"):
+        lv.ensemble(made("abc")[0], V(), **RUN, x=[0.0, 0.0, 0.0])
+
+
+def test_tangents_by_parameters_of_members_are_refused():
+    """By name."""
     system, _, _ = made("abc")
-    with pytest.raises(ValueError, match="member 1 has other terms"):
-        lv.ensemble(system, V(), **RUN, x=np.zeros((2, 3)), params={"A": [1.0, 0.0]})
     with pytest.raises(ValueError, match="no tangents by parameters"):
         lv.ensemble(
             system, V(), **RUN, x=np.zeros((2, 3)), params={"A": [1.0, 0.5]},

@@ -64,7 +64,8 @@ def ensemble(
     params : mapping, optional
         Parameters that differ from the defaults. But for a Schrödinger equation they may have a
         further, first axis of members: a number as shape (P,), a vector of j numbers as (P, j).
-        Fields of such members are split alike, and are not in lock-step.
+        Fields of such members are split alike, and are not in lock-step; one with fewer terms, as
+        where a parameter is 0, is split by itself, by the same method.
     tangents : mapping of str to array_like, optional
         As for :func:`integrate`, the same directions for all members, of which each then runs by
         itself: derivatives have the member as their second axis. Wave functions keep what these
@@ -84,8 +85,8 @@ def ensemble(
     **start : array_like
         Start values by the system's names, with a row for each of P members: ``q`` and ``v`` of
         shape (P, n), and so on. Those of a mechanical or semi-explicit system may also have shape
-        (n,), for all members alike; ``z`` of the latter, of shape (P, l), is a guess that may be
-        left out.
+        (n,), for all members alike, as may ``x`` where parameters have rows; ``z`` of the latter,
+        of shape (P, l), is a guess that may be left out.
 
     Returns
     -------

@@ -258,7 +258,9 @@ def failures_of(run: _core.Run, runner: Runner) -> dict[int, Failure]:
     found = {}
     for error in run.failures():
         member, t = error.pop("member"), error.get("start", runner.steps.t0)
-        found[member] = Failure(error.get("step", 0), t, explain(error, runner)[0])
+        found[member] = Failure(
+            error.get("step", 0), t, explain({**error, "of": member}, runner)[0]
+        )
     return found
 
 

@@ -61,9 +61,8 @@ class FieldRunner(Runner):
     def __init__(
         self, system: Field, method: VolumeSplitting | FieldPlan, request: Request
     ) -> None:
-        x = system.start(request.start, request.is_ensemble)
         self.base = system
-        self.systems = self._with_params(system, request, len(x))
+        self.systems, x = self._with_params(system, request)
         self.system = system = self.systems[0]
         self.steps = request.steps_of(system, TAKES)
         for each in self.systems:
@@ -94,45 +93,56 @@ class FieldRunner(Runner):
         h = self.steps.mean(self.steps.t1, self.steps.count)
         self.choice, self.split = self._planned(method, h)
         self._watched = self._watch.crossed(system, self.choice.method.order or 0, {})
-        self.splits = self._split_alike(h) if self.varied else []
+        own = [self._own_plan(each, h) for each in self.systems] if self.varied else []
+        self.plans, self.splits = [plan for plan, _ in own], [split for _, split in own]
+        self.split = self.splits[0] if own else self.split
         self.method = repr(self.choice.method)
 
-    def _with_params(self, system: Field, request: Request, many: int) -> list[Field]:
-        """Return the field with its parameters, or if these have rows those of all members."""
+    def _with_params(self, system: Field, request: Request) -> tuple[list[Field], np.ndarray]:
+        """Return the field with its parameters, or with rows of them that of each member; and x."""
         of_params: dict[str, int] = {}
         if request.is_ensemble:
             rows, of_params = members.parameters(system, request.params)
         if not of_params:
             found = system.with_params(request.params)
             self.params = found.params
-            return [found]
-        members.common({"x": many} | {f"parameter '{k}'": n for k, n in of_params.items()})
+            return [found], system.start(request.start, request.is_ensemble)
+        counts = {f"parameter '{name}'": many for name, many in of_params.items()}
+        if members.are_given(system, request.start, None):
+            x = system.start(request.start, members=True)
+            members.common({"x": len(x)} | counts)
+        else:
+            x = np.tile(system.start(request.start), (members.common(counts), 1))
         if request.tangents is not None and any(x.startswith(PARAMS) for x in request.tangents):
             sentence = "members with parameters of their own have no tangents by parameters"
             raise ValueError(hinted(sentence, "integrate them one by one"))
         self.varied = tuple(of_params)
         self.params = {**system.params, **(request.params or {})}
-        return [system.with_params(row) for row in rows]
-
-    def _split_alike(self, h: float) -> list[Split]:
-        """Return the field of each member split as that of the first."""
-        found = [self.split]
-        for member, system in enumerate(self.systems[1:], 1):
-            assert isinstance(system, PolynomialField)
+        systems = []
+        for member, row in enumerate(rows):
             try:
-                found.append(self.choice.split(system.terms, system.variables))
+                systems.append(system.with_params(row))
             except ValueError as error:
-                sentence = f"the field of member {member} has other terms than that of member 0"
-                hint = "a parameter that is 0 may leave some out: integrate it by itself"
-                raise ValueError(hinted(sentence, hint)) from error
-            _check_affine(found[-1], h)
-        return found
+                raise ValueError(f"member {member}: {error}") from None
+        return systems, x
+
+    def _own_plan(self, system: Field, h: float) -> tuple[FieldPlan, Split]:
+        """Return the plan of all and the field of a member split by it, or its own."""
+        assert isinstance(system, PolynomialField)
+        plan, split = _split_by(self.choice, system, h, self.x)
+        if not _have_same_basis(split, self.split):
+            sentence = "members have other shears: a parameter that is 0 leaves terms out"
+            raise ValueError(hinted(sentence, "take diagonal='exponentials', or run them apart"))
+        _check_affine(split, h)
+        return plan, split
 
     def _planned(self, method: VolumeSplitting | FieldPlan, h: float) -> Any:
-        """Return the plan for steps h, and the field split by it."""
-        system = self.system
-        assert isinstance(system, PolynomialField)
-        if isinstance(method, FieldPlan):
+        """Return the plan for steps h, and the field split by it, of members that of most terms."""
+        fields = [each for each in self.systems if isinstance(each, PolynomialField)]
+        system = max(fields, key=lambda each: len(each.terms))
+        if isinstance(method, FieldPlan) and self.varied:
+            plan, parts = method, _split_by(method, system, h, self.x)[1]
+        elif isinstance(method, FieldPlan):
             plan, make = method, lambda: method.split(system.terms, system.variables)
             parts = system.kept(method, make)
         else:
@@ -263,6 +273,7 @@ class FieldRunner(Runner):
         own.members, own.varied, own.splits = (), (), []
         own.x = self.x[member : member + 1]
         if self.varied:
+            own.choice = self.plans[member]
             own.systems = self.systems[member : member + 1]
             own.system, own.split = own.systems[0], self.splits[member]
             own.params = own.system.params
@@ -299,17 +310,41 @@ class FieldRunner(Runner):
         names = self.system.variables
         if error.get("quantity") == "event":
             error["quantity"] += f" {[*self._watch.events][error['index']]}"
+        split = self.splits[error.get("member", error.get("of", 0))] if self.splits else self.split
         if error["kind"] == "singular piece":
-            piece = self.split.pieces[error["piece"]]
-            error["quantity"] = described(piece, variables_of(self.split, names))
+            piece = split.pieces[error["piece"]]
+            error["quantity"] = described(piece, variables_of(split, names))
         if error["kind"] == "singular function":
-            functions = self.split.pieces[error["piece"]].field().compact().functions
+            functions = split.pieces[error["piece"]].field().compact().functions
             error["quantity"] = functions[error["function"]].written(names)
-        outward = self.split.outward
+        outward = split.outward
         if error["kind"] == "overflow" and outward is not None:
             # the coordinate that has most of what is not finite
             error["index"] = int(np.abs(outward[:, error["index"]]).argmax())
         return describe(error, names, ())
+
+
+def _split_by(
+    plan: FieldPlan, system: PolynomialField, h: float, x: np.ndarray
+) -> tuple[FieldPlan, Split]:
+    """Return a plan and a field split by it; of a field with fewer terms a plan of its own.
+
+    The method of a plan leaves nothing open: what it makes of a field depends on that field alone.
+    """
+    terms, names = system.terms, system.variables
+    try:
+        return plan, plan.split(terms, names)
+    except ValueError:
+        if terms.n != plan.n or len(terms) > plan.terms:
+            raise
+        return plan_field(terms, plan.method, h, x, names=names)
+
+
+def _have_same_basis(one: Split, other: Split) -> bool:
+    """Return whether the pieces of two fields are of the same variables."""
+    if one.basis is None or other.basis is None:
+        return one.basis is other.basis
+    return np.array_equal(one.basis, other.basis)
 
 
 def _check_times(system: PolynomialField, steps: Steps) -> None:
