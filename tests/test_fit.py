@@ -4,8 +4,10 @@ import casadi as ca
 import numpy as np
 import pytest
 from scipy.stats import chi2
+from test_index2_gradients import general
 
 import liouville as lv
+from liouville.problems import euler_top
 
 
 def springs():
@@ -103,7 +105,7 @@ GIVEN = {"h": 0.05, "params": ("l",)}
     ("data", "more", "says"),
     [
         ({"q": TRUTH.q}, GIVEN, "data has no 't'"),
-        ({"t": [0.0, 1.0, 1.5], "x": [0, 1, 2]}, GIVEN, "rise by equal distances"),
+        ({"t": [0.0, 1.5, 1.5], "x": [0, 1, 2]}, GIVEN, "rise: 1.5 is followed by 1.5\nhint: sort"),
         ({"t": TRUTH.t, "w": TRUTH.q}, GIVEN, "'w', which is no state"),
         ({"t": TRUTH.t, "q": TRUTH.q[:3]}, GIVEN, "shape"),
         ({"t": TRUTH.t, "x": np.full(21, np.nan)}, GIVEN, "finite numbers"),
@@ -128,6 +130,60 @@ def test_bad_calls_are_refused(data, more, says):
     """By name, before or instead of a fit."""
     with pytest.raises((ValueError, TypeError), match=says):
         lv.fit(SYSTEM, METHOD, data, **more, **START)
+
+
+@pytest.mark.parametrize(
+    "method",
+    [lv.Spark(3), lv.LobattoPair(3), lv.Composition(lv.Spark(1), "SU4"), lv.HHT()],
+    ids=str,
+)
+def test_times_are_any_that_rise(method):
+    """They lie within steps, the start before the first of them or at it."""
+    times = np.array([0.13, 0.4, 0.41, 0.9, 1.37, 2.0])
+    h = 0.004 if isinstance(method, lv.HHT) else 0.05
+    run = lv.integrate(SYSTEM, method, t=(0, 2), h=h, t_eval=times, **START)
+    found = lv.fit(
+        SYSTEM, method, {"t": times, "q": run.q}, h=h, t0=0.0,
+        params={"l": 1.8, "k": [2.0, 0.0]}, free=("q", "v"), q=[1.0, -1.5], v=[1.4, 1.0],
+    )  # fmt: skip
+    assert found.params["l"] == pytest.approx(2.0, abs=1e-10)
+    np.testing.assert_allclose(found.params["k"], [3.0, 0.5], atol=1e-9)
+    np.testing.assert_array_equal(found.solution.t, times)
+
+
+def test_semi_explicit_systems():
+    """By both states, with the start; and a start that is held is the one given, from any guess."""
+    system, method = general(), lv.Spark(3)
+    start = system.consistent(t=0.2, y=[0.6, 0.1, -0.8, 0.3])
+    run = lv.integrate(system, method, t=(0.2, 1.2), h=0.05, every=2, **start)
+    data = {"t": run.t, "y": run.y, "z": run.z}
+    found = lv.fit(
+        system, method, data, h=0.05, params={"l": 1.0, "b": [0.7], "a": 0.5}, free="y",
+        y=[0.55, 0.1, -0.8, 0.3],
+    )  # fmt: skip
+    assert found.names == ("params.l", "params.b[0]", "params.a", "y.y0", "y.y1", "y.y2", "y.y3")
+    np.testing.assert_allclose([found.params[x] for x in "la"], [1.1, 0.4], atol=1e-11)
+    for name, value in start.items():
+        np.testing.assert_allclose(found.start[name], value, atol=1e-11)
+    assert "y.y3 = 0.320056" in repr(found)
+    held = lv.fit(
+        system, method, {"t": run.t, "z1": run.z[:, 1]}, h=0.05, params={"l": 1.0}, **start
+    )
+    assert held.params["l"] == pytest.approx(1.1, abs=1e-9)
+    np.testing.assert_allclose(held.start["y"], start["y"], atol=1e-9)
+    call = {"h": 0.05, "params": ("l",), **start}
+    with pytest.raises(
+        ValueError, match=r"semi-explicit system rise by equal distances.*\nhint: fill"
+    ):
+        lv.fit(system, method, {**data, "t": run.t**2}, **call)
+    with pytest.raises(ValueError, match="free is y, not 'z'"):
+        lv.fit(system, method, data, free="z", **call)
+    with pytest.raises(TypeError, match="does not step"):
+        lv.fit(system, lv.HHT(), data, **call)
+    with pytest.raises(
+        TypeError, match=r"fit takes a mechanical or .*PolynomialField\nhint: lv.vjp"
+    ):
+        lv.fit(euler_top.system, lv.VolumeSplitting(), {"t": [0, 1]}, h=0.1, params=(), x=[1, 0, 0])
 
 
 def test_too_few_measurements():

@@ -10,27 +10,29 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from liouville._scipy import scipy
-from liouville.analysis.linearization import linearized_at
-from liouville.analysis.point import Array, Point, mechanical
+from liouville.analysis.point import Array
 from liouville.errors import IntegrationError, hinted, quoted
-from liouville.fitting.measurements import Measurements
+from liouville.fitting.freedoms import free_directions, movable, values_of
+from liouville.fitting.measurements import Measurements, System
 from liouville.fitting.result import Fit
 from liouville.integrate import integrate
 from liouville.methods import Method
 from liouville.solution import Solution
-from liouville.systems import Mechanics
+from liouville.systems import Mechanics, SemiExplicit
 
 #: Fits from the start that the last one found, until it moves by less than this part of its error.
 MOST, SETTLED = 10, 1e-3
 #: A singular value of the scaled Jacobian below this part of the largest determines nothing, of
 #: unknowns that have more than the second part in it.
 RANK, APART = 1e-10, 0.1
+#: A start that is held has settled where it moves by no more than this part of its size.
+SAME = 1e-9
 #: Nor does an unknown that as large a change of its own moves states by less than this part.
 NOTHING = 1e-11
 
 
 def fit(
-    system: Mechanics,
+    system: Mechanics | SemiExplicit,
     method: Method,
     data: Mapping[str, ArrayLike],
     *,
@@ -54,15 +56,16 @@ def fit(
 
     Parameters
     ----------
-    system : Mechanics
+    system : Mechanics or SemiExplicit
         What moves.
     method : Method
-        ``Spark``, ``LobattoPair`` or a ``Composition`` of them, ``HHT``, ``GeneralizedAlpha`` or
-        ``ArnoldBruls``.
+        Any that has tangents of the system: of mechanics ``Spark``, ``LobattoPair`` or a
+        ``Composition`` of them, ``HHT``, ``GeneralizedAlpha`` or ``ArnoldBruls``.
     data : mapping of str to array_like
-        ``"t"``, shape (k,), at equal distances, and measured values by the name of a coordinate,
+        ``"t"``, shape (k,), increasing, and measured values by the name of a coordinate or unknown,
         shape (k,), or of a state of the system such as ``"q"``, shape (k, n). NaN is no
-        measurement: gaps in the times are filled so.
+        measurement. Times at equal distances are ends of steps; others lie within steps, as those
+        of ``t_eval=``, which semi-explicit systems do not take: fill their gaps with NaN.
     h : float
         The largest step, in the system's unit of time.
     params : sequence of str, or mapping
@@ -70,7 +73,8 @@ def fit(
         Others keep their defaults.
     free : sequence of str
         States of the start that are fitted too: ``"q"``, ``"v"``, or what the system calls them.
-        One of them alone moves as far as the other, which is held, stays on its constraints.
+        One of them alone moves as far as the other, which is held, stays on its constraints. Of a
+        semi-explicit system ``"y"``, which z follows.
     sigma : float or mapping, optional
         Standard deviation of all measurements, or by the names in `data`, as a number, one for each
         coordinate, or of the shape of the data. Without it measurements count alike, and their
@@ -78,8 +82,7 @@ def fit(
     bounds : mapping of str to (float, float), optional
         Least and largest value of parameters, by name.
     t0 : float, optional
-        Time of the start, before the first measurement by a multiple of their distance, or at it
-        by default.
+        Time of the start, before the first measurement or, by default, at it.
     **start : array_like
         The start by the system's names, or a guess of what is free of it.
 
@@ -107,7 +110,12 @@ def fit(
     ----------
     :cite:t:`bock1983` for fits through differential-algebraic equations.
     """
-    measured = Measurements(mechanical(system, "fit"), data, h, sigma, t0)
+    if not isinstance(system, Mechanics | SemiExplicit):
+        sentence = (
+            f"fit takes a mechanical or a semi-explicit system, not a {type(system).__name__}"
+        )
+        raise TypeError(hinted(sentence, "lv.vjp has gradients of the others, for an optimiser"))
+    measured = Measurements(system, data, h, sigma, t0)
     problem = _Problem(system, method, measured, start)
     problem.take(params, free, bounds or {})
     return problem.solve()
@@ -117,7 +125,7 @@ class _Problem:
     """Measurements, and the run that is to meet them."""
 
     def __init__(
-        self, system: Mechanics, method: Method, data: Measurements, start: Mapping[str, Any]
+        self, system: System, method: Method, data: Measurements, start: Mapping[str, Any]
     ) -> None:
         self.system, self.method, self.data = system, method, data
         self.start: dict[str, Any] = dict(zip(system.states, system.start(start), strict=True))
@@ -140,12 +148,12 @@ class _Problem:
                 raise ValueError(hinted(f"the system has no parameter {name!r}", hint))
         self.params |= given
         if not isinstance(free, Sequence):
-            hint = f"write free={tuple(self.system.states)!r}"
+            hint = f"write free={movable(self.system)!r}"
             raise TypeError(hinted(f"free is a sequence of states, not {free!r}", hint))
         self.fitted, self.free = tuple(names), (free,) if isinstance(free, str) else tuple(free)
         for name in self.free:
-            if name not in self.system.states:
-                raise ValueError(f"free is {' or '.join(self.system.states)}, not {name!r}")
+            if name not in movable(self.system):
+                raise ValueError(f"free is {' or '.join(movable(self.system))}, not {name!r}")
         for name in bounds:
             if name not in self.fitted:
                 raise ValueError(f"bounds has {name!r}, which is not fitted")
@@ -165,7 +173,8 @@ class _Problem:
     def solve(self) -> Fit:
         """Fit, from the start that the last fit found until it stays there."""
         least_squares = scipy("optimize", "a fit").least_squares
-        self.start = self._on_constraints(self.start, self.params)
+        given = self.start
+        self.start = self._on_constraints(given, self.params)
         for _ in range(MOST):
             self.basis = self._basis()
             x = np.concatenate([self._theta(), np.zeros(self.basis.shape[1])])
@@ -189,8 +198,17 @@ class _Problem:
             self.params, self.start = self.last.params, self.last.start
             # a step from the start last taken is exact to its first order only
             errors = np.sqrt(np.diagonal(covariance))[len(self.bounds) :]
-            if not (np.abs(moved) > SETTLED * errors).any():
+            if (np.abs(moved) > SETTLED * errors).any():
+                continue
+            if self.free:
                 break
+            # a start that is held is the one given, moved onto the constraints of what was found
+            again = self._on_constraints(given, self.params)
+            if all(
+                np.abs(again[x] - y).max() <= SAME * np.abs(y).max() for x, y in self.start.items()
+            ):
+                break
+            self.start = again
         return self._fit(covariance, found.fun)
 
     def _theta(self) -> Array:
@@ -212,48 +230,28 @@ class _Problem:
 
     def _basis(self) -> Array:
         """Return directions of the start that are free and on the constraints, as columns."""
-        n, values = len(self.system.coordinates), self.system.values(self.params)
-        if not self.free:
-            return np.zeros((2 * n, 0))
-        y, z = self.start.values()
-        tangent = linearized_at(Point(self.system, self.data.t0, y, z, values)).tangent
-        held = [k for k, name in enumerate(self.system.states) if name not in self.free]
-        if held:  # of what is tangent, that which leaves the other state where it is
-            rows = tangent[n * held[0] : n * (held[0] + 1)]
-            _, sizes, right = np.linalg.svd(rows)
-            rank = int((sizes > RANK * sizes.max(initial=0.0)).sum())
-            tangent = tangent @ right[rank:].T
-        if not tangent.shape[1]:
-            sentence = f"constraints leave no freedom to {quoted(self.free)}"
-            if not held:
-                raise ValueError(hinted(sentence, "fit parameters alone"))
-            hint = f"write free={tuple(self.system.states)!r}"
-            raise ValueError(hinted(f"{sentence} while the other state is held", hint))
-        basis: Array = np.linalg.qr(tangent)[0]
-        return basis
+        values = self.system.values(self.params)
+        return free_directions(self.system, self.data.t0, self.start, values, self.free)
 
     def _run(self, x: Array) -> _Tried:
         """Run with these values, and their tangents."""
         self.evaluations += 1
         theta, along = np.split(x, [len(self.bounds)])
-        params, n = self._with(theta), len(self.system.coordinates)
-        moved = self.basis @ along
-        start: dict[str, Any] = {
-            name: value + moved[k * n : (k + 1) * n]
-            for k, (name, value) in enumerate(self.start.items())
-        }
+        params = self._with(theta)
+        parts = np.split(self.basis, np.cumsum([len(x) for x in self.start.values()])[:-1])
+        bases = dict(zip(self.start, parts, strict=True))
+        start: dict[str, Any] = {name: x + bases[name] @ along for name, x in self.start.items()}
         start = self._on_constraints(start, params)
         tangents: dict[str, Any] = {
             f"params.{name}": 1.0 if np.ndim(params[name]) == 0 else np.eye(np.size(params[name]))
             for name in self.fitted
         }
         if along.size:
-            for k, name in enumerate(self.system.states):
-                tangents[name] = np.ascontiguousarray(self.basis[k * n : (k + 1) * n].T)
+            for name in movable(self.system):
+                tangents[name] = np.ascontiguousarray(bases[name].T)
         run = integrate(
-            self.system, self.method, t=self.data.span, steps=self.data.steps,
-            every=self.data.every, params=params, tangents=tangents, **start,
-        )  # fmt: skip
+            self.system, self.method, params=params, tangents=tangents, **self.data.run, **start
+        )
         return _Tried(x.copy(), params, start, run)
 
     def _residuals(self, x: Array) -> Array:
@@ -273,7 +271,7 @@ class _Problem:
         for name, tangent in self.last.run.tangents.items():
             rows = self._of(tangent.states)
             rows = rows if rows.ndim == 3 else rows[:, None]
-            if name == self.system.states[1]:
+            if name in movable(self.system)[1:]:
                 # a direction of both states is the sum of its parts
                 columns[-1] = columns[-1] + rows
             else:
@@ -328,9 +326,10 @@ class _Problem:
             left = max(residuals.size - unknowns, 1)
             sigma = float(np.sqrt(residuals @ residuals / left))
             covariance = covariance * sigma**2
-        n, own, names = len(self.system.coordinates), len(self.bounds), self._names()
-        rows = [k for k in range(2 * n) if self.system.states[k // n] in self.free]
-        names += [f"{self.system.states[k // n]}.{self.system.coordinates[k % n]}" for k in rows]
+        own, names, places = len(self.bounds), self._names(), self.system.places
+        each = [(state, x) for state in self.system.states for x in places[state]]
+        rows = [k for k, (state, _) in enumerate(each) if state in self.free]
+        names += [f"{each[k][0]}.{each[k][1]}" for k in rows]
         spread = np.zeros((own + len(rows), unknowns))
         spread[:own, :own], spread[own:, own:] = np.eye(own), self.basis[rows]
         return Fit(

@@ -1,16 +1,20 @@
-"""Measurements of a motion: states at equal times, some of them missing, with their deviations."""
+"""Measurements of a motion: states at given times, some of them missing, with their deviations."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from itertools import accumulate
+from typing import Any, TypeAlias
 
 import numpy as np
 
 from liouville._arguments import interval, number
 from liouville.analysis.point import Array
 from liouville.errors import hinted
-from liouville.systems import Mechanics
+from liouville.systems import Mechanics, SemiExplicit
+
+#: What is fitted.
+System: TypeAlias = Mechanics | SemiExplicit
 
 #: Times may be so far from equal distances, in units of these.
 EVEN = 1e-9
@@ -34,78 +38,84 @@ class Measurements:
     ----------
     t0 : float
         Time of the start.
-    span : tuple of two floats
-        From there to the last measurement.
-    steps, every : int
-        Steps of the run, and from one time to the next.
+    run : dict
+        Interval, steps and kept times of a run that meets them, as arguments of ``integrate``.
     first : int
         The record of the run that the first measurement is of.
-    values : ndarray, shape (k, 2 n)
+    values : ndarray, shape (k, w)
         Both states side by side, NaN where nothing was measured.
-    weights : ndarray, shape (k, 2 n)
+    weights : ndarray, shape (k, w)
         Standard deviations; 1 where none were given.
-    is_there : ndarray of bool, shape (k, 2 n)
+    is_there : ndarray of bool, shape (k, w)
         What was measured.
     is_absolute : bool
         Whether standard deviations were given.
     """
 
-    def __init__(
-        self, system: Mechanics, data: Any, h: float, sigma: Any, t0: float | None
-    ) -> None:
-        self._take_times(data, number("h is a number", h), t0)
+    def __init__(self, system: System, data: Any, h: float, sigma: Any, t0: float | None) -> None:
+        self._take_times(system, data, number("h is a number", h), t0)
         self._take_data(system, data, sigma)
 
-    def _take_times(self, data: Any, h: float, t0: Any) -> None:
+    def _take_times(self, system: System, data: Any, h: float, t0: Any) -> None:
         if not isinstance(data, Mapping) or "t" not in data:
             raise TypeError(hinted("data has no 't'", 'write data={"t": times, "q": values}'))
         times = _numbers("data 't'", data["t"])
         if times.ndim != 1 or times.size < 2 or not np.isfinite(times).all():
             raise ValueError(f"data 't' are two times or more in a row, not {times!r}")
-        distance = (times[-1] - times[0]) / (times.size - 1)
-        self.t0 = float(times[0]) if t0 is None else number("t0 is a number", t0)
-        before = (times[0] - self.t0) / distance if distance else np.nan
-        places = (times - self.t0) / distance if distance else np.full(times.size, np.nan)
-        if not distance > 0 or np.abs(places - np.round(places)).max() > EVEN * times.size:
-            sentence = "data 't' rise by equal distances, from t0 on"
-            raise ValueError(hinted(sentence, "fill times between with rows of NaN"))
+        if not (np.diff(times) > 0).all():
+            k = int(np.argmin(np.diff(times) > 0))
+            sentence = f"data 't' rise: {times[k]:g} is followed by {times[k + 1]:g}"
+            raise ValueError(hinted(sentence, "sort measurements by time, and join those of one"))
         if not h > 0:
             raise ValueError(f"h is positive, not {h:g}")
-        self.first = round(float(before))
-        if self.first < 0:
+        self.t0 = float(times[0]) if t0 is None else number("t0 is a number", t0)
+        if self.t0 > times[0]:
             raise ValueError(f"t0 = {self.t0:g} is after the first measurement")
-        self.every = max(1, int(np.ceil(distance / h * (1 - EVEN))))
-        self.steps = self.every * (self.first + times.size - 1)
-        self.span = interval((self.t0, float(times[-1])))
         self._count = times.size
+        distance = float(times[-1] - times[0]) / (times.size - 1)
+        places = (times - self.t0) / distance
+        span = interval((self.t0, float(times[-1])))
+        self.run: dict[str, Any] = {"t": span}
+        if np.abs(places - np.round(places)).max() <= EVEN * times.size:
+            every = max(1, int(np.ceil(distance / h * (1 - EVEN))))
+            self.first = round(float(places[0]))
+            self.run |= {"every": every, "steps": every * (self.first + times.size - 1)}
+            return
+        if isinstance(system, SemiExplicit):
+            sentence = "data 't' of a semi-explicit system rise by equal distances, from t0 on"
+            raise ValueError(hinted(sentence, "fill times between with rows of NaN"))
+        self.first = 0
+        steps = max(1, int(np.ceil((span[1] - span[0]) / h * (1 - EVEN))))
+        self.run |= {"steps": steps, "t_eval": times}
 
-    def _take_data(self, system: Mechanics, data: Mapping[str, Any], sigma: Any) -> None:
-        n = len(system.coordinates)
-        self.values = np.full((self._count, 2 * n), np.nan)
-        self.weights = np.ones((self._count, 2 * n))
+    def _take_data(self, system: System, data: Mapping[str, Any], sigma: Any) -> None:
+        names = [system.places[state] for state in system.states]
+        ends = [*accumulate(map(len, names), initial=0)]
+        parts = {x: slice(*ends[k : k + 2]) for k, x in enumerate(system.states)}
+        # of mechanics coordinates alone: both states have their names
+        own = names[:1] if names[0] == names[1] else names
+        components = [name for each in own for name in each]
+        self.values = np.full((self._count, ends[-1]), np.nan)
+        self.weights = np.ones((self._count, ends[-1]))
         self.is_absolute = sigma is not None
         for name in data:
             if name == "t":
                 continue
-            if name in system.states:
-                first = n * system.states.index(name)
-                place: Any = slice(first, first + n)
-            elif name in system.coordinates:
-                place = system.coordinates.index(name)
-            else:
-                hint = f"there are {', '.join((*system.states, *system.coordinates))}"
+            if name not in parts and name not in components:
+                hint = f"there are {', '.join((*system.states, *components))}"
                 raise ValueError(hinted(f"data has {name!r}, which is no state", hint))
+            place: Any = parts[name] if name in parts else components.index(name)
             values = _numbers(f"data {name!r}", data[name])
             if values.shape != self.values[:, place].shape:
                 wanted = self.values[:, place].shape
                 raise ValueError(f"data {name!r} has shape {values.shape}, wanted {wanted}")
             self.values[:, place] = values
-            own = sigma.get(name) if isinstance(sigma, Mapping) else sigma
-            if own is None and self.is_absolute:
+            deviation = sigma.get(name) if isinstance(sigma, Mapping) else sigma
+            if deviation is None and self.is_absolute:
                 raise ValueError(f"sigma has no value for {name!r}")
-            if own is None:
+            if deviation is None:
                 continue
-            weights = _numbers("sigma", own)
+            weights = _numbers("sigma", deviation)
             if weights.shape not in ((), values.shape[1:], values.shape):
                 sentence = f"sigma of {name!r} has shape {weights.shape}"
                 raise ValueError(f"{sentence}, wanted a number or {values.shape}")

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from liouville.analysis.point import Array
+from liouville.fitting.freedoms import values_of
 from liouville.solution import Solution
 
 
@@ -54,19 +54,6 @@ class Fit:
 
     def __repr__(self) -> str:
         """Return the values found with their standard deviations."""
-        values = _values(self.params, self.start, self.solution.names["coordinates"])
+        values = values_of(self.params, self.start, self.solution.names)
         shown = ", ".join(f"{x} = {values[x]:.6g} ± {size:.1g}" for x, size in self.errors.items())
         return f"<Fit: {shown}; {self.residuals.size} values, {self.evaluations} runs>"
-
-
-def _values(
-    params: Mapping[str, Any], start: Mapping[str, Array], coordinates: Sequence[str]
-) -> dict[str, float]:
-    """Return all that may be fitted, by name."""
-    found = {}
-    for name, value in params.items():
-        for k, x in enumerate(np.ravel(value)):
-            found[f"params.{name}" + f"[{k}]" * np.ndim(value)] = float(x)
-    for name, value in start.items():
-        found |= {f"{name}.{x}": float(v) for x, v in zip(coordinates, value, strict=True)}
-    return found

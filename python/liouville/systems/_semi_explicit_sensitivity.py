@@ -73,6 +73,15 @@ def pulled_start(
     return of_y, of_tau
 
 
+def gradients(system: SemiExplicit, t: float, y: np.ndarray, params: np.ndarray) -> np.ndarray:
+    """Return the gradients of the constraints at a point, k_y, shape (l, n)."""
+    rows, columns, row, column = system._patterns["k_y"]
+    found = np.zeros((rows, columns))
+    args = [np.array([[t]]), y[None, :]]
+    found[row, column] = system._tapes["constraint_jacobian"].map(params, args)[0]
+    return found
+
+
 def _corrections(system: SemiExplicit, t: float, y: np.ndarray, params: np.ndarray) -> Corrections:
     s, k = system._symbols, system._expressions.columns["constraint"]
 
