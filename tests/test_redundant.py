@@ -109,6 +109,21 @@ def test_multipliers_are_those_of_least_norm_and_give_the_motion(name):
         assert np.linalg.matrix_rank(rows / length[:, None], tol=1e-6) < len(length)
 
 
+def test_gradients_by_starts_are_checked_along_the_constraints():
+    """Beside them redundant constraints contradict each other, which is said in few names."""
+    system, start = hinged_fourbar.system, hinged_fourbar.start
+    found = lv.check_gradient(
+        system, lv.Spark(2), wrt=["q", "v", "params.g"], t=(0, 0.1), steps=2, **start
+    )
+    assert found.dot < 1e-13
+    assert found.differences < 1e-9
+    beside = system.consistent(**start)
+    beside["q"] = beside["q"] + np.random.default_rng(0).standard_normal(36) / 10
+    few = r"constraints 'A_x', 'A_y', 'A_z', 'A_0', 'A_1', 'B_x', 'B_y' and 24 more are redundant"
+    with pytest.raises(ValueError, match=few):
+        system.consistent(**beside)
+
+
 @pytest.mark.parametrize(("s", "order"), [(1, 2), (2, 4), (3, 6)])
 def test_orders_are_those_of_independent_constraints(s, order):
     def end(steps):

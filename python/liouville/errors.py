@@ -13,6 +13,9 @@ if TYPE_CHECKING:
     from liouville.solution import Solution
 
 
+#: A message has so many names.
+MOST_QUOTED = 8
+
 #: How much a name has in common with one that it may be meant for, as difflib counts.
 NEAR = 0.5
 
@@ -89,8 +92,10 @@ def hinted(message: str, hint: str) -> str:
 
 
 def quoted(names: Sequence[str]) -> str:
-    """Write names for a message: 'a', 'b' and 'c'."""
+    """Write names for a message: 'a', 'b' and 'c', of many the first and how many more."""
     words = [f"'{name}'" for name in names]
+    if len(words) > MOST_QUOTED:
+        words = [*words[: MOST_QUOTED - 1], f"{len(words) - MOST_QUOTED + 1} more"]
     return " and ".join([", ".join(words[:-1]), words[-1]]) if len(words) > 1 else words[0]
 
 

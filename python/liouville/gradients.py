@@ -242,6 +242,8 @@ def check_gradient(
 ) -> GradientCheck:
     """Check the gradient of a run in a random direction, by its tangent and by differences.
 
+    Directions of a start are along its constraints, onto which runs nearby are moved besides.
+
     The two tests see different things. The pairing of tangent and pullback is exact, but agrees
     even where a model bends within a step; differences see that, with their own error. They are of
     a run with the same steps, so that steps on constraints have to be equal; of a Schrödinger

@@ -104,9 +104,12 @@ class ConstrainedAdjoint(Adjoint):
             if name.startswith(PARAMS):
                 which = name.removeprefix(PARAMS)
                 values[which] = np.asarray(values[which]) + size * x
-        given = dict(zip(system.states, system.start(request.start), strict=True))
-        own: dict[str, Any] = {
-            name: x + size * directions.get(name, 0.0) for name, x in given.items()
+        given = zip(system.states, system.start(request.start), strict=True)
+        # along the constraints: beside them redundant ones contradict each other
+        changes = self.runner.moved_along(directions)
+        own: dict[str, Any] = {  # z that follows from y has no changes
+            name: x + size * dx if dx.size else x
+            for (name, x), dx in zip(given, changes, strict=True)
         }
         ends = [request.t[k] + size * directions.get(f"t{k}", 0.0) for k in (0, 1)]
         start = {**request.start, **system.consistent(t=ends[0], params=values, **own)}

@@ -83,6 +83,10 @@ class MechanicalRunner(TracedRunner):
         self._sizes = sizes(self.system, *point)[left]
         self._problem = self._form()
 
+    @property
+    def _followed(self) -> Mechanics:
+        return self._stepped
+
     def _job(self) -> Job:
         job = super()._job()
         job.is_reversible = self._is_reversible

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
+from collections.abc import Mapping
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
@@ -134,6 +135,20 @@ class TracedRunner(Runner):
     @abstractmethod
     def sensitivity(self) -> tuple[Sensitivity, AlphaTransposed | None]:
         """Return derivatives by time and parameters, and those of a step of the alpha family."""
+
+    def moved_along(self, directions: Mapping[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+        """Return the change of the start along the sum of directions, on the constraints."""
+        # imported here: few runs are differentiated
+        from liouville.runners.tangents import ConstrainedDirections
+
+        own, (y, z) = ConstrainedDirections(self.system, directions, self.steps), self._begin[:2]
+        dy, dz = own.starts(self._followed, self.steps.t0, y, z, self._values)
+        return dy.sum(axis=0), dz.sum(axis=0)
+
+    @property
+    def _followed(self) -> Mechanics | SemiExplicit:
+        """The system whose constraints the start is on, none of which follows from others."""
+        return self.system
 
     @abstractmethod
     def pulled_start(self, found: Cotangents) -> Cotangents:
