@@ -309,6 +309,10 @@ def test_a_chain_of_24_fits_and_what_does_not_is_refused_with_numbers(monkeypatc
         MemoryError, match=r"12 sites of at most 12\).*\nhint: take a smaller cutoff="
     ):
         lv.BosonSystem(12, ["n"], cutoff=12)
+    with pytest.raises(MemoryError, match=r"hint: .* by up=, parity= or momentum="):
+        lv.SpinSystem(40, ["xx"])
+    with pytest.raises(MemoryError, match=r"hint: fix particles= where"):
+        lv.FermionSystem(30, ["n"])
 
 
 def test_the_number_of_entries_is_known_beforehand():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import os
 import re
 import traceback
@@ -88,7 +89,8 @@ def _reading(error: Exception) -> tuple[ca.SX, Any] | None:
 def _line(function: Callable[..., Any], error: Exception) -> str:
     """Return the line of a user's file that an error comes from, as part of a sentence."""
     frames = traceback.extract_tb(error.__traceback__)
-    file = getattr(getattr(function, "__code__", None), "co_filename", None)
+    own = inspect.unwrap(function)
+    file = getattr(getattr(own, "__code__", None), "co_filename", None)
     lines = [
         f", line {x.lineno} of {os.path.basename(x.filename)},"
         for x in frames

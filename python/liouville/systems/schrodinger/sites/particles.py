@@ -67,6 +67,8 @@ class FermionSystem(SiteSystem):
     400
     """
 
+    _fewer = "fix particles= where the sum conserves them, or take fewer sites"
+
     def __init__(
         self,
         sites: int,
@@ -159,7 +161,9 @@ class BosonSystem(SiteSystem):
     126
     """
 
-    _fewer = "take a smaller cutoff=, fix particles=, or take fewer sites"
+    _fewer = (
+        "take a smaller cutoff=, fix particles= where the sum conserves them, or take fewer sites"
+    )
 
     def __init__(
         self,

@@ -91,6 +91,8 @@ class SpinSystem(SiteSystem):
     hint: ...
     """
 
+    _fewer = "fix what the sum conserves by up=, parity= or momentum=, or take fewer sites"
+
     def __init__(
         self,
         sites: int,
@@ -129,9 +131,8 @@ class SpinSystem(SiteSystem):
             of_chain = f"of a chain of {length} sites k is"
             self.momentum = whole("momentum", momentum, 0, length - 1, of_chain)
             self._basis.check()
-            hint = "fix what the sum conserves, or take fewer sites"
             check_memory(
-                f"the orbits of {self._basis.size} states", ORBITS * self._basis.size, hint
+                f"the orbits of {self._basis.size} states", ORBITS * self._basis.size, self._fewer
             )
             self._basis = with_momentum(self._basis, self.momentum)
         self._letters = Letters(_matrices(steps, 2.0 if pauli else 1.0))
