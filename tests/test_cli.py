@@ -415,6 +415,17 @@ def test_a_sweep_is_an_ensemble_whose_starts_are_on_their_constraints(liouville,
     assert f"{many.q[-1, 3, 0]:.8g}" in row
 
 
+def test_a_sweep_of_a_field_has_one_start(liouville, tmp_path):
+    ran = liouville("run abc_flow --sweep A=0:1:3 --h 0.1 --until 1 --out many.npz")
+    assert ran.returncode == 0, ran.stderr
+    found, flow = lv.load(tmp_path / "many.npz"), problems.load("abc_flow")
+    params = {"A": [0.0, 0.5, 1.0]}
+    many = lv.ensemble(
+        flow.system, lv.VolumeSplitting(), t=(0, 1), h=0.1, params=params, **flow.start
+    )
+    np.testing.assert_array_equal(found.x, many.x)
+
+
 def test_a_sweep_some_of_whose_members_fail_says_which(liouville, model):
     ran = liouville(f"run {model} --h 0.1 --until 1 --param c=1 --sweep until=0.45:1.95:4")
     assert ran.returncode == 1
@@ -433,7 +444,8 @@ def test_a_sweep_some_of_whose_members_fail_says_which(liouville, model):
         ("pendulum --sweep l=1:2:3 --rtol 1e-3", "equal steps in memory: it takes no --rtol"),
         ("pendulum --sweep l=1:2:3 --param l=1", "'l' is given twice"),
         ("pendulum --sweep w=1:2:3", "there is no parameter 'w'"),
-        ("hill_vortex --sweep l=1:2:3", "hint: sweeps are for mechanical and semi-explicit"),
+        ("heisenberg --sweep l=1:2:3", "hint: sweeps are for mechanical systems and fields"),
+        ("hill_vortex --sweep l=1:2:3", "there is no parameter 'l'"),
         ("pendulum --report run.pdf", "hint: name it .html"),
         ("slider_crank --out run.xyz", "is no x, y or z of a point"),
     ],

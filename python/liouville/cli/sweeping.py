@@ -38,13 +38,13 @@ def sweep(
     unwanted: Mapping[str, Any],
     **options: Any,
 ) -> lv.Solution:
-    """Integrate a member for each value of a parameter, each start moved onto its constraints."""
+    """Integrate a member for each value of a parameter, its start moved onto any constraints."""
     for option, value in unwanted.items():
         if value:
             raise ValueError(f"a sweep takes equal steps in memory: it takes no --{option}")
-    if not isinstance(system, Mechanics | lv.SemiExplicit):
+    if isinstance(system, lv.Schrodinger):
         sentence = f"{model} has one value of each parameter for all members of an ensemble"
-        raise TypeError(hinted(sentence, "sweeps are for mechanical and semi-explicit systems"))
+        raise TypeError(hinted(sentence, "sweeps are for mechanical systems and fields"))
     name, of = values
     if name in (params or {}):
         raise ValueError(f"parameter {name!r} is given twice, by --param and by --sweep")
@@ -52,9 +52,11 @@ def sweep(
     if np.ndim(default):
         raise ValueError(f"parameter {name!r} is a vector, and a sweep is of numbers")
     given = {**(params or {}), name: of}
-    placed: dict[str, Any] = system.consistent(t=options["t"][0], params=given, **start)
-    moved = max(np.abs(placed[x] - np.asarray(start[x], float)).max() for x in start)
-    if moved > 1e-9:
-        say(f"starts were moved onto their constraints, by {moved:.3g} at most")
+    placed: dict[str, Any] = dict(start)
+    if isinstance(system, Mechanics | lv.SemiExplicit):
+        placed = system.consistent(t=options["t"][0], params=given, **start)
+        moved = max(np.abs(placed[x] - np.asarray(start[x], float)).max() for x in start)
+        if moved > 1e-9:
+            say(f"starts were moved onto their constraints, by {moved:.3g} at most")
     with bar(model, "steps") as report:
         return lv.ensemble(system, method, params=given, progress=report, **options, **placed)
