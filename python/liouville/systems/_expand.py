@@ -327,7 +327,10 @@ class Expansion:
                 if isinstance(function, Opaque) and component in function.places:
                     name = self.names[component]
                     sentence = f"component '{name}' contains {function.reason}"
-                    hint = f"other components than that of '{name}' may have any function of it"
+                    hint = (
+                        f"other components than that of '{name}' may have any function of it; "
+                        "lv.GriddedField takes any field in the plane or in space, by samples"
+                    )
                     raise ValueError(sentence if "hint" in sentence else hinted(sentence, hint))
 
     def _with_functions(
