@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from liouville._scipy import scipy
 from liouville.analysis.point import Array
 from liouville.errors import IntegrationError, hinted, quoted
-from liouville.fitting.freedoms import free_directions, movable, values_of
+from liouville.fitting.freedoms import free_directions, movable
 from liouville.fitting.measurements import Measurements, System
 from liouville.fitting.result import Fit
 from liouville.integrate import integrate

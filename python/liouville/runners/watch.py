@@ -103,18 +103,15 @@ class Watch:
             for side, end in enumerate(("", AFTER)[: sides.shape[1]]):
                 at = _states_at(system, times, sides[:, side], params, members)
                 states |= {f"{state}{end}": x for state, x in at.items()}
-<<<<<<< HEAD
-            points[name] = Points(times, states | ({"member": members} if params.ndim > 1 else {}))
-        self._hits = {name: found.t for name, found in points.items()}
-=======
             points[name] = Points(times, states | own)
->>>>>>> 2360065 (mechanics: tangents and pullbacks of ensembles with events)
+        if params.ndim == 1:
+            self._hits = {name: found.t for name, found in points.items()}
         names = [*self.events]
         said = {member: _said(names[which], t, limit) for which, t, limit, member in ends}
         return points, said, rest
 
     def accumulated(self, name: str, t: float) -> float | None:
-        """Return where the hits of an event until t accumulate, None if they do not."""
+        """Return where the hits of an event of a run until t accumulate, None if they do not."""
         hits = self._hits.get(name, np.empty(0))
         intervals = np.abs(np.diff(hits[np.abs(hits - hits[:1]) <= np.abs(t - hits[:1])]))
         last = intervals[-SHRINKING:]
