@@ -87,6 +87,10 @@ def test_tangents_are_differences(row, name):
     assert farthest(own, {x: wanted[x] for x in own}) < 1e-8
     directions = directions_of(system, "t0", "t1")
     assert paired(system, row.method, t, start, directions, steps=5, every=2) < 1e-12
+    # a time that parts a step, and accelerations that begin anew there
+    law = {"reset": lambda t, y, z, lam, params: z}
+    run = {"steps": 5, "events": {"half": lv.Event(lambda s, *_: s - t[0] - 0.17, **law)}}
+    assert paired_with_events(system, row.method, t, start, directions, **run) < 1e-12
 
 
 def test_accelerations_that_are_given_stay_and_members_are_those_of_runs():

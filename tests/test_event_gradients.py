@@ -108,7 +108,7 @@ def differences(system, method, t, start, directions, size=2e-4, **run):
             at = t[0] + step * directions.get("t0", 0.0), t[1] + step * directions.get("t1", 0.0)
             own, params = moved(system, at[0], start, directions, step)
             found = lv.integrate(system, method, t=at, params=params, **run, **own)
-            names = (*system.states, "lam")
+            names = {*system.states, "lam"} & {*found.states}
             for name, x in outputs({x: found.states[x] for x in names}, found.events).items():
                 total[name] = total.get(name, 0.0) + sign * weight / size * x
     return total

@@ -5,6 +5,8 @@ import numpy as np
 import pytest
 from registry import ALL, INDEX2
 from test_adjoints import paired
+from test_event_gradients import check
+from test_event_gradients import paired as paired_with_events
 from test_tangents import differences, directions_of, farthest, summed
 
 import liouville as lv
@@ -46,6 +48,10 @@ def test_rows_of_the_registry(row):
     plain = lv.integrate(system, row.method, t=t, steps=3, **start)
     assert np.array_equal(found.z, plain.z)
     assert paired(system, row.method, t, start, directions, steps=5, every=2) < 1e-12
+    law = {"reset": lambda t, y, z, params: {"y": y}}
+    run = {"steps": 5, "events": {"half": lv.Event(lambda s, *_: s - 0.37, **law)}}
+    run["t_eval"] = [0.23, 0.31, 0.41]
+    assert paired_with_events(system, row.method, t, start, directions, **run) < 1e-12
 
 
 @pytest.mark.parametrize("method", [lv.Spark(1), lv.Spark(3), lv.Spark(2, points="radau"),
@@ -60,6 +66,59 @@ def test_every_parameter_of_every_function_and_both_ends(method):
     found = lv.check_gradient(system, method, wrt=["y", "params.l"], t=t, steps=4, **start)
     assert found.dot < 1e-13
     assert found.differences < 1e-9
+
+
+#: Methods by the kinds of polynomials between their steps.
+DENSE = [lv.Spark(1), lv.Spark(2), lv.Spark(3), lv.Spark(4), lv.Spark(2, points="radau"),
+         lv.Composition(lv.Spark(1), "SU4")]  # fmt: skip
+
+
+@pytest.mark.parametrize("method", DENSE, ids=str)
+def test_states_at_given_times(method):
+    (system, start, directions), t = started(), (0.2, 0.8)
+    run = {"steps": 5, "t_eval": [0.23, 0.33, 0.71, 0.79]}
+    check(system, method, t, start, directions, bound=1e-9, size=2e-3, **run)
+    run["t_eval"] = [0.2, *run["t_eval"], 0.8]
+    assert paired(system, method, t, start, directions, least=1.0, **run) < 1e-12
+    held = {name: x for name, x in directions.items() if name not in ("t0", "t1")}
+    if not isinstance(method, lv.Composition):
+        run = {"rtol": 1e-6, "t_eval": run["t_eval"], "least": 1.0}
+        assert paired(system, method, t, start, held, **run) < 1e-12
+
+
+def watched():
+    """Return events of all kinds, of y, z, time and parameters."""
+
+    def turned(t, y, z, params):
+        rest = (params.l + ca.sin(t) / 9) ** 2 - ca.dot(y[:3], y[:3])
+        return {"y": ca.vertcat(y[:3], -ca.sqrt(rest))}
+
+    return {
+        "side": lv.Event(lambda t, y, z, params: y[2] - params.c * t / 9 + 0.75, reset=turned),
+        "pull": lambda t, y, z, params: z[0] + params.b[0] * t / 4,
+        "last": lv.Event(lambda t, y, z, params: y[0] - 0.7 - params.a * z[1] / 9, terminal=2),
+    }
+
+
+@pytest.mark.parametrize("method", [lv.Spark(2), lv.Spark(2, points="radau"),
+                                    lv.Composition(lv.Spark(1), "SU4")], ids=str)  # fmt: skip
+def test_events_and_resets(method):
+    system, start, directions = started()
+    run = {"steps": 24, "events": watched(), "every": 5}
+    found = check(system, method, (0.2, 2.2), start, directions, bound=1e-9, **run)
+    assert all(len(points) for points in found.events.values())
+    assert paired_with_events(system, method, (0.2, 2.2), start, directions, **run) < 1e-12
+    run |= {"t_eval": [0.2, 0.41, 0.9, 1.3], "every": 1}
+    assert paired_with_events(system, method, (0.2, 2.2), start, directions, **run) < 1e-12
+
+
+def test_a_reset_beside_the_constraints_has_no_derivative():
+    system, start, _ = started()
+    law = {"reset": lambda t, y, z, params: 1.001 * y}
+    events = {"side": lv.Event(lambda t, y, z, params: y[2] + 0.75, **law)}
+    call = {"t": (0.2, 2.2), "steps": 24, "events": events, "tangents": {"params.c": 1.0}}
+    with pytest.raises(lv.IntegrationError, match="leads beside the constraints"):
+        lv.integrate(system, lv.Spark(2), **call, **start)
 
 
 @pytest.mark.parametrize("control", [
@@ -99,8 +158,6 @@ def test_a_start_is_moved_and_members_are_those_of_runs():
 
 @pytest.mark.parametrize(("more", "sentence"), [
     ({"tangents": {"z": [1.0, 0.0]}}, "z follows from y by the hidden constraint"),
-    ({"t_eval": [0.3]}, "tangents go without t_eval="),
-    ({"events": {"low": lambda t, y, z, params: y[0]}}, "tangents go without events="),
     ({"tangents": {"t1": 1.0}, "rtol": 1e-6, "steps": None}, "where steps are controlled"),
 ])  # fmt: skip
 def test_what_has_no_tangents_is_refused(more, sentence):

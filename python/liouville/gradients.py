@@ -149,10 +149,10 @@ def vjp(
     Parameters
     ----------
     system, method, t, h, steps, rtol, atol, control, every, t_eval, events, params, progress
-        As for :func:`integrate`, and of members as for :func:`ensemble`: a mechanical system by
-        ``Spark``, ``LobattoPair`` or a composition of them, whose controlled steps are held, as are
-        the times in `t_eval`, or by ``HHT``, ``GeneralizedAlpha`` and ``ArnoldBruls``, whose
-        controlled steps end at no switches; a semi-explicit system, without events and `t_eval`; a
+        As for :func:`integrate`, and of members as for :func:`ensemble`: a mechanical or
+        semi-explicit system by ``Spark``, ``LobattoPair`` or a composition of them, whose
+        controlled steps are held, as are the times in `t_eval`; a mechanical one by ``HHT``,
+        ``GeneralizedAlpha`` and ``ArnoldBruls`` too, whose controlled steps end at no switches; a
         field without divergence; or a Schrödinger equation by ``"auto"``, ``Chebyshev``,
         ``Magnus`` with `h` or `steps`, or splittings of a real H into shears. Bounds, windows,
         steps and the numbers of terms are held.

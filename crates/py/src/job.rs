@@ -358,7 +358,7 @@ pub(crate) fn pullback(
     let sensitivity = match sensitivity {
         SensitivityOf::Mechanical(own) => &own.0,
         SensitivityOf::SemiExplicit(own) => {
-            let found = run::Index2Pullback::new(problem, method, job, &own.0);
+            let found = run::Pullback::of_index2(problem, method, job, &own.0);
             return Ok(found.map(|found| Box::new(found) as _));
         }
     };

@@ -111,18 +111,12 @@ class MechanicalRunner(TracedRunner):
         if self._directions is None:
             return {}
         own, rows, states = self._directions, parts["tangents"], self.system.states
-        sizes = len(self.system.coordinates), len(self.constraints)
+        n, m = len(self.system.coordinates), len(self.constraints)
         if self.shares_multipliers:
             params = self._rows if self.members else self._values
             motion = (self.steps.t0, t, parts[states[0]], parts[states[1]], parts["lam"])
             rows = own.shared(self._stepped, motion, params, rows, self.times is not None)
-        return own.read(states, rows, *sizes, self._moved_events)
-
-    @property
-    def _event_width(self) -> int:
-        """How many numbers of tangents come behind each state of an event."""
-        wide = 1 + 2 * len(self.system.coordinates) + self.multipliers
-        return 0 if self._directions is None else self._directions.count * wide
+        return own.read(states, rows, (n, n, m), self._moved_events)
 
     @property
     def shares_multipliers(self) -> bool:

@@ -45,8 +45,9 @@ class SemiExplicitRunner(TracedRunner):
         del t
         if self._directions is None:
             return {}
-        n = len(self.system.coordinates)
-        return self._directions.named(parts["tangents"], {"y": slice(n), "z": slice(n, None)})
+        own, names = self._directions, self.system.states
+        sizes = len(self.system.coordinates), len(self.system.unknowns), None
+        return own.read(names, parts["tangents"], sizes, self._moved_events)
 
     def sensitivity(self) -> tuple[_core.SemiExplicitSensitivity, None]:
         """Return derivatives by time and parameters."""

@@ -49,9 +49,9 @@ ALPHA = HHT | GeneralizedAlpha | ArnoldBruls
 
 #: What has tangents.
 COVERED = (
-    "tangents are those of a mechanical system by Spark, LobattoPair or a Composition of them, or "
-    "by the alpha family, of a divergence-free field or a semi-explicit system without events and "
-    "t_eval, and of a Schrodinger equation, without store"
+    "tangents are those of a mechanical or semi-explicit system by Spark, LobattoPair or a "
+    "Composition of them, of a mechanical one by the alpha family too, of a divergence-free field "
+    "without events and t_eval, and of a Schrodinger equation, without store"
 )
 
 
@@ -68,9 +68,9 @@ def check_covered(system: Any, method: Any, request: Request) -> None:
     if request.is_ensemble and has_times:
         sentence = "tangents of an ensemble go without t_eval="
         raise TypeError(hinted(sentence, "make a run of each member"))
-    has_events = events and not isinstance(system, Mechanics)
+    has_events = events and not isinstance(system, Constrained)
     without = {"events": has_events, "store": request.is_stored}
-    without["t_eval"] = has_times and isinstance(system, Field | SemiExplicit)
+    without["t_eval"] = has_times and isinstance(system, Field)
     if given := [name for name, is_given in without.items() if is_given]:
         raise TypeError(hinted(f"tangents go without {given[0]}=", COVERED))
     if not request.states:
@@ -230,32 +230,36 @@ class ConstrainedDirections(Directions):
         self,
         states: tuple[str, str],
         rows: np.ndarray,
-        n: int,
-        m: int,
+        sizes: tuple[int, int, int | None],
         events: Mapping[str, tuple[np.ndarray, np.ndarray | None]],
     ) -> dict[str, Tangent]:
-        """Name the columns of tangents in records; `m` is 0 where multipliers are not told.
+        """Name the columns of tangents in records, of both states and of multipliers.
+
+        Of these the size is None where there are none, and where they are not told there are no
+        columns.
 
         Of each event there are rows of time, states and multipliers, before a reset and after it,
         and of an ensemble which members they are of.
         """
-        cuts = {states[0]: slice(n), states[1]: slice(n, 2 * n)}
-        if rows.shape[-1] == self.count * (2 * n + m):
-            cuts["lam"] = slice(2 * n, None)
+        (n, _, m), own = sizes, sizes[0] + sizes[1]
+        whole = None if m is None else own + m
+        cuts = {states[0]: slice(n), states[1]: slice(n, own)}
+        if whole is not None and rows.shape[-1] == self.count * whole:
+            cuts["lam"] = slice(own, None)
         found = self.named(rows, cuts)
         for event, (sides, members) in events.items():
             width = sides.shape[-1] // self.count
-            wide = {"t": slice(1), states[0]: slice(1, 1 + n), states[1]: slice(1 + n, 1 + 2 * n)}
-            if width == 1 + 2 * n + m:
-                wide["lam"] = slice(1 + 2 * n, None)
+            wide = {"t": slice(1), states[0]: slice(1, 1 + n), states[1]: slice(1 + n, 1 + own)}
+            if whole is not None and width == 1 + whole:
+                wide["lam"] = slice(1 + own, None)
             ends = [self.named(sides[:, k], wide) for k in range(sides.shape[1])]
             for name, tangent in found.items():
-                own = {f"{x}{end}": y for end, at in zip(("", AFTER), ends, strict=False)
-                       for x, y in at[name].states.items()}  # fmt: skip
-                t = own.pop("t")[..., 0]
-                own.pop(f"t{AFTER}", None)
-                own |= {} if members is None else {"member": members}
-                tangent.events[event] = Points(t, own)
+                found_at = {f"{x}{end}": y for end, at in zip(("", AFTER), ends, strict=False)
+                            for x, y in at[name].states.items()}  # fmt: skip
+                t = found_at.pop("t")[..., 0]
+                found_at.pop(f"t{AFTER}", None)
+                found_at |= {} if members is None else {"member": members}
+                tangent.events[event] = Points(t, found_at)
         return found
 
 

@@ -79,6 +79,7 @@ class TracedRunner(Runner):
         self.columns = {**self._own(), **self.widths}
         self._check_sizes(request)
         self._directions: ConstrainedDirections | None = None
+        #: What moves of events, by their names.
         self._moved_events: dict[str, tuple[np.ndarray, np.ndarray | None]] = {}
 
     def _takes(self) -> Takes:
@@ -228,7 +229,10 @@ class TracedRunner(Runner):
     @property
     def _event_width(self) -> int:
         """How many numbers of tangents come behind each state of an event."""
-        return 0
+        if self._directions is None:
+            return 0
+        wide = 1 + sum(x.shape[-1] for x in self._begin[:2]) + self.multipliers
+        return self._directions.count * wide
 
     def _monitored(self, control: Reversible) -> tuple[_core.Tape, bool] | None:
         """Return the monitor that the steps follow, None for one that the core has."""

@@ -65,7 +65,7 @@ class Watch:
             tape, needs_lam, reset = system.event(name, event)
             way, terminal = DIRECTIONS[event.direction], int(event.terminal)
             slopes = None
-            if is_differentiated and isinstance(system, Mechanics):
+            if is_differentiated and isinstance(system, Mechanics | SemiExplicit):
                 slopes = event_slopes(system, name, event)
             events.append((tape, way, terminal, needs_lam, reset, False, slopes))
         for name, tape in switches.items():

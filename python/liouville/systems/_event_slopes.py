@@ -13,14 +13,15 @@ from liouville._job import Pair, Slopes
 from liouville.errors import hinted
 from liouville.events import Event, Impact
 from liouville.systems._form import total_derivative
+from liouville.systems.mechanics import Mechanics
 from liouville.systems.traced import SWITCH
 from liouville.tape import record
 
 if TYPE_CHECKING:
-    from liouville.systems.mechanics import Mechanics
+    from liouville.systems.semi_explicit import SemiExplicit
 
 
-def event_slopes(system: Mechanics, name: str, event: Event) -> Slopes:
+def event_slopes(system: Mechanics | SemiExplicit, name: str, event: Event) -> Slopes:
     """Record the derivatives of an event and of its reset."""
     value, law = system.event_expressions(name, event)
     return _slopes(system, f"event '{name}'", value, law, isinstance(event.reset, Impact))
@@ -33,7 +34,7 @@ def switch_slopes(system: Mechanics, name: str) -> Slopes:
 
 
 def _slopes(
-    system: Mechanics, what: str, value: ca.SX, law: list[ca.SX], is_impact: bool
+    system: Mechanics | SemiExplicit, what: str, value: ca.SX, law: list[ca.SX], is_impact: bool
 ) -> Slopes:
     """Record the tapes of `events::EventSlopes` in the core, of an event and its reset, if any.
 
@@ -42,27 +43,38 @@ def _slopes(
     TypeError
         The mass matrix of what an impact moves is not among the expressions.
     """
-    s, model = system._symbols, system._model
-    x = ca.vertcat(s.t, s.y, s.z, system._multipliers, s.params.vector)
+    s = system._symbols
+    x = ca.vertcat(s.t, s.y, s.z, _multipliers(system), s.params.vector)
     gradient = record(f"slopes of {what}", _inputs(system), ca.densify(ca.gradient(value, x)))
     reset = impulse = None
     if law and not is_impact:
         reset = _pair(f"the reset of {what}", system, x, ca.vertcat(*law), {})
-    own, held = model.nonholonomic, model.lam.numel() + model.nonholonomic.nu.numel()
-    if is_impact or (law and held):
-        if own.nu.numel() and ca.depends_on(ca.jacobian(own.rn, own.nu), s.z):
-            sentence = f"the impulses of {what} have no derivatives: they turn with the velocity"
-            hint = "nonholonomic constraints that are linear in the velocity have them"
-            raise TypeError(hinted(sentence, hint))
-        if model.linear.mass is not None:
-            sentence = f"the impulses of {what} have no derivatives yet: its masses are a matrix"
-            raise TypeError(hinted(sentence, "write the kinetic energy as an expression"))
-        after = ca.SX.sym("after", s.z.numel())
-        impulses = ca.SX.sym("impulses", held + is_impact)
-        balance = _balance(system, (after, impulses), value, law[:1] if is_impact else [])
-        more = {"after": after, "held": impulses}
-        impulse = _pair(f"impulses of {what}", system, x, balance, more)
+    # of a semi-explicit system z follows from y, behind a reset too
+    if law and isinstance(system, Mechanics):
+        impulse = _impulses(system, what, value, x, law[:1] if is_impact else [])
     return gradient, reset, impulse
+
+
+def _impulses(
+    system: Mechanics, what: str, value: ca.SX, x: ca.SX, restitution: list[ca.SX]
+) -> Pair | None:
+    """Record the derivatives of what changes momenta at a reset, if anything does."""
+    s, model = system._symbols, system._model
+    own, held = model.nonholonomic, model.lam.numel() + model.nonholonomic.nu.numel()
+    is_impact = bool(restitution)
+    if not (is_impact or held):
+        return None
+    if own.nu.numel() and ca.depends_on(ca.jacobian(own.rn, own.nu), s.z):
+        sentence = f"the impulses of {what} have no derivatives: they turn with the velocity"
+        hint = "nonholonomic constraints that are linear in the velocity have them"
+        raise TypeError(hinted(sentence, hint))
+    if model.linear.mass is not None:
+        sentence = f"the impulses of {what} have no derivatives yet: its masses are a matrix"
+        raise TypeError(hinted(sentence, "write the kinetic energy as an expression"))
+    after = ca.SX.sym("after", s.z.numel())
+    impulses = ca.SX.sym("impulses", held + is_impact)
+    balance = _balance(system, (after, impulses), value, restitution)
+    return _pair(f"impulses of {what}", system, x, balance, {"after": after, "held": impulses})
 
 
 def _balance(
@@ -89,15 +101,26 @@ def _balance(
     return ca.vertcat(momentum - gradient * held[m], w, rate)
 
 
-def _inputs(system: Mechanics, **more: ca.SX) -> dict[str, ca.SX]:
+def _multipliers(system: Mechanics | SemiExplicit) -> ca.SX:
+    """Return the multipliers, of which a semi-explicit system has none."""
+    return ca.SX(0, 1) if system._multipliers is None else system._multipliers
+
+
+def _inputs(system: Mechanics | SemiExplicit, **more: ca.SX) -> dict[str, ca.SX]:
     """Return the inputs of an event, and more before the parameters."""
     s = system._symbols
-    inputs = s.inputs(z=s.z, lam=system._multipliers)
+    inputs = s.inputs(z=s.z, lam=_multipliers(system))
     params = inputs.pop("params")
     return {**inputs, **more, "params": params}
 
 
-def _pair(what: str, system: Mechanics, x: ca.SX, found: ca.SX, more: dict[str, ca.SX]) -> Pair:
+def _pair(
+    what: str,
+    system: Mechanics | SemiExplicit,
+    x: ca.SX,
+    found: ca.SX,
+    more: dict[str, ca.SX],
+) -> Pair:
     """Record the derivative of expressions along a direction, and its transpose."""
 
     def tape(kind: str, vector: ca.SX, is_transposed: bool) -> _core.Tape:

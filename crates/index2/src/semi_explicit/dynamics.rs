@@ -13,9 +13,9 @@ use liouville_problem::{Carried, Dynamics, finite};
 /// The solver for z', with its memory.
 #[derive(Clone, Debug)]
 pub struct Derivatives {
-    factor: Factor,
+    pub(super) factor: Factor,
     /// z', as last solved for.
-    z_dot: Vec<f64>,
+    pub(super) z_dot: Vec<f64>,
     /// y'', as last solved for.
     pub y_ddot: Vec<f64>,
 }

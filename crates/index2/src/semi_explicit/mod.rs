@@ -8,12 +8,14 @@
 mod algebraic;
 mod dynamics;
 mod model;
+mod point;
 mod restart;
 mod sensitivity;
 
 pub use algebraic::Algebraic;
 pub use dynamics::Derivatives;
 pub use model::SemiExplicitModel;
+pub use point::SemiExplicitPoint;
 pub use restart::SemiExplicitRestart;
 pub use sensitivity::{
     SemiExplicitSensitivity, SemiExplicitSensitivityModel, SemiExplicitSensitivityPatterns,

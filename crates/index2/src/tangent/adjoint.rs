@@ -5,7 +5,7 @@ use super::super::stages::{CollocationStages, CollocationStep};
 use super::linear_step::LinearCollocation;
 use crate::semi_explicit::{SemiExplicitSensitivityModel, SemiExplicitState};
 use liouville_base::error::StepError;
-use liouville_base::linalg::{add_scaled, copy};
+use liouville_base::linalg::copy;
 use liouville_base::recorder::{Recordable, StepRecord};
 use liouville_problem::Cotangents;
 
@@ -53,27 +53,6 @@ impl Index2Adjoint {
         self.stages.move_points(step);
         self.linear.make(&self.stages, step)?;
         self.linear.pull(&self.stages, step, of);
-        Ok(())
-    }
-
-    /// Adds cotangents (y, z) of a point.
-    ///
-    /// # Errors
-    /// A derivative that is not finite, or a singular matrix.
-    pub fn observe(
-        &mut self,
-        (t, state): (f64, &SemiExplicitState),
-        row: &[f64],
-        of: &mut Cotangents,
-    ) -> Result<(), StepError> {
-        let (of_y, of_z) = row.split_at(state.y.len());
-        add_scaled(&mut of.y, 1.0, of_y);
-        if of_z.iter().all(|x| *x == 0.0) {
-            return Ok(());
-        }
-        self.linear.linearize_hidden(t, state)?;
-        let sensitivity = &mut self.linear.sensitivity;
-        sensitivity.pull(of_z, &mut of.y, &mut of.tau);
         Ok(())
     }
 }

@@ -1,30 +1,38 @@
 //! What is recorded of states of semi-explicit systems with their tangents.
 
-use crate::semi_explicit::{SemiExplicitModel, SemiExplicitState};
+use crate::semi_explicit::SemiExplicitModel;
 use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch, Numbers};
 use liouville_base::error::StepError;
 use liouville_base::observe::Observe;
-use liouville_problem::{Observer, TangentState};
+use liouville_problem::{Carried, Observer};
 
 /// Records what [`Observer`] does, and behind it the tangents of y and z in one direction after another.
 #[derive(Clone, Debug)]
-pub struct SemiExplicitTangentObserver(pub Observer<SemiExplicitModel>);
+pub struct SemiExplicitTangentObserver {
+    inner: Observer<SemiExplicitModel>,
+    count: usize,
+}
 
-impl Observe<TangentState<SemiExplicitState>> for SemiExplicitTangentObserver {
-    fn width(&self, state: &TangentState<SemiExplicitState>) -> usize {
-        self.0.width(state) + state.y.flat().len() + state.z.flat().len()
+impl SemiExplicitTangentObserver {
+    /// An observer of so many tangents beside `inner`, which records states.
+    pub fn new(inner: Observer<SemiExplicitModel>, count: usize) -> Self {
+        Self { inner, count }
+    }
+}
+
+impl<S: Carried> Observe<S> for SemiExplicitTangentObserver {
+    fn width(&self, state: &S) -> usize {
+        self.inner.width(state) + self.count * (state.y().len() + state.z().len())
     }
 
-    fn observe(
-        &mut self,
-        t: f64,
-        state: &TangentState<SemiExplicitState>,
-        row: &mut Vec<f64>,
-    ) -> Result<(), StepError> {
-        self.0.observe(t, state, row)?;
-        for direction in 0..state.t.len() {
-            row.extend_from_slice(state.y.row(direction));
-            row.extend_from_slice(state.z.row(direction));
+    fn observe(&mut self, t: f64, state: &S, row: &mut Vec<f64>) -> Result<(), StepError> {
+        self.inner.observe(t, state, row)?;
+        let Some(of) = state.tangents() else {
+            return Ok(());
+        };
+        for direction in 0..self.count {
+            row.extend_from_slice(of.y.row(direction));
+            row.extend_from_slice(of.z.row(direction));
         }
         Ok(())
     }
@@ -32,10 +40,10 @@ impl Observe<TangentState<SemiExplicitState>> for SemiExplicitTangentObserver {
 
 impl Checkpoint for SemiExplicitTangentObserver {
     fn save(&self, member: usize, out: &mut dyn Numbers) {
-        self.0.save(member, out);
+        self.inner.save(member, out);
     }
 
     fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
-        self.0.restore(member, saved)
+        self.inner.restore(member, saved)
     }
 }

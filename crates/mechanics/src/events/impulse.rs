@@ -9,13 +9,10 @@
 //! e_y v). Where ŷ is on the constraints, x is zero and its derivative that of a projection. Linear equations have the
 //! matrix of accelerations, bordered by e_y.
 
-use super::slopes::{Before, SlopesModel};
+use super::slopes::{Before, LinearReset, SlopesModel};
 use liouville_base::error::StepError;
-use liouville_base::linalg::{add_scaled, copy, dot, max_norm};
+use liouville_base::linalg::{add_scaled, copy, dot};
 use liouville_problem::{Model, Saddle, SensitivityModel};
-
-/// A law may leave the constraints by this much of the coordinates.
-const LEAVES: f64 = 1e-9;
 
 /// A reset that is linearised.
 #[derive(Clone, Debug)]
@@ -64,49 +61,6 @@ impl LinearImpulse {
         }
     }
 
-    /// Linearises the reset that led from one point to another.
-    ///
-    /// # Errors
-    /// A value that is not finite, a singular matrix, or a law that leaves the constraints.
-    pub fn make(
-        &mut self,
-        slopes: &mut SlopesModel,
-        before: Before<'_>,
-        [y, z]: [&[f64]; 2],
-    ) -> Result<(), StepError> {
-        let (t, [y0, z0, _]) = before;
-        let (n, m) = (self.model.problem.n, self.model.problem.m);
-        copy(&mut self.after[0], y);
-        copy(&mut self.after[1], z);
-        let is_impact = slopes.is_impact;
-        let law = slopes.law(before)?;
-        if is_impact {
-            copy(&mut self.gradient, &law[1..]);
-            copy(&mut self.jumped[0], y0);
-            copy(&mut self.jumped[1], z0);
-        } else {
-            let (jumped_y, jumped_z) = law.split_at(n);
-            copy(&mut self.jumped[0], jumped_y);
-            copy(&mut self.jumped[1], jumped_z);
-        }
-        let moved = self.jumped[0].iter().zip(y).map(|(a, b)| (a - b).abs());
-        if moved.fold(0.0, f64::max) > LEAVES * max_norm(y).max(f64::MIN_POSITIVE) {
-            return Err(StepError::Undifferentiable {
-                event: slopes.index,
-                t,
-                is_grazing: false,
-            });
-        }
-        if m > 0 && !slopes.is_impact {
-            let [y, z] = &self.jumped;
-            self.moved.update(&mut self.model, t, y, z, &self.none)?;
-        }
-        if slopes.has_impulse() {
-            self.find_impulses(t, slopes.is_impact)?;
-        }
-        Ok(())
-    }
-
     /// Finds the impulses, which led from z to z⁺.
     fn find_impulses(&mut self, t: f64, is_impact: bool) -> Result<(), StepError> {
         let ([y, z], jumped) = (&self.after, &self.jumped[1]);
@@ -149,11 +103,92 @@ impl LinearImpulse {
         Ok(())
     }
 
-    /// Writes (dy⁺, dz⁺) along dx.
-    ///
-    /// # Errors
-    /// A derivative that is not finite.
-    pub fn push(
+    /// Moves dŷ along the constraints.
+    fn project(&mut self, t: f64, along: &[f64], multipliers: usize, dy: &mut [f64]) {
+        let (n, problem) = (dy.len(), self.sensitivity.problem.clone());
+        let at = &problem.mechanical.patterns;
+        self.x.fill(0.0);
+        self.mu.fill(0.0);
+        at.g_y
+            .multiply_add(self.moved.g_y(), -1.0, dy, &mut self.mu);
+        let mut tau = vec![along[0]];
+        tau.extend_from_slice(&along[1 + 2 * n + multipliers..]);
+        let [y, z] = &self.jumped;
+        let lam = &self.none[..self.model.problem.m];
+        let g_tau = self.sensitivity.node(t, y, lam)[0];
+        let by_tau = &problem.patterns.g_tau;
+        by_tau.multiply_add(g_tau, -1.0, &tau, &mut self.mu);
+        self.moved.solve(&self.model, &mut self.x, &mut self.mu);
+        match &at.v_z {
+            Some(pattern) => {
+                let v_z = self.model.stage_blocks(t, y, z)[1];
+                pattern.multiply_add(v_z, 1.0, &self.x, dy);
+            }
+            None => add_scaled(dy, 1.0, &self.x),
+        }
+    }
+
+    fn project_back(&mut self, t: f64, multipliers: usize, of_y: &mut [f64], found: &mut [f64]) {
+        let (n, problem) = (of_y.len(), self.sensitivity.problem.clone());
+        let at = &problem.mechanical.patterns;
+        let [y, z] = &self.jumped;
+        self.x.fill(0.0);
+        self.mu.fill(0.0);
+        match &at.v_z {
+            Some(pattern) => {
+                let v_z = self.model.stage_blocks(t, y, z)[1];
+                pattern.multiply_add_transposed(v_z, 1.0, of_y, &mut self.x);
+            }
+            None => copy(&mut self.x, of_y),
+        }
+        self.moved
+            .solve_transposed(&self.model, &mut self.x, &mut self.mu);
+        at.g_y
+            .multiply_add_transposed(self.moved.g_y(), -1.0, &self.mu, of_y);
+        let mut tau = vec![0.0; problem.width()];
+        let lam = &self.none[..self.model.problem.m];
+        let g_tau = self.sensitivity.node(t, y, lam)[0];
+        let by_tau = &problem.patterns.g_tau;
+        by_tau.multiply_add_transposed(g_tau, -1.0, &self.mu, &mut tau);
+        found[0] += tau[0];
+        add_scaled(&mut found[1 + 2 * n + multipliers..], 1.0, &tau[1..]);
+    }
+}
+
+impl LinearReset for LinearImpulse {
+    fn make(
+        &mut self,
+        slopes: &mut SlopesModel,
+        before: Before<'_>,
+        [y, z]: [&[f64]; 2],
+    ) -> Result<(), StepError> {
+        let (t, [y0, z0, _]) = before;
+        let (n, m) = (self.model.problem.n, self.model.problem.m);
+        copy(&mut self.after[0], y);
+        copy(&mut self.after[1], z);
+        let is_impact = slopes.is_impact;
+        let law = slopes.law(before)?;
+        if is_impact {
+            copy(&mut self.gradient, &law[1..]);
+            copy(&mut self.jumped[0], y0);
+            copy(&mut self.jumped[1], z0);
+        } else {
+            let (jumped_y, jumped_z) = law.split_at(n);
+            copy(&mut self.jumped[0], jumped_y);
+            copy(&mut self.jumped[1], jumped_z);
+        }
+        slopes.check_jump(t, &self.jumped[0], y)?;
+        if m > 0 && !slopes.is_impact {
+            let [y, z] = &self.jumped;
+            self.moved.update(&mut self.model, t, y, z, &self.none)?;
+        }
+        if slopes.has_impulse() {
+            self.find_impulses(t, slopes.is_impact)?;
+        }
+        Ok(())
+    }
+
+    fn push(
         &mut self,
         slopes: &mut SlopesModel,
         before: Before<'_>,
@@ -200,36 +235,7 @@ impl LinearImpulse {
         Ok(())
     }
 
-    /// Moves dŷ along the constraints.
-    fn project(&mut self, t: f64, along: &[f64], multipliers: usize, dy: &mut [f64]) {
-        let (n, problem) = (dy.len(), self.sensitivity.problem.clone());
-        let at = &problem.mechanical.patterns;
-        self.x.fill(0.0);
-        self.mu.fill(0.0);
-        at.g_y
-            .multiply_add(self.moved.g_y(), -1.0, dy, &mut self.mu);
-        let mut tau = vec![along[0]];
-        tau.extend_from_slice(&along[1 + 2 * n + multipliers..]);
-        let [y, z] = &self.jumped;
-        let lam = &self.none[..self.model.problem.m];
-        let g_tau = self.sensitivity.node(t, y, lam)[0];
-        let by_tau = &problem.patterns.g_tau;
-        by_tau.multiply_add(g_tau, -1.0, &tau, &mut self.mu);
-        self.moved.solve(&self.model, &mut self.x, &mut self.mu);
-        match &at.v_z {
-            Some(pattern) => {
-                let v_z = self.model.stage_blocks(t, y, z)[1];
-                pattern.multiply_add(v_z, 1.0, &self.x, dy);
-            }
-            None => add_scaled(dy, 1.0, &self.x),
-        }
-    }
-
-    /// Returns cotangents of x, from those of (y⁺, z⁺).
-    ///
-    /// # Errors
-    /// A derivative that is not finite.
-    pub fn pull(
+    fn pull(
         &mut self,
         slopes: &mut SlopesModel,
         before: Before<'_>,
@@ -278,31 +284,5 @@ impl LinearImpulse {
         let back = [of_y, of_z].concat();
         add_scaled(&mut found, 1.0, slopes.reset(before, &back, true)?);
         Ok(found)
-    }
-
-    fn project_back(&mut self, t: f64, multipliers: usize, of_y: &mut [f64], found: &mut [f64]) {
-        let (n, problem) = (of_y.len(), self.sensitivity.problem.clone());
-        let at = &problem.mechanical.patterns;
-        let [y, z] = &self.jumped;
-        self.x.fill(0.0);
-        self.mu.fill(0.0);
-        match &at.v_z {
-            Some(pattern) => {
-                let v_z = self.model.stage_blocks(t, y, z)[1];
-                pattern.multiply_add_transposed(v_z, 1.0, of_y, &mut self.x);
-            }
-            None => copy(&mut self.x, of_y),
-        }
-        self.moved
-            .solve_transposed(&self.model, &mut self.x, &mut self.mu);
-        at.g_y
-            .multiply_add_transposed(self.moved.g_y(), -1.0, &self.mu, of_y);
-        let mut tau = vec![0.0; problem.width()];
-        let lam = &self.none[..self.model.problem.m];
-        let g_tau = self.sensitivity.node(t, y, lam)[0];
-        let by_tau = &problem.patterns.g_tau;
-        by_tau.multiply_add_transposed(g_tau, -1.0, &self.mu, &mut tau);
-        found[0] += tau[0];
-        add_scaled(&mut found[1 + 2 * n + multipliers..], 1.0, &tau[1..]);
     }
 }

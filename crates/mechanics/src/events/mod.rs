@@ -5,14 +5,16 @@ mod function;
 mod hits;
 mod impulse;
 mod reset;
+mod semi_explicit;
 mod slopes;
 mod tangents;
 
 pub use event::Event;
 pub use impulse::LinearImpulse;
 pub use reset::{Law, Reset};
-pub use slopes::{Before, EventSlopes, FollowEvents, Meeting, SlopesModel};
-pub use tangents::TangentEvents;
+pub use semi_explicit::SemiExplicitReset;
+pub use slopes::{Before, EventSlopes, FollowEvents, LinearReset, Meeting, SlopesModel};
+pub use tangents::{MotionDerivatives, TangentEvents};
 
 use function::{at, rough};
 use hits::Restarts;

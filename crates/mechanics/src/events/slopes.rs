@@ -2,6 +2,7 @@
 
 use super::reset::Law;
 use liouville_base::error::{Quantity, StepError};
+use liouville_base::linalg::max_norm;
 use liouville_base::tape::{Registers, Tape};
 
 /// The derivatives of an event e by x = (t, y, z, λ, θ); each input is a tape's, before the parameters.
@@ -17,15 +18,9 @@ pub struct EventSlopes {
 }
 
 impl EventSlopes {
-    /// Whether they are those of an event and its law, with n coordinates, so many multipliers and parameters, and `x`
-    /// numbers in all.
-    pub(crate) fn fit(
-        &self,
-        law: Option<&Law>,
-        (n, lam, params): (usize, usize, usize),
-        x: usize,
-    ) -> bool {
-        let point = [1, n, n, lam];
+    /// Whether they are those of an event and its law, with so many numbers of y, z, λ and parameters, and `x` in all.
+    pub(crate) fn fit(&self, law: Option<&Law>, [n, l, lam, params]: [usize; 4], x: usize) -> bool {
+        let point = [1, n, l, lam];
         let takes = |tape: &Tape, more: &[usize], outputs: usize| {
             let wanted = point.iter().chain(more).chain([&params]);
             tape.inputs().iter().eq(wanted) && tape.outputs() == outputs
@@ -34,7 +29,7 @@ impl EventSlopes {
         let of_reset = self
             .reset
             .as_ref()
-            .map(|[push, pull]| takes(push, &[x], 2 * n) && takes(pull, &[2 * n], x));
+            .map(|[push, pull]| takes(push, &[x], n + l) && takes(pull, &[n + l], x));
         let of_impulse = self.impulse.as_ref().map(|[push, pull]| {
             let (own, rows) = match push.inputs() {
                 [_, _, _, _, _, own, ..] => (*own, n + own),
@@ -157,6 +152,64 @@ impl SlopesModel {
             }
             None => Ok(&[]),
         }
+    }
+}
+
+/// A reset that is linearised, for the tangents and cotangents behind it.
+pub trait LinearReset: Send + Sync {
+    /// Linearises the reset that led from one point to (y, z).
+    ///
+    /// # Errors
+    /// A value that is not finite, a singular matrix, or a law that leaves the constraints.
+    fn make(
+        &mut self,
+        slopes: &mut SlopesModel,
+        before: Before<'_>,
+        after: [&[f64]; 2],
+    ) -> Result<(), StepError>;
+
+    /// Writes (dy⁺, dz⁺) along dx.
+    ///
+    /// # Errors
+    /// A derivative that is not finite.
+    fn push(
+        &mut self,
+        slopes: &mut SlopesModel,
+        before: Before<'_>,
+        along: &[f64],
+        out: [&mut [f64]; 2],
+    ) -> Result<(), StepError>;
+
+    /// Returns cotangents of x, from those of (y⁺, z⁺).
+    ///
+    /// # Errors
+    /// A derivative that is not finite.
+    fn pull(
+        &mut self,
+        slopes: &mut SlopesModel,
+        before: Before<'_>,
+        of: [&[f64]; 2],
+    ) -> Result<Vec<f64>, StepError>;
+}
+
+/// A law may leave the constraints by this much of the coordinates.
+const LEAVES: f64 = 1e-9;
+
+impl SlopesModel {
+    /// Refuses a law that leaves the constraints: the way back to them has no derivative yet.
+    ///
+    /// # Errors
+    /// It leaves them.
+    pub(super) fn check_jump(&self, t: f64, jumped: &[f64], y: &[f64]) -> Result<(), StepError> {
+        let moved = jumped.iter().zip(y).map(|(a, b)| (a - b).abs());
+        if moved.fold(0.0, f64::max) <= LEAVES * max_norm(y).max(f64::MIN_POSITIVE) {
+            return Ok(());
+        }
+        Err(StepError::Undifferentiable {
+            event: self.index,
+            t,
+            is_grazing: false,
+        })
     }
 }
 

@@ -7,23 +7,25 @@
 //! as de = 0. The derivative by the length is a direction of its own, the last of a state's, which begins from zero with
 //! each step. The step after an event ends where that before would have: it takes up what the event has moved.
 
-use super::impulse::LinearImpulse;
-use super::slopes::{FollowEvents, Meeting, SlopesModel};
+use super::slopes::{FollowEvents, LinearReset, Meeting, SlopesModel};
 use liouville_base::error::StepError;
-use liouville_base::linalg::{Matrix, add_scaled, copy, dot};
-use liouville_problem::{
-    Acceleration, AccelerationTangents, BeginTangents, Carried, Directions, Model,
-    SensitivityModel, TangentState,
-};
+use liouville_base::linalg::{Matrix, add_scaled, dot};
+use liouville_problem::{BeginTangents, Carried, Directions, RateTangents, TangentState};
+
+/// What finds derivatives of a motion at its points, through its resets, and of what its method carries behind these.
+pub struct MotionDerivatives<S> {
+    /// Of the rates and multipliers at a point.
+    pub point: Box<dyn RateTangents>,
+    /// Of resets.
+    pub reset: Box<dyn LinearReset>,
+    /// Of what the method carries besides, if anything.
+    pub carried: Option<Box<dyn BeginTangents<S>>>,
+}
 
 /// Finds the tangents of events in some directions.
 pub struct TangentEvents<S> {
     events: Vec<SlopesModel>,
-    impulse: LinearImpulse,
-    acceleration: AccelerationTangents,
-    solver: Acceleration,
-    /// Writes those of what the method carries behind a reset.
-    carried: Box<dyn BeginTangents<S>>,
+    of: MotionDerivatives<S>,
     /// All that a state has, the last of them that of the length of a step.
     directions: Directions,
     /// Those of λ, a row for each direction.
@@ -35,28 +37,20 @@ pub struct TangentEvents<S> {
 }
 
 impl<S: Carried> TangentEvents<S> {
-    /// Tangents of these events, along a run of the model from `start`, in these directions and in that of the length
-    /// of a step, which comes last. `carried` writes those of what the method carries.
+    /// Tangents of these events, along a run from `start` with so many multipliers, in these directions and in that of
+    /// the length of a step, which comes last.
     pub fn new(
         events: Vec<SlopesModel>,
-        (model, sensitivity): (Model, SensitivityModel),
-        carried: Box<dyn BeginTangents<S>>,
+        of: MotionDerivatives<S>,
         directions: Directions,
-        start: f64,
+        (start, multipliers): (f64, usize),
     ) -> Self {
+        let of_start = (0..directions.count()).map(|k| directions.tau[(k, 0)]);
         Self {
             events,
-            impulse: LinearImpulse::new(model.clone(), sensitivity.clone()),
-            solver: Acceleration::new(&model),
-            lam: Matrix::zeros(directions.count(), model.problem.multipliers()),
-            start: (
-                start,
-                (0..directions.count())
-                    .map(|k| directions.tau[(k, 0)])
-                    .collect(),
-            ),
-            acceleration: AccelerationTangents::new(model, sensitivity),
-            carried,
+            of,
+            lam: Matrix::zeros(directions.count(), multipliers),
+            start: (start, of_start.collect()),
             directions,
             along: Vec::new(),
         }
@@ -64,18 +58,12 @@ impl<S: Carried> TangentEvents<S> {
 
     /// Finds the tangents of λ in all directions, which `lam` has then.
     fn solve(&mut self, t: f64, state: &TangentState<S>) -> Result<(), StepError> {
-        let (y, z) = (state.y(), state.z());
-        let solver = &mut self.solver;
-        solver.solve(&mut self.acceleration.model, t, y, z)?;
         let Some(of) = state.tangents() else {
             return Ok(());
         };
-        let point = [y, z, &solver.z_dot, &solver.lam];
-        let (lam, along) = (&mut self.lam, (of, &mut self.directions));
-        self.acceleration
-            .solve((t, point), along, |direction, _, found| {
-                copy(lam.row_mut(direction), found);
-            })
+        let along = (of, &mut self.directions);
+        let at = (t, state.y(), state.z());
+        self.of.point.multipliers(at, along, &mut self.lam)
     }
 
     /// Writes a direction of (t, y, z, λ, θ), where λ has so many numbers.
@@ -93,14 +81,17 @@ impl<S: Carried> TangentEvents<S> {
 
     /// Makes the last direction the derivative along the motion; nothing goes on from there but by a reset.
     fn set_flow(&mut self, t: f64, state: &mut TangentState<S>) -> Result<(), StepError> {
-        let (last, motion) = (self.directions.count() - 1, &state.motion);
-        let (y, z) = (motion.y(), motion.z());
-        let model = &mut self.acceleration.model;
-        self.solver.solve(model, t, y, z)?;
-        let v = model.end(t, y, z)[2];
-        copy(state.y.row_mut(last), if v.is_empty() { z } else { v });
-        copy(state.z.row_mut(last), &self.solver.z_dot);
-        state.t[last] = 1.0;
+        let last = self.directions.count() - 1;
+        let TangentState {
+            motion,
+            y,
+            z,
+            t: dt,
+            ..
+        } = state;
+        let out = [y.row_mut(last), z.row_mut(last)];
+        self.of.point.flow((t, motion.y(), motion.z()), out)?;
+        dt[last] = 1.0;
         Ok(())
     }
 
@@ -172,15 +163,18 @@ impl<S: Carried + Send + Sync> FollowEvents<TangentState<S>> for TangentEvents<S
         let point = (t, [before.y(), before.z(), lam]);
         self.solve(t, before)?;
         let ends = [after.motion.y(), after.motion.z()];
-        self.impulse.make(&mut self.events[index], point, ends)?;
+        self.of.reset.make(&mut self.events[index], point, ends)?;
         for direction in 0..self.directions.count() {
             self.set_along(direction, before, lam.len());
             let (along, slopes) = (&self.along, &mut self.events[index]);
             let out = [after.y.row_mut(direction), after.z.row_mut(direction)];
-            self.impulse.push(slopes, point, along, out)?;
+            self.of.reset.push(slopes, point, along, out)?;
             after.t[direction] = before.t[direction];
         }
-        self.carried.begin(t, &mut self.directions, after)
+        match &mut self.of.carried {
+            Some(carried) => carried.begin(t, &mut self.directions, after),
+            None => Ok(()),
+        }
     }
 
     fn record(

@@ -11,9 +11,10 @@ use std::sync::Arc;
 
 impl StepAdjoint for AlphaAdjoint {
     type State = AlphaState;
+    type Point = PointAdjoint;
 
-    fn carried(n: usize) -> usize {
-        Self::carried(n)
+    fn sizes(n: usize) -> [usize; 3] {
+        [n, n, Self::carried(n)]
     }
 
     fn follow(
@@ -68,22 +69,26 @@ impl Pullback<AlphaAdjoint> {
         let params = starter.params(0);
         let adjoint = AlphaAdjoint::new((slopes, transposed), *reactions, params, n);
         let (whole, partial) = (SharedRecords::default(), SharedRecords::default());
-        let restart = starter.alpha_member(0, &stepper).restart;
+        let member = starter.alpha_member(0, &stepper);
         let copy = starter.copy(&Recorder::new(stepper.clone(), partial.clone()));
         let trial = Box::new(stepper.clone());
         let recorder = Recorder::new(stepper, whole.clone());
         let control = starter.alpha_control((recorder, trial), sizes, 0, &start);
+        let (point, reset, sizes) = starter.mechanical_adjoints(sensitivity);
         let method = Recording {
+            point,
+            reset,
+            sizes,
             adjoint,
             control,
             copy,
             whole,
             partial,
             parts: 1,
-            restart,
+            member,
             start,
             is_given: starter.has_accelerations(),
         };
-        Ok(Self::of(&starter, sensitivity, method)?)
+        Ok(Self::of(&starter, sensitivity.width(), method)?)
     }
 }

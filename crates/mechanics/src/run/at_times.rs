@@ -1,16 +1,22 @@
 //! Cotangents of a run's states at given times, taken to the ends of its steps as these are made again.
 
+use super::observe::ObservePoint;
 use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch, Numbers};
 use liouville_base::error::StepError;
 use liouville_base::linalg::{Matrix, add_scaled};
 use liouville_base::observe::Observe;
-use liouville_problem::{Cotangents, KnotCotangents, Observer, Path, PathAdjoint, PointAdjoint};
+use liouville_problem::{Cotangents, KnotCotangents, Observer, Path, PathAdjoint};
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// The cotangents that a pullback shares with the observer of its run.
-#[derive(Clone)]
-pub(super) struct AtTimes(Arc<Mutex<Held>>);
+pub(super) struct AtTimes<P>(Arc<Mutex<Held<P>>>);
+
+impl<P> Clone for AtTimes<P> {
+    fn clone(&self) -> Self {
+        Self(self.0.clone())
+    }
+}
 
 type Place = (isize, bool);
 
@@ -18,11 +24,11 @@ type Place = (isize, bool);
 pub(super) type Made = Box<dyn Fn() -> usize + Send>;
 
 /// Cotangents at given times, and those of knots that follow from them.
-pub(super) struct Held {
+pub(super) struct Held<P> {
     times: Vec<f64>,
     /// Those of (y, z, λ) at each time.
     rows: Matrix,
-    point: PointAdjoint,
+    point: P,
     path: PathAdjoint,
     /// Memory of a point.
     own: Cotangents,
@@ -35,20 +41,20 @@ pub(super) struct Held {
     parts: usize,
 }
 
-impl AtTimes {
+impl<P> AtTimes<P> {
     /// Nothing yet at these times, of a run that records so many steps between knots.
     pub(super) fn new(
         times: Vec<f64>,
-        ([n, m], width): ([usize; 2], usize),
-        point: PointAdjoint,
+        ([n, l, m], width): ([usize; 3], usize),
+        point: P,
         (made, parts): (Made, usize),
     ) -> Self {
         Self(Arc::new(Mutex::new(Held {
-            rows: Matrix::zeros(times.len(), 2 * n + m),
+            rows: Matrix::zeros(times.len(), n + l + m),
             times,
             point,
             path: PathAdjoint::default(),
-            own: Cotangents::zeros([n, n, 0], width),
+            own: Cotangents::zeros([n, l, 0], width),
             tau: vec![0.0; width],
             knots: BTreeMap::new(),
             made,
@@ -56,12 +62,12 @@ impl AtTimes {
         })))
     }
 
-    pub(super) fn lock(&self) -> MutexGuard<'_, Held> {
+    pub(super) fn lock(&self) -> MutexGuard<'_, Held<P>> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
-impl Held {
+impl<P: ObservePoint> Held<P> {
     /// Takes cotangents of (y, z, λ), a row for each time; says whether there are so many.
     pub(super) fn give(&mut self, rows: Matrix) -> bool {
         let fits = (rows.rows(), rows.cols()) == (self.rows.rows(), self.rows.cols());
@@ -90,7 +96,7 @@ impl Held {
     }
 
     /// Takes the cotangents at a time to the knots of the path there.
-    fn pull(&mut self, t: f64, path: &Path) -> Result<(), StepError> {
+    fn pull(&mut self, t: f64, path: &Path<P::Model>) -> Result<(), StepError> {
         let is_forward = self.times.first() <= self.times.last();
         let is_before = |own: &f64| if is_forward { *own < t } else { *own > t };
         let row = self.rows.row(self.times.partition_point(is_before));
@@ -101,7 +107,7 @@ impl Held {
         own.y.fill(0.0);
         own.z.fill(0.0);
         own.tau.fill(0.0);
-        self.point.observe((t, path), row, own)?;
+        self.point.observe_between((t, path), row, own)?;
         add_scaled(&mut self.tau[1..], 1.0, &own.tau[1..]);
         let found = self.path.pull(path, (&own.y, &own.z));
         let last = (self.made)().cast_signed();
@@ -116,30 +122,38 @@ impl Held {
 }
 
 /// The observer of a run that is made again: it saves and restores what that of the first run does.
-struct TimesObserver {
-    inner: Observer,
-    at_times: AtTimes,
+struct TimesObserver<P: ObservePoint> {
+    inner: Observer<P::Model>,
+    at_times: AtTimes<P>,
 }
 
 /// What observes a run that is made again, where states are given at times or not.
-pub(super) fn observing(inner: Observer, at_times: Option<AtTimes>) -> Box<dyn Observe<Path>> {
+pub(super) fn observing<P: ObservePoint>(
+    inner: Observer<P::Model>,
+    at_times: Option<AtTimes<P>>,
+) -> Box<dyn Observe<Path<P::Model>>> {
     match at_times {
         None => Box::new(inner),
         Some(at_times) => Box::new(TimesObserver { inner, at_times }),
     }
 }
 
-impl Observe<Path> for TimesObserver {
-    fn width(&self, _: &Path) -> usize {
+impl<P: ObservePoint> Observe<Path<P::Model>> for TimesObserver<P> {
+    fn width(&self, _: &Path<P::Model>) -> usize {
         0
     }
 
-    fn observe(&mut self, t: f64, path: &Path, _: &mut Vec<f64>) -> Result<(), StepError> {
+    fn observe(
+        &mut self,
+        t: f64,
+        path: &Path<P::Model>,
+        _: &mut Vec<f64>,
+    ) -> Result<(), StepError> {
         self.at_times.lock().pull(t, path)
     }
 }
 
-impl Checkpoint for TimesObserver {
+impl<P: ObservePoint> Checkpoint for TimesObserver<P> {
     fn save(&self, member: usize, out: &mut dyn Numbers) {
         self.inner.save(member, out);
     }

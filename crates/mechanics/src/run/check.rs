@@ -141,16 +141,12 @@ impl Job {
             return Ok(());
         };
         let fits = tangents.fit(system, self.members.unwrap_or(1));
-        let is_covered = match system {
-            System::Index2(..) => self.detection.is_none(),
-            _ => true,
-        };
-        if fits && is_covered && self.states && self.has_slopes() {
+        if fits && self.states && self.has_slopes() {
             return Ok(());
         }
         invalid(
-            "tangents are those of a SPARK method without newton_tol or of the α family, with the derivatives of all \
-             events, or of an index-2 method without events and given times, of the system it steps, with states",
+            "tangents are those of a SPARK method or an index-2 method without newton_tol, or of the α family, with the \
+             derivatives of all events, of the system it steps, with states",
         )
     }
 
@@ -163,13 +159,9 @@ impl Job {
             let Some(slopes) = slopes.filter(|_| point.len() == 5) else {
                 return false;
             };
-            let [n, lam, params] = [point[1], point[3], point[4]];
-            let x = 1 + 2 * n + lam + params;
-            slopes.fit(
-                event.reset.as_ref().map(|(law, _)| law),
-                (n, lam, params),
-                x,
-            )
+            let [n, l, lam, params] = [point[1], point[2], point[3], point[4]];
+            let law = event.reset.as_ref().map(|(law, _)| law);
+            slopes.fit(law, [n, l, lam, params], 1 + n + l + lam + params)
         })
     }
 

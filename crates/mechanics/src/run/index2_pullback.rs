@@ -1,37 +1,52 @@
-//! Pullbacks of the index-2 methods: a run made again from checkpoints, each piece followed back.
+//! Pullbacks of the index-2 methods.
 
-use super::pullback::Follow;
+use super::pullback::{Pullback, Recording, StepAdjoint};
 use super::{Job, Method, Problem, Starter, System};
-use liouville_base::checkpoint::CheckpointMismatch;
+use crate::events::SemiExplicitReset;
 use liouville_base::error::StepError;
-use liouville_base::linalg::Matrix;
-use liouville_base::recorder::{Recorder, SharedRecords};
-use liouville_base::run::{Advance, StartError, Status};
+use liouville_base::recorder::{Recorder, SharedRecords, StepRecord};
+use liouville_base::run::StartError;
 use liouville_index2::Index2Adjoint;
 use liouville_index2::semi_explicit::{
-    SemiExplicitSensitivity, SemiExplicitSensitivityModel, SemiExplicitState,
+    SemiExplicitPoint, SemiExplicitSensitivity, SemiExplicitSensitivityModel, SemiExplicitState,
 };
 use liouville_problem::Cotangents;
 use std::sync::Arc;
-use std::time::Duration;
 
-/// The pullback of a run of an index-2 method, its steps held.
-pub struct Index2Pullback {
-    run: Box<dyn Advance>,
-    records: SharedRecords<SemiExplicitState>,
-    adjoint: Index2Adjoint,
-    start: (f64, SemiExplicitState),
-    /// How many times the method is at work in a step.
-    parts: usize,
-    cotangents: Cotangents,
+impl StepAdjoint for Index2Adjoint {
+    type State = SemiExplicitState;
+    type Point = SemiExplicitPoint;
+
+    /// Cotangents of z go to y at once.
+    fn sizes(n: usize) -> [usize; 3] {
+        [n, 0, 0]
+    }
+
+    fn follow(
+        &mut self,
+        record: &StepRecord<SemiExplicitState>,
+        of: &mut Cotangents,
+    ) -> Result<(), StepError> {
+        self.follow(record, of)
+    }
+
+    fn leave(
+        &mut self,
+        _: (f64, &SemiExplicitState),
+        _: bool,
+        _: &mut SemiExplicitPoint,
+        _: &mut Cotangents,
+    ) -> Result<(), StepError> {
+        Ok(())
+    }
 }
 
-impl Index2Pullback {
+impl Pullback<Index2Adjoint> {
     /// The pullback of a job's run, whose derivatives by τ are `sensitivity`.
     ///
     /// # Errors
     /// The job is no such run, or its start failed.
-    pub fn new(
+    pub fn of_index2(
         problem: Problem,
         method: Method,
         job: Job,
@@ -41,74 +56,48 @@ impl Index2Pullback {
         job.check(&system)?;
         let starter = Starter { system, job };
         let invalid = || {
-            let sentence = "a pullback of an index-2 method is that of a single run of its system without events, \
-                            given times and newton_tol";
+            let sentence = "a pullback of an index-2 method is that of a single run of its system, of events with \
+                            derivatives, without newton_tol";
             StartError::Invalid(sentence.into())
         };
         let System::Index2(problem, spark, stages) = &starter.system else {
             return Err(invalid());
         };
         let job = &starter.job;
-        let is_plain = job.detection.is_none() && job.tangents.is_none() && job.members.is_none();
+        let is_single = job.tangents.is_none() && job.members.is_none();
         let fits = Arc::ptr_eq(&sensitivity.system, problem) && spark.newton_tol.is_none();
-        if !(is_plain && fits) {
+        if !(is_single && fits && job.has_slopes()) {
             return Err(invalid());
         }
-        let (stepper, state, sizes) = starter.index2_at((problem, &spark.tableau), 0)?;
+        let (stepper, start, sizes) = starter.index2_at((problem, &spark.tableau), 0)?;
         let stages = stages.as_deref();
         let derivatives = SemiExplicitSensitivityModel::new(sensitivity.clone(), starter.params(0));
-        let (adjoint, records) = (
-            Index2Adjoint::new(&stepper, derivatives),
-            SharedRecords::default(),
-        );
-        let recorder = Recorder::new(stepper, records.clone());
-        let of = starter.semi_explicit_member(problem, 0);
-        let monitor = starter.traced(0, || of.model.clone());
+        let adjoint = Index2Adjoint::new(&stepper, derivatives.clone());
+        let (whole, partial) = (SharedRecords::default(), SharedRecords::default());
+        let part = Recorder::new(stepper.clone(), partial.clone());
+        let copy = starter.composed_copy((&part, stages));
+        let recorder = Recorder::new(stepper, whole.clone());
+        let member = starter.semi_explicit_member(problem, 0);
+        let model = member.model.clone();
+        let monitor = starter.traced(0, || model.clone());
         let control = match sizes {
-            None => starter.symmetric_control((recorder, stages), monitor, &state),
+            None => starter.symmetric_control((recorder, stages), monitor, &start),
             Some(sizes) => starter.adaptive_control(recorder, sizes),
         };
-        let run = starter.launch(control, None, of, state.clone())?;
-        Ok(Self {
-            run,
-            records,
+        let method = Recording {
+            point: SemiExplicitPoint::new(model.clone(), derivatives.clone()),
+            reset: Box::new(SemiExplicitReset::new(model, derivatives)),
+            sizes: [problem.n, problem.l, 0],
             adjoint,
+            control,
+            copy,
+            whole,
+            partial,
             parts: stages.map_or(1, <[f64]>::len),
-            cotangents: Cotangents::zeros([problem.n, 0, 0], sensitivity.width()),
-            start: (starter.job.span.t0, state),
-        })
-    }
-}
-
-impl Follow for Index2Pullback {
-    fn restore(&mut self, saved: &[f64]) -> Result<(), CheckpointMismatch> {
-        self.run.restore(saved)
-    }
-
-    fn follow(&mut self, last: usize, kept: &[usize], rows: &Matrix) -> Result<(), StepError> {
-        self.records.lock().clear();
-        let first = self.run.done();
-        if let Status::Failed { error, .. } = self.run.advance_to(last, Duration::MAX) {
-            return Err(error);
-        }
-        let (of, parts) = (&mut self.cotangents, self.parts);
-        for (k, record) in self.records.lock().steps().iter().enumerate().rev() {
-            let number = first + (k + 1) / parts;
-            if (k + 1) % parts == 0
-                && let Ok(row) = kept.binary_search(&number)
-            {
-                let at = (record.time(), &record.end);
-                self.adjoint.observe(at, rows.row(row), of)?;
-            }
-            self.adjoint.follow(record, of)?;
-        }
-        Ok(())
-    }
-
-    fn end(&mut self, row: &[f64]) -> Result<&Cotangents, StepError> {
-        let (t, state) = &self.start;
-        self.adjoint
-            .observe((*t, state), row, &mut self.cotangents)?;
-        Ok(&self.cotangents)
+            member,
+            start,
+            is_given: false,
+        };
+        Ok(Self::of(&starter, sensitivity.width(), method)?)
     }
 }

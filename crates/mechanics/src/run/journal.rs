@@ -7,12 +7,13 @@
 //! before the part of the step is followed back. The products with w are what an adjoint step says of its length, so that
 //! part is followed twice: with (ū, t̄), and with the slopes of e.
 
+use super::observe::ObservePoint;
 use super::pullback::StepAdjoint;
-use crate::events::{Before, FollowEvents, LinearImpulse, Meeting, SlopesModel};
+use crate::events::{Before, FollowEvents, LinearReset, Meeting, SlopesModel};
 use liouville_base::error::StepError;
 use liouville_base::linalg::{Matrix, add_scaled};
 use liouville_base::recorder::{SharedRecords, StepRecord};
-use liouville_problem::{Carried, Cotangents, PointAdjoint};
+use liouville_problem::{Carried, Cotangents};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// An event that was met.
@@ -130,9 +131,10 @@ impl<S: Clone + Send + Sync> FollowEvents<S> for EventRecorder<S> {
 pub(super) struct EventAdjoint<S> {
     pub(super) journal: Journal<S>,
     pub(super) events: Vec<SlopesModel>,
-    pub(super) impulse: LinearImpulse,
+    pub(super) reset: Box<dyn LinearReset>,
     /// Cotangents of each event: of t, y, z and λ, and of y, z and λ after a reset, a row for each time it was met.
     pub(super) rows: Vec<Matrix>,
+    /// Of y and z together, of the multipliers of a step, and of all.
     pub(super) sizes: [usize; 3],
 }
 
@@ -147,18 +149,18 @@ impl<S: Carried> EventAdjoint<S> {
     ///
     /// # Errors
     /// It has no derivative.
-    pub(super) fn leave_reset(
+    pub(super) fn leave_reset<A: StepAdjoint<State = S>>(
         &mut self,
         entry: &Entry<S>,
-        (adjoint, point): (&mut impl StepAdjoint<State = S>, &mut PointAdjoint),
+        (adjoint, point): (&mut A, &mut A::Point),
         of: &mut Cotangents,
     ) -> Result<(), StepError> {
         let Some(after) = &entry.after else {
             return Ok(());
         };
         adjoint.leave((entry.t, after), false, point, of)?;
-        let [n, m, _] = self.sizes;
-        if let Some(row) = self.row(entry).and_then(|row| row.get(1 + 2 * n + m..))
+        let [state, m, _] = self.sizes;
+        if let Some(row) = self.row(entry).and_then(|row| row.get(1 + state + m..))
             && !row.is_empty()
         {
             point.observe((entry.t, after), row, of)?;
@@ -166,8 +168,8 @@ impl<S: Carried> EventAdjoint<S> {
         let slopes = &mut self.events[entry.event];
         let (y, z) = (entry.state.y(), entry.state.z());
         let before: Before<'_> = (entry.t, [y, z, &entry.lam]);
-        self.impulse.make(slopes, before, [after.y(), after.z()])?;
-        let found = self.impulse.pull(slopes, before, [&of.y, &of.z])?;
+        self.reset.make(slopes, before, [after.y(), after.z()])?;
+        let found = self.reset.pull(slopes, before, [&of.y, &of.z])?;
         of.y.fill(0.0);
         of.z.fill(0.0);
         self.add((entry, &found), point, of)
@@ -177,19 +179,19 @@ impl<S: Carried> EventAdjoint<S> {
     fn add(
         &self,
         (entry, found): (&Entry<S>, &[f64]),
-        point: &mut PointAdjoint,
+        point: &mut impl ObservePoint,
         of: &mut Cotangents,
     ) -> Result<(), StepError> {
-        let [n, m, multipliers] = self.sizes;
+        let [state, m, multipliers] = self.sizes;
         // of redundant constraints there are more multipliers, which no event depends on
-        let row = &found[1..][..2 * n + m.min(multipliers)];
+        let row = &found[1..][..state + m.min(multipliers)];
         let row = if m == multipliers {
             row.to_vec()
         } else {
-            [&row[..2 * n], &vec![0.0; m]].concat()
+            [&row[..state], &vec![0.0; m]].concat()
         };
         of.tau[0] += found[0];
-        add_scaled(&mut of.tau[1..], 1.0, &found[1 + 2 * n + multipliers..]);
+        add_scaled(&mut of.tau[1..], 1.0, &found[1 + state + multipliers..]);
         point.observe((entry.t, &entry.state), &row, of)
     }
 
@@ -197,16 +199,16 @@ impl<S: Carried> EventAdjoint<S> {
     ///
     /// # Errors
     /// It has no derivative.
-    pub(super) fn leave(
+    pub(super) fn leave<A: StepAdjoint<State = S>>(
         &mut self,
         entry: &Entry<S>,
-        (adjoint, point): (&mut impl StepAdjoint<State = S>, &mut PointAdjoint),
+        (adjoint, point): (&mut A, &mut A::Point),
         of: &mut Cotangents,
     ) -> Result<(), StepError> {
-        let [n, m, _] = self.sizes;
+        let [state, m, _] = self.sizes;
         if let Some(row) = self.row(entry) {
             of.tau[0] += row[0];
-            point.observe((entry.t, &entry.state), &row[1..=2 * n + m], of)?;
+            point.observe((entry.t, &entry.state), &row[1..=state + m], of)?;
         }
         let (y, z) = (entry.state.y(), entry.state.z());
         let before: Before<'_> = (entry.t, [y, z, &entry.lam]);

@@ -11,15 +11,16 @@ mod index2_pullback;
 mod job;
 mod journal;
 mod member;
+mod observe;
 mod pullback;
 mod spark_pullback;
 mod tangents;
 
-pub use index2_pullback::Index2Pullback;
 pub use job::{
     Control, Detection, EventFunction, Job, Method, Problem, SparkMethod, SystemSensitivity,
     Tangents,
 };
+pub use observe::ObservePoint;
 pub use pullback::{Follow, Pullback, StepAdjoint};
 
 use liouville_alpha::Reactions;
@@ -231,7 +232,7 @@ impl Starter {
                 Some(sizes) => self.adaptive_control(stepper, sizes),
             };
             let of = self.momenta(tangents, member);
-            return self.recording((control, copy), tangents, of, state, member);
+            return self.mechanical_tangents((control, copy), tangents, of, state, member);
         }
         let of = self.member(member);
         match sizes {

@@ -4,16 +4,14 @@ use super::Starter;
 use super::at_times::{AtTimes, observing};
 use super::journal::{Entry, EventAdjoint, EventRecorder, Journal};
 use super::member::{BoxedStepper, Member};
-use crate::events::{DenseDetector, LinearImpulse};
+use super::observe::ObservePoint;
+use crate::events::{DenseDetector, LinearReset};
 use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch};
 use liouville_base::error::StepError;
 use liouville_base::linalg::{Matrix, add_scaled};
 use liouville_base::recorder::{SharedRecords, StepRecord};
 use liouville_base::run::{Advance, Status, StepControl};
-use liouville_problem::{
-    Carried, Cotangents, PointAdjoint, Restart, Sensitivity, SensitivityModel,
-};
-use std::sync::Arc;
+use liouville_problem::{Carried, Cotangents};
 use std::time::Duration;
 
 /// What takes cotangents of a run back to its start, from checkpoint to checkpoint.
@@ -52,8 +50,11 @@ pub trait StepAdjoint: Send + Sync {
     /// What the method carries from step to step.
     type State: Carried + Checkpoint + Clone;
 
-    /// How many numbers of it have cotangents beside those of y and z, of n coordinates.
-    fn carried(n: usize) -> usize;
+    /// What takes cotangents of what is known of a point to y, z and τ there.
+    type Point: ObservePoint;
+
+    /// How many numbers of y, z and what the method carries have cotangents, of n coordinates.
+    fn sizes(n: usize) -> [usize; 3];
 
     /// Takes cotangents from the end of a step to its start.
     ///
@@ -73,7 +74,7 @@ pub trait StepAdjoint: Send + Sync {
         &mut self,
         at: (f64, &Self::State),
         is_given: bool,
-        point: &mut PointAdjoint,
+        point: &mut Self::Point,
         of: &mut Cotangents,
     ) -> Result<(), StepError>;
 }
@@ -83,14 +84,14 @@ pub struct Pullback<A: StepAdjoint> {
     run: Box<dyn Advance>,
     records: SharedRecords<A::State>,
     adjoint: A,
-    point: PointAdjoint,
+    point: A::Point,
     /// The start, and whether all that the method carries was given there.
     start: (f64, A::State, bool),
     /// How many times the method is at work in a step.
     parts: usize,
     cotangents: Cotangents,
     /// Where states are given at times that are not those of the steps.
-    times: Option<AtTimes>,
+    times: Option<AtTimes<A::Point>>,
     events: Option<EventAdjoint<A::State>>,
     /// The cotangent of the time at which the run begins, as the ends of its steps follow it.
     held: f64,
@@ -107,8 +108,13 @@ pub(super) struct Recording<A: StepAdjoint> {
     pub(super) partial: SharedRecords<A::State>,
     /// How many times the method is at work in a step.
     pub(super) parts: usize,
-    /// What makes states after resets.
-    pub(super) restart: Option<Box<dyn Restart<A::State>>>,
+    /// The model, with what makes states after resets.
+    pub(super) member: Member<A::State, <A::Point as ObservePoint>::Model>,
+    pub(super) point: A::Point,
+    /// The derivatives of resets.
+    pub(super) reset: Box<dyn LinearReset>,
+    /// Numbers of y, z and multipliers of a step.
+    pub(super) sizes: [usize; 3],
     pub(super) start: A::State,
     /// Whether all that the method carries was given at the start.
     pub(super) is_given: bool,
@@ -119,26 +125,23 @@ where
     A: StepAdjoint,
     A::State: 'static,
 {
-    /// The pullback of a starter's run, whose derivatives by τ are `sensitivity`.
+    /// The pullback of a starter's run, with so many derivatives by τ.
     pub(super) fn of(
         starter: &Starter,
-        sensitivity: &Arc<Sensitivity>,
+        width: usize,
         method: Recording<A>,
     ) -> Result<Self, StepError> {
-        let (model, parts) = (starter.model(0), method.parts);
-        let problem = model.problem.clone();
-        let derivatives = SensitivityModel::new(sensitivity.clone(), starter.params(0));
-        let point = PointAdjoint::new(model.clone(), derivatives.clone());
-        let (n, width) = (problem.n, sensitivity.width());
+        let (of, parts, point) = (method.member, method.parts, method.point);
+        let ([n, l, m], model) = (method.sizes, of.model.clone());
         let detection = starter.job.detection.as_ref();
         let times = detection.and_then(|detection| detection.times.clone());
         let times = times.map(|times| {
             let records = method.whole.clone();
             let made = Box::new(move || records.lock().steps().len());
-            let sizes = ([n, problem.multipliers()], width);
+            let sizes = (method.sizes, width);
             AtTimes::new(times, sizes, point.clone(), (made, parts))
         });
-        let inner = starter.observer(model.clone(), 0);
+        let inner = starter.observer(model, 0);
         let at_times = observing(inner.clone(), times.clone());
         let journal = Journal::default();
         let recorder = EventRecorder {
@@ -147,24 +150,20 @@ where
             partial: method.partial,
             parts,
         };
+        let reset = method.reset;
         let events = starter.has_events().then(|| EventAdjoint {
             journal,
             events: starter.slopes(0),
-            impulse: LinearImpulse::new(model.clone(), derivatives),
+            reset,
             rows: Vec::new(),
-            sizes: [n, problem.multipliers(), starter.system.multipliers()],
+            sizes: [n + l, m, starter.system.multipliers()],
         });
-        let of = Member {
-            number: 0,
-            model,
-            restart: method.restart,
-        };
         let (observed, stepping) = (
             (Box::new(inner) as _, at_times),
             (method.control, method.copy),
         );
         let has_events = events.is_some();
-        let with = |detector: DenseDetector<A::State>| {
+        let with = |detector: DenseDetector<A::State, _>| {
             if has_events {
                 detector.followed(Box::new(recorder))
             } else {
@@ -174,7 +173,7 @@ where
         let start = method.start;
         let run = starter.launch_observed(stepping, of, start.clone(), observed, with)?;
         Ok(Self {
-            cotangents: Cotangents::zeros([n, n, A::carried(n)], width),
+            cotangents: Cotangents::zeros(A::sizes(n), width),
             point,
             parts,
             start: (starter.job.span.t0, start, method.is_given),

@@ -2,6 +2,7 @@
 
 use super::pullback::{Pullback, Recording, StepAdjoint};
 use super::{Job, Method, Problem, Starter, System};
+use crate::events::{LinearImpulse, LinearReset};
 use liouville_base::error::StepError;
 use liouville_base::recorder::{Recorder, SharedRecords, StepRecord};
 use liouville_base::run::StartError;
@@ -11,9 +12,10 @@ use std::sync::Arc;
 
 impl StepAdjoint for SparkAdjoint {
     type State = State;
+    type Point = PointAdjoint;
 
-    fn carried(n: usize) -> usize {
-        n
+    fn sizes(n: usize) -> [usize; 3] {
+        [n; 3]
     }
 
     fn follow(&mut self, record: &StepRecord<State>, of: &mut Cotangents) -> Result<(), StepError> {
@@ -28,6 +30,28 @@ impl StepAdjoint for SparkAdjoint {
         of: &mut Cotangents,
     ) -> Result<(), StepError> {
         point.leave_momenta(at, of)
+    }
+}
+
+impl Starter {
+    /// What takes cotangents of a mechanical run's points and resets back, and numbers of y, z and multipliers.
+    pub(super) fn mechanical_adjoints(
+        &self,
+        sensitivity: &Arc<Sensitivity>,
+    ) -> (PointAdjoint, Box<dyn LinearReset>, [usize; 3]) {
+        let derivatives = SensitivityModel::new(sensitivity.clone(), self.params(0));
+        let model = self.model(0);
+        let sizes = [
+            model.problem.n,
+            model.problem.n,
+            model.problem.multipliers(),
+        ];
+        let point = PointAdjoint::new(model.clone(), derivatives.clone());
+        (
+            point,
+            Box::new(LinearImpulse::new(model, derivatives)),
+            sizes,
+        )
     }
 }
 
@@ -67,17 +91,21 @@ impl Pullback<SparkAdjoint> {
             None => starter.symmetric_control((recorder, stages), starter.monitor(0), &start),
             Some(sizes) => starter.adaptive_control(recorder, sizes),
         };
+        let (point, reset, sizes) = starter.mechanical_adjoints(sensitivity);
         let method = Recording {
+            point,
+            reset,
+            sizes,
             adjoint,
             control,
             copy,
             whole,
             partial,
             parts: stages.map_or(1, <[f64]>::len),
-            restart: starter.member(0).restart,
+            member: starter.member(0),
             start,
             is_given: false,
         };
-        Ok(Self::of(&starter, sensitivity, method)?)
+        Ok(Self::of(&starter, sensitivity.width(), method)?)
     }
 }

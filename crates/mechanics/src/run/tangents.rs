@@ -1,7 +1,9 @@
 //! Runs that carry tangents with their states.
 
-use super::member::{BoxedStepper, Member};
-use crate::events::{DenseDetector, TangentEvents};
+use super::member::{BoxedStepper, Member, Observed};
+use crate::events::{
+    DenseDetector, LinearImpulse, MotionDerivatives, SemiExplicitReset, TangentEvents,
+};
 
 use super::{Begun, MethodStart, Starter, System, SystemSensitivity, Tangents};
 use liouville_alpha::{Alpha, AlphaSlopes, AlphaStartTangents, AlphaState, AlphaTangents};
@@ -10,12 +12,13 @@ use liouville_base::error::StepError;
 use liouville_base::linalg::Matrix;
 use liouville_base::run::StepControl;
 use liouville_index2::semi_explicit::{
-    SemiExplicitModel, SemiExplicitSensitivityModel, SemiExplicitState,
+    SemiExplicitModel, SemiExplicitPoint, SemiExplicitSensitivityModel, SemiExplicitState,
 };
 use liouville_index2::{Index2, Index2Tangents, SemiExplicitTangentObserver};
 use liouville_problem::{
-    BeginTangents, Carried, Directions, MomentumTangents, PathTangents, Restart, Sensitivity,
-    SensitivityModel, State, TangentObserver, TangentRestart, TangentState,
+    BeginTangents, Carried, Directions, Dynamics, MomentumTangents, MotionTangents, PathTangents,
+    RateTangents, Restart, Sensitivity, SensitivityModel, State, TangentObserver, TangentRestart,
+    TangentState,
 };
 use liouville_spark::{Spark, SparkTangents};
 use std::sync::Arc;
@@ -26,35 +29,41 @@ type Stepping<S> = (Box<dyn StepControl<S>>, Option<BoxedStepper<S>>);
 /// What a motion begins with behind a reset: tangents of what its method carries, and the state.
 type Begins<S> = (Box<dyn BeginTangents<S>>, Option<Box<dyn Restart<S>>>);
 
+/// A run whose states carry tangents, and what differentiates it.
+struct TangentRun<S, M: Dynamics> {
+    stepping: Stepping<TangentState<S>>,
+    of: Member<S, M>,
+    state: TangentState<S>,
+    observed: Observed<TangentState<S>, M>,
+    /// The tangents of rates at the ends of steps.
+    between: Box<dyn RateTangents>,
+    derivatives: MotionDerivatives<S>,
+}
+
 impl Starter {
     /// How many numbers the tangents of a member have in a row.
     pub(super) fn tangent_width(&self) -> usize {
         let Some(tangents) = &self.job.tangents else {
             return 0;
         };
-        let each = if let System::Index2(problem, ..) = &self.system {
-            problem.n + problem.l
-        } else {
-            let mechanical = self.system.mechanical();
-            2 * mechanical.n + mechanical.multipliers()
-        };
-        tangents.stretch.len() * each
+        let ([n, l], _) = self.system.sizes();
+        tangents.stretch.len() * (n + l + self.tangent_multipliers())
     }
 
     /// The directions of a member's run, that of the length of a step among them, and its start in these.
     fn begin_tangents(
         &self,
         tangents: &Tangents,
-        n: usize,
+        sizes: [usize; 2],
         member: usize,
     ) -> (Directions, [Matrix; 2]) {
         let directions = directions_of(tangents);
         let count = directions.count();
         let directions = self.with_length(directions);
-        let rows = tangents.starts([n; 2], member).map(|rows| {
+        let rows = tangents.starts(sizes, member).map(|rows| {
             // that of the length of a step begins from zero
             let at = |i: usize, j: usize| if i < count { rows[(i, j)] } else { 0.0 };
-            Matrix::from_fn(directions.count(), n, at)
+            Matrix::from_fn(directions.count(), rows.cols(), at)
         });
         (directions, rows)
     }
@@ -67,7 +76,7 @@ impl Starter {
         state: State,
         member: usize,
     ) -> Result<(SparkTangents, TangentState), StepError> {
-        let (directions, [y, z]) = self.begin_tangents(tangents, state.y.len(), member);
+        let (directions, [y, z]) = self.begin_tangents(tangents, [state.y.len(); 2], member);
         let dt = (0..directions.count())
             .map(|i| directions.tau[(i, 0)])
             .collect();
@@ -84,7 +93,7 @@ impl Starter {
         number: usize,
     ) -> Begun {
         let (span, params) = (self.job.span, self.params(number));
-        let (directions, rows) = self.begin_tangents(tangents, state.y.len(), number);
+        let (directions, rows) = self.begin_tangents(tangents, [state.y.len(); 2], number);
         let sensitivity = self.sensitivity(tangents, number);
         let of_slopes = (&slopes, params);
         let carried = AlphaStartTangents::new(&stepper, of_slopes, sensitivity.clone());
@@ -96,7 +105,7 @@ impl Starter {
         let (copy, trial) = (self.copy(&stepper), Box::new(stepper.clone()));
         let control = self.alpha_control((stepper, trial), sizes, number, &state);
         let of = (Box::new(carried) as _, restart);
-        self.recording((control, copy), tangents, of, state, number)
+        self.mechanical_tangents((control, copy), tangents, of, state, number)
     }
 
     /// A run of an index-2 method with its tangents.
@@ -107,28 +116,49 @@ impl Starter {
         of: Member<SemiExplicitState, SemiExplicitModel>,
     ) -> Begun {
         let (stepper, state, sizes) = start;
-        let [y, _] = tangents.starts([state.y.len(), 0], of.number);
+        let (directions, [y, _]) = self.begin_tangents(tangents, [state.y.len(), 0], of.number);
         let SystemSensitivity::SemiExplicit(sensitivity) = &tangents.sensitivity else {
             unreachable!("derivatives of a mechanical system");
         };
         let params = self.params(of.number);
         let sensitivity = SemiExplicitSensitivityModel::new(sensitivity.clone(), params);
-        let directions = directions_of(tangents);
-        let start = (self.job.span.t0, state);
-        let (stepper, state) = Index2Tangents::new(stepper, sensitivity, directions, start, y)?;
+        let (start, derivatives) = ((self.job.span.t0, state), sensitivity.clone());
+        let (stepper, state) = Index2Tangents::new(stepper, derivatives, directions, start, y)?;
         let monitor = self.traced(of.number, || of.model.clone());
+        let copy = self.composed_copy((&stepper, stages));
         let control = match sizes {
             None => self.symmetric_control((stepper, stages), monitor, &state),
             Some(sizes) => self.adaptive_control(stepper, sizes),
         };
-        let inner = self.observer(of.model, of.number);
-        let observer = SemiExplicitTangentObserver(inner);
-        self.recorded(control, Box::new(observer), state)
+        let inner = self.observer(of.model.clone(), of.number);
+        let observer = SemiExplicitTangentObserver::new(inner, tangents.stretch.len());
+        let point = || {
+            Box::new(SemiExplicitPoint::new(
+                of.model.clone(),
+                sensitivity.clone(),
+            ))
+        };
+        let run = TangentRun {
+            stepping: (control, copy),
+            observed: (Box::new(observer.clone()), Box::new(observer)),
+            between: point(),
+            derivatives: MotionDerivatives {
+                point: point(),
+                reset: Box::new(SemiExplicitReset::new(
+                    of.model.clone(),
+                    sensitivity.clone(),
+                )),
+                carried: None,
+            },
+            of,
+            state,
+        };
+        self.recording(tangents, run)
     }
 
-    /// A run whose tangents are recorded, by steps of this control; `copy` makes its partial steps. Behind a reset
-    /// `carried` writes the tangents of what the method carries, and `restart` makes the state.
-    pub(super) fn recording<S>(
+    /// A run of a mechanical system whose tangents are recorded. Behind a reset `carried` writes the tangents of what
+    /// the method carries, and `restart` makes the state.
+    pub(super) fn mechanical_tangents<S>(
         &self,
         stepping: Stepping<TangentState<S>>,
         tangents: &Tangents,
@@ -139,32 +169,67 @@ impl Starter {
     where
         S: Carried + Checkpoint + Clone + 'static,
     {
-        let model = self.model(number);
-        let parts = || (self.sensitivity(tangents, number), directions_of(tangents));
-        let (sensitivity, directions) = parts();
+        let (model, sensitivity) = (self.model(number), self.sensitivity(tangents, number));
         let inner = self.observer(model.clone(), number);
-        let observer = TangentObserver::new(inner, sensitivity, directions);
-        let observed = (Box::new(observer.clone()) as _, Box::new(observer) as _);
-        let start = self.job.span.t0;
-        let slopes = self.slopes(number);
-        let of = Member {
-            number,
-            model: model.clone(),
-            restart: restart.map(|restart| Box::new(TangentRestart(restart)) as _),
+        let directions = directions_of(tangents);
+        let observer = TangentObserver::new(inner, sensitivity.clone(), directions);
+        let point = || Box::new(MotionTangents::new(model.clone(), sensitivity.clone()));
+        let run = TangentRun {
+            stepping,
+            observed: (Box::new(observer.clone()), Box::new(observer)),
+            between: point(),
+            derivatives: MotionDerivatives {
+                point: point(),
+                reset: Box::new(LinearImpulse::new(model.clone(), sensitivity.clone())),
+                carried: Some(carried),
+            },
+            of: Member {
+                number,
+                model: model.clone(),
+                restart,
+            },
+            state,
         };
-        let with = |mut detector: DenseDetector<TangentState<S>>| {
-            let (sensitivity, directions) = parts();
+        self.recording(tangents, run)
+    }
+
+    /// A run whose tangents are recorded.
+    fn recording<S, M: Dynamics>(&self, tangents: &Tangents, run: TangentRun<S, M>) -> Begun
+    where
+        S: Carried + Checkpoint + Clone + 'static,
+    {
+        let TangentRun {
+            of, derivatives, ..
+        } = run;
+        let start = self.job.span.t0;
+        let [n, l, _] = of.model.sizes();
+        let multipliers = self.tangent_multipliers();
+        let slopes = self.slopes(of.number);
+        let of = Member {
+            number: of.number,
+            model: of.model,
+            restart: (of.restart).map(|restart| Box::new(TangentRestart(restart)) as _),
+        };
+        let directions = directions_of(tangents);
+        let between = PathTangents::new(run.between, [n, l], directions);
+        let with = |mut detector: DenseDetector<TangentState<S>, M>| {
             if self.has_events() {
-                let (of, directions) = (
-                    (model.clone(), sensitivity.clone()),
-                    self.with_length(directions.clone()),
-                );
-                let events = TangentEvents::new(slopes, of, carried, directions, start);
+                let (directions, at) = (directions_of(tangents), (start, multipliers));
+                let directions = self.with_length(directions);
+                let events = TangentEvents::new(slopes, derivatives, directions, at);
                 detector = detector.followed(Box::new(events));
             }
-            detector.with_tangents(PathTangents::new(model, sensitivity, directions))
+            detector.with_tangents(between)
         };
-        self.launch_observed(stepping, of, state, observed, with)
+        self.launch_observed(run.stepping, of, run.state, run.observed, with)
+    }
+
+    /// How many multipliers of a point have tangents.
+    fn tangent_multipliers(&self) -> usize {
+        match &self.system {
+            System::Index2(..) => 0,
+            system => system.mechanical().multipliers(),
+        }
     }
 
     /// Whether there are events.

@@ -9,9 +9,12 @@ use liouville_base::linalg::{add_scaled, dot};
 /// themselves, and its time.
 #[derive(Clone, Debug, Default)]
 pub struct KnotCotangents {
-    pub(crate) y: [Vec<f64>; 3],
-    pub(crate) z: [Vec<f64>; 2],
-    pub(crate) t: f64,
+    /// By y, y' and y''.
+    pub y: [Vec<f64>; 3],
+    /// By z and z'.
+    pub z: [Vec<f64>; 2],
+    /// By its time.
+    pub t: f64,
 }
 
 impl KnotCotangents {

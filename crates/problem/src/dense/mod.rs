@@ -26,7 +26,7 @@ use liouville_base::error::StepError;
 use liouville_base::linalg::copy;
 
 /// The last few knots of a trajectory, and its polynomials through them.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub struct Path<M: Dynamics = Model> {
     model: M,
     solver: M::Solver,
