@@ -255,7 +255,7 @@ def test_jax_maps_gradients_onto_one_ensemble(jax, monkeypatch):
 
 
 def test_jax_maps_wave_functions_and_fields(jax, monkeypatch):
-    """States are members of an ensemble, samples are not; the end of a run is no member's own."""
+    """States and parameters are members of an ensemble, samples and ends are no member's own."""
     states = RNG.standard_normal((3, N)) + 1j * RNG.standard_normal((3, N))
     pulses = RNG.standard_normal((2, U.size))
     solve = lv.jax.solver(SYSTEM, METHOD, wrt=["psi", "drive[1]"], t=TIMES)
@@ -267,6 +267,17 @@ def test_jax_maps_wave_functions_and_fields(jax, monkeypatch):
         for own, one in zip(jax.vmap(slope, axes)(*args), zip(*wanted, strict=True), strict=True):
             np.testing.assert_allclose(own, np.stack(one), rtol=1e-10, atol=1e-12)
     assert runs == [3, 0, 0]
+    solve = lv.jax.solver(SYSTEM, METHOD, wrt=["psi", "params.a"], t=TIMES)
+    slope = jax.grad(lambda psi, a: fidelity(solve(psi, a), jax.numpy), (0, 1))
+    sizes = np.array([0.2, 0.6, 0.9])
+    alone = [slope(PSI, a) for a in sizes]
+    runs.clear()
+    for axes, first in [((None, 0), PSI), ((0, 0), np.tile(PSI, (3, 1)))]:
+        for own, one in zip(jax.vmap(slope, axes)(first, sizes), zip(*alone, strict=True),
+                            strict=True):  # fmt: skip
+            np.testing.assert_allclose(own, np.stack(one), rtol=1e-10, atol=1e-12)
+    assert runs == [3]  # the second are the same runs
+    runs.clear()
     flow = lv.jax.solver(abc_flow.system, lv.VolumeSplitting(), wrt=["x", "params.A", "t1"], **FLOW)
     x, ends = RNG.random((3, 3)), np.array([0.5, 0.8, 1.0])
     slope = jax.grad(lambda x, a, t1: flow(x, a, t1)[-1, 0], (0, 1, 2))

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import registry
 from test_tangents import COVERED, directions_of
-from test_wave_gradients import REGISTERED
+from test_wave_gradients import REGISTERED, ROWS
 
 import liouville as lv
 from liouville.problems import abc_flow, load
@@ -160,6 +160,40 @@ def test_members_of_a_wave_function(method, run):
     )
     psi = RNG.standard_normal((3, 6)) + 1j * RNG.standard_normal((3, 6))
     alone(system, method, ["psi", "drive[0]", "params.a"], run, {"psi": psi})
+
+
+@pytest.mark.parametrize("name", ["driven", "Magnus 4 by shears", "well", "still by shears"])
+def test_members_of_wave_functions_with_parameters_of_their_own(name):
+    """Each is planned as alone, also where all begin with the same state."""
+    make, method, wrt, run = ROWS[name]
+    system, run = make(), {"t": (0, 1, 3), **run}
+    psi = RNG.standard_normal((3, system.size)) + 1j * RNG.standard_normal((3, system.size))
+    vector = "c" if "still" in name else "w"
+    params = {"a": 0.5, vector: system.params[vector] * [[1.0], [1.3], [0.8]]}
+    params |= {"k": [1.0, 0.7, 2.0]} if "k" in system.params else {"b": 0.3}
+    alone(system, method, wrt, run, {"psi": psi}, params)
+    alone(system, method, wrt, run, {"psi": psi[0]}, params)
+
+
+def test_members_that_do_not_fit_in_memory_together_are_run_again(monkeypatch):
+    from liouville.runners import wave_derivative
+
+    system, found, check = ROWS["driven"][0](), [], wave_derivative.check_room
+    psi = RNG.standard_normal((3, system.size))
+
+    def check_one(plan, size, *, runs=1, **options):
+        if runs > 1:
+            raise MemoryError("too many at once")
+        check(plan, size, runs=runs, **options)
+
+    for patch in (check, check_one):
+        monkeypatch.setattr(wave_derivative, "check_room", patch)
+        solution, pullback = lv.vjp(
+            system, "auto", wrt=["psi", "params.a"], t=(0, 2), psi=psi, params={"a": [1, 2, 3]}
+        )
+        found.append(pullback(psi=np.ones_like(solution.psi)))
+    for name, gradient in found[0].items():
+        np.testing.assert_array_equal(gradient, found[1][name])
 
 
 def test_results_do_not_depend_on_threads():

@@ -111,10 +111,26 @@ ROWS = [
     (
         "parameter of each",
         lambda: lv.ensemble(
-            GRID, lv.SplitOperator(), t=(0, 1), h=0.1, psi=[WAVE] * 2, params={"a": [1.0, 2.0]}
+            GRID, lv.SplitOperator(), t=(0, 1), h=0.1, psi=[WAVE] * 3, params={"a": [1.0, 2.0]}
         ),
         ValueError,
-        "Schrodinger share their parameters, and 'a'.*\nhint: .*one by one",
+        "parameter 'a' has 2 members along its first axis, psi has 3",
+    ),
+    (
+        "parameter of one",
+        lambda: lv.ensemble(
+            GRID, lv.SplitOperator(), t=(0, 1), h=0.1, psi=WAVE, params={"a": [1.0, np.nan]}
+        ),
+        ValueError,
+        "parameter 'a'",
+    ),
+    (
+        "plan of each",
+        lambda: lv.ensemble(
+            GRID, lv.plan(GRID, "auto", t=(0, 1)), t=(0, 1), psi=WAVE, params={"a": [1.0, 2.0]}
+        ),
+        TypeError,
+        "a plan is that of one H.*\nhint: give the method",
     ),
     ("driven Krylov", lambda: run(DRIVEN, lv.Lanczos()), TypeError, "without time\nhint: .*Magnus"),
     ("plan, then driven", lambda: run(DRIVEN, plan(STILL)), ValueError, "for an H without time"),

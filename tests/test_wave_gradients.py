@@ -1,5 +1,6 @@
 """Derivatives of runs of Schrödinger equations are those of the discrete map, by everything."""
 
+from concurrent.futures import ThreadPoolExecutor
 from functools import reduce
 
 import casadi as ca
@@ -351,6 +352,48 @@ def test_members_have_the_tangents_of_runs_alone(name, threads):
         np.testing.assert_array_equal(many.member(k).psi, one.psi)
         for x, tangent in one.tangents.items():
             np.testing.assert_array_equal(many.member(k).tangents[x].psi, tangent.psi)
+
+
+@pytest.mark.parametrize("name", [
+    "driven", "driven and complex", "well and drive", "still", "still by shears", "Magnus 4",
+])  # fmt: skip
+def test_members_with_parameters_of_their_own_have_the_bits_of_runs_alone(name):
+    make, method, wrt, run = ROWS[name]
+    system, run = make(), {"t": TIMES, **run}
+    which = "k" if "still" in name else "a"
+    moves = {f"params.{which}": 1.0, "psi": state(system.size)}
+    call = {"method": method, **run, "tangents": moves, "observe": {"x": np.arange(system.size)}}
+    for psi in (state(system.size), np.array([state(system.size) for _ in range(3)])):
+        many = lv.ensemble(system, psi=psi, params={which: [0.5, 0.7, 1.1]}, threads=2, **call)
+        assert many.varied == (which,)
+        for k, value in enumerate([0.5, 0.7, 1.1]):
+            start = psi[k] if psi.ndim > 1 else psi
+            one, own = (
+                lv.integrate(system, psi=start, params={which: value}, **call),
+                many.member(k),
+            )
+            assert own.params == one.params
+            np.testing.assert_array_equal(own.psi, one.psi)
+            np.testing.assert_array_equal(own.observed["x"], one.observed["x"])
+            for x, energy in one.invariants.items():
+                np.testing.assert_array_equal(own.invariants[x], energy)
+            for x, tangent in one.tangents.items():
+                np.testing.assert_array_equal(own.tangents[x].psi, tangent.psi)
+    found = lv.check_gradient(
+        system, method, wrt=wrt, **run, psi=psi, params={which: [0.5, 0.7, 1.1]}, size=1e-4
+    )
+    assert found.dot < 1e-12
+    assert found.differences < 1e-10
+
+
+def test_workers_take_members_with_parameters_of_their_own():
+    system, psi = driven(), state()
+    run = {"t": TIMES, "psi": psi, "params": {"a": np.linspace(0.1, 1.0, 5)}}
+    here = lv.ensemble(system, "auto", **run)
+    with ThreadPoolExecutor(2) as pool:
+        there = lv.ensemble(system, "auto", executor=pool, chunk=2, **run)
+    np.testing.assert_array_equal(here.psi, there.psi)
+    assert there.members == 5
 
 
 @pytest.mark.parametrize("name", ["driven", "well", "still by shears", "Magnus 4"])

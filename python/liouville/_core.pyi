@@ -44,6 +44,7 @@ __all__ = [
     "project",
     "project_linear",
     "run",
+    "run_each",
     "spark_tableau",
     "split_program",
     "stability",
@@ -232,6 +233,9 @@ def run(
     system: Mechanical | Separable | SecondOrder | SemiExplicit | Split | Hamiltonian,
     method: object,
     job: object,
+) -> Run | _Error: ...
+def run_each(
+    members: Sequence[tuple[Hamiltonian, object, object]], threads: int
 ) -> Run | _Error: ...
 def path(
     problem: Mechanical | SemiExplicit,

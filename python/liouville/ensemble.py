@@ -62,10 +62,11 @@ def ensemble(
         members is what takes memory: ``every=steps`` keeps starts and ends, ``states=False`` only
         invariants and `observe`.
     params : mapping, optional
-        Parameters that differ from the defaults. But for a Schrödinger equation they may have a
-        further, first axis of members: a number as shape (P,), a vector of j numbers as (P, j).
-        Fields of such members are split alike, and are not in lock-step; one with fewer terms, as
-        where a parameter is 0, is split by itself, by the same method.
+        Parameters that differ from the defaults. They may have a further, first axis of members: a
+        number as shape (P,), a vector of j numbers as (P, j). Fields of such members are split
+        alike, and are not in lock-step; one with fewer terms, as where a parameter is 0, is split
+        by itself, by the same method. Wave functions are each planned as alone, and may then begin
+        with one state, of shape (N,).
     tangents : mapping of str to array_like, optional
         As for :func:`integrate`, the same directions for all members, of which each then runs by
         itself: derivatives have the member as their second axis. Wave functions keep what these

@@ -65,7 +65,7 @@ mod _core {
     #[pymodule_export]
     use super::pullback::Pullback;
     #[pymodule_export]
-    use super::run::{Run, run};
+    use super::run::{Run, run, run_each};
     #[pymodule_export]
     use super::schrodinger::{
         chebyshev_degree, driven_cost, magnus_cost, processor_degree, split_program,

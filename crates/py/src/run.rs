@@ -52,6 +52,17 @@ pub(crate) fn run<'py>(
     Run::started(py, job::start(problem, method, job)?, Vec::new())
 }
 
+/// Runs of Schrödinger equations as an ensemble: the Hamiltonian, method and job of each member.
+#[pyfunction]
+pub(crate) fn run_each<'py>(
+    py: Python<'py>,
+    members: Vec<schrodinger::Member<'py>>,
+    threads: usize,
+) -> PyResult<Bound<'py, PyAny>> {
+    let (run, caught) = schrodinger::start_each(&members, threads)?;
+    Run::started(py, run, caught)
+}
+
 /// A run of any system by any method.
 #[pyclass(module = "liouville._core")]
 pub(crate) struct Run {

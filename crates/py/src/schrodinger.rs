@@ -268,6 +268,28 @@ pub(crate) fn start(
     Ok((run, caught))
 }
 
+/// A member of an ensemble of Schrödinger equations: its Hamiltonian, method and job.
+pub(crate) type Member<'py> = (
+    PyRef<'py, Hamiltonian>,
+    Bound<'py, PyAny>,
+    Bound<'py, PyAny>,
+);
+
+/// Runs of Schrödinger equations, each by a method of its own, and where exceptions raised inside their steps wait.
+pub(crate) fn start_each(
+    members: &[Member<'_>],
+    threads: usize,
+) -> PyResult<(Started, Vec<Caught>)> {
+    let (mut runs, mut caught) = (Vec::new(), Vec::new());
+    for (hamiltonian, method, job) in members {
+        let method = method.extract::<WaveMethod<'_>>()?.read()?;
+        let job = job.extract::<WaveJob<'_>>()?.read()?;
+        caught.extend(hamiltonian.caught.iter().cloned());
+        runs.push((hamiltonian.inner.clone(), method, job));
+    }
+    Ok((run::start_each(runs, threads), caught))
+}
+
 /// The products that a processor takes, or none if it takes too many.
 #[pyfunction]
 pub(crate) fn processor_degree(order: usize, stages: usize, theta: f64) -> Option<usize> {

@@ -282,10 +282,15 @@ class WaveFunction(RunFunction):
 
     def takes_members(self, varied: set[str]) -> bool:
         """Whether runs that differ in these inputs are those of an ensemble."""
-        return varied <= {"psi"}
+        # imported here: it needs the planner, which mechanics do not
+        from liouville.planner import WavePlan
+
+        is_planned = isinstance(self.method, WavePlan)  # for one equation
+        others = varied - {"psi"}
+        return not others or (not is_planned and all(x.startswith(PARAMS) for x in others))
 
     def point(self, inputs: list[Array]) -> RunPoint:
-        """Return the run with these inputs; psi may have a row for each member."""
+        """Return the run with these inputs; psi and parameters may have a row for each member."""
         _, values, start, samples = self.parted(inputs)
         params = {name: x for name, x in values.items() if PARAMS + name in self.inputs}
         system = self.system.with_samples(samples) if samples else self.system

@@ -40,8 +40,8 @@ def solver(
     ``jax.grad`` and ``jax.vjp`` take the pullback of :func:`liouville.vjp`, ``jax.jvp`` and
     ``jax.jacfwd`` take tangents, all directions at a point in one run. ``jax.jit`` and ``jax.vmap``
     work on all of them: values and gradients that are mapped over starts and parameters are those
-    of one ensemble. Mapped over an end of a run, or over parameters and samples of a drive, they
-    are runs one after another, as are directions that differ from start to start. There are no
+    of one ensemble. Mapped over an end of a run, or over samples of a drive, they are runs one
+    after another, as are directions that differ from start to start. There are no
     derivatives of derivatives.
 
     Parameters

@@ -78,8 +78,6 @@ def runner_of(system: System, method: Method | Plan | str, request: Request) -> 
         if isinstance(system, kind) and getattr(request, name) is not None:
             raise TypeError(hinted(f"{name} is not for {system!r}", hint))
     if isinstance(system, Schrodinger):
-        if request.is_ensemble:
-            _check_shared(system, request)
         return _of_waves(system, method, request)
     return _of_fields(system, method, request)
 
@@ -94,19 +92,6 @@ def check_system(system: Any) -> None:
     )
     is_assembly = hasattr(system, "system")
     raise TypeError(hinted(sentence, "take its system()") if is_assembly else sentence)
-
-
-def _check_shared(system: Schrodinger, request: Request) -> None:
-    """Refuse parameters of each member, which a system that is planned once does not take."""
-    given = request.params if isinstance(request.params, Mapping) else {}
-    for name, value in given.items():
-        if name in system.params and np.ndim(value) > np.ndim(system.params[name]):
-            kind = type(system).__name__
-            sentence = (
-                f"members of a {kind} share their parameters, and '{name}' has a row for each"
-            )
-            hint = f"integrate them one by one: params={{{name!r}: value}} for each value"
-            raise ValueError(hinted(sentence, hint))
 
 
 def _of_mechanics(system: Mechanics, method: Any, request: Request) -> Runner:
@@ -136,9 +121,20 @@ def _of_waves(system: Schrodinger, method: Any, request: Request) -> Runner:
 
     if isinstance(method, str) and method == "auto":
         method = AUTO
-    if isinstance(method, WaveMethod | WavePlan):
-        return WaveRunner(system, method, request)
-    raise no_runner(method, "wave", "Schrödinger equations")
+    if not isinstance(method, WaveMethod | WavePlan):
+        raise no_runner(method, "wave", "Schrödinger equations")
+    if request.is_ensemble and _are_varied(system, request.params):
+        from liouville.runners.wave_members import WaveMembersRunner
+
+        return WaveMembersRunner(system, method, request)
+    return WaveRunner(system, method, request)
+
+
+def _are_varied(system: Schrodinger, params: Any) -> bool:
+    """Return whether a parameter has a value for each member."""
+    given = params.items() if isinstance(params, Mapping) else ()
+    own = system.params
+    return any(name in own and np.ndim(x) > np.ndim(own[name]) for name, x in given)
 
 
 def _of_fields(system: Field, method: Any, request: Request) -> Runner:

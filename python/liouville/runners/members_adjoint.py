@@ -22,11 +22,20 @@ class MembersAdjoint(Adjoint):
     """The transposed derivative of the runs of an ensemble; see :class:`Adjoint`.
 
     A member is run again by itself when it is pulled back, with the same bits, so that checkpoints
-    of no more members are kept than there are threads.
+    of no more members are kept than there are threads; unless the adjoints of members are of their
+    runs in the ensemble, which have left what these need.
     """
 
-    def __init__(self, runner: Runner, of_member: Callable[[int], Adjoint], threads: int) -> None:
+    def __init__(
+        self,
+        runner: Runner,
+        of_member: Callable[[int], Adjoint],
+        threads: int,
+        *,
+        holds_runs: bool = False,
+    ) -> None:
         self.runner, self._of_member, self._threads = runner, of_member, threads
+        self._holds_runs = holds_runs
         self._first, (self._count,) = of_member(0), runner.members
         self.is_complex = self._first.is_complex
         each = self._first.directions.items()
@@ -72,7 +81,9 @@ class MembersAdjoint(Adjoint):
         # the run of a member that an event ended has fewer steps, and a last state there
         is_whole = member not in solution.endings
         try:
-            if checkpoints is not None and is_whole and steps <= SHORT:
+            if self._holds_runs:
+                own = solution.member(member)
+            elif checkpoints is not None and is_whole and steps <= SHORT:
                 own, run = solution.member(member), adjoint.runner.start()
                 assert not isinstance(run, dict), "a member that has run"
                 checkpoints.stride = steps
@@ -91,7 +102,7 @@ class MembersAdjoint(Adjoint):
 
         def moved(member: int) -> Mapping[str, np.ndarray]:
             adjoint = self._of_member(member)
-            if adjoint.holds_run:
+            if adjoint.holds_run and not self._holds_runs:
                 execute(adjoint.runner)
             return adjoint.moved({name: x[member] for name, x in directions.items()}, size)
 

@@ -58,7 +58,7 @@ class WaveRunner(Runner):
         self.system = system = system.with_params(request.params)
         self.params = system.params
         times = times_of(request.t)
-        self.psi = system.inward(_start(request.start), request.is_ensemble)
+        self.psi = system.inward(start_of(request.start), request.is_ensemble)
         self.members = self.psi.shape[:-1]
         self.threads = threads_of(request.threads)
         self._states = request.states
@@ -126,42 +126,77 @@ class WaveRunner(Runner):
             self._directions = wave_derivative.WaveDirections(self.system, request.tangents)
             names = wave_derivative.check_wrt(self.system, self._directions.names)
             self.plan = wave_derivative.with_breaks(self.plan, self.system, names)
-            own = wave_derivative.of_potential(self.system, names)
-            wave_derivative.check_room(
-                self.plan, self.system.size, is_wanted=False, runs=runs,
-                potentials=self._directions.count if own else 0,
-            )  # fmt: skip
+            self.check_room(runs)
         elif self.members:  # each is run again by itself when it is pulled back
             return
         self._records = [_core.WaveRecord() for _ in range(runs)]
 
+    @property
+    def has_tangents(self) -> bool:
+        """Whether tangents are wanted."""
+        return self._directions is not None
+
+    def check_room(self, runs: int) -> None:
+        """Refuse so many runs like this with tangents if they leave more than fits in memory."""
+        # imported here: few runs are differentiated
+        from liouville.runners.wave_derivative import check_room, of_potential
+
+        own = self._directions
+        assert own is not None, "a run with tangents"
+        moved = own.count if of_potential(self.system, own.names) else 0
+        check_room(self.plan, self.system.size, is_wanted=False, potentials=moved, runs=runs)
+
+    def prepare(self, wrt: Any, runs: int = 1) -> tuple[str, ...]:
+        """Plan a run that is to be differentiated by what `wrt` names; return the names.
+
+        MemoryError if so many runs would leave more than fits in memory.
+        """
+        # imported here: few runs are differentiated
+        from liouville.runners import wave_derivative
+
+        wave_derivative.check_plan(self.plan)
+        names = wave_derivative.check_wrt(self.system, wrt)
+        self.plan = wave_derivative.with_breaks(self.plan, self.system, names)
+        potentials = bool(wave_derivative.of_potential(self.system, names))
+        is_wanted = set(names) != {"psi"}
+        wave_derivative.check_room(
+            self.plan, self.system.size, is_wanted=is_wanted, potentials=potentials, runs=runs
+        )
+        return names
+
+    def transposed(self, wrt: Any, runs: int) -> Adjoint:
+        """Return the transposed derivative of this run, one of so many, before it begins."""
+        # imported here: few runs are differentiated
+        from liouville.runners.wave_adjoint import WaveAdjoint
+
+        names, self._records = self.prepare(wrt, runs), [_core.WaveRecord()]
+        return WaveAdjoint(self, names)
+
     def adjoint(self, request: Request, wrt: Any) -> Adjoint:
         """Return the transposed derivative of the run by what `wrt` names, before it begins."""
         # imported here: few runs are differentiated
+        from liouville.runners.members_adjoint import MembersAdjoint
         from liouville.runners.wave_adjoint import WaveAdjoint
-        from liouville.runners.wave_derivative import (
-            check_room,
-            check_wrt,
-            of_potential,
-            with_breaks,
-        )
 
-        names = check_wrt(self.system, wrt)
-        self.plan = with_breaks(self.plan, self.system, names)
-        potentials = bool(of_potential(self.system, names))
-        is_wanted = set(names) != {"psi"}
-        check_room(self.plan, self.system.size, is_wanted=is_wanted, potentials=potentials)
+        names = self.prepare(wrt)
         if not self.members:
             return WaveAdjoint(self, names)
-        from liouville.runners.members_adjoint import MembersAdjoint
 
         def of_member(member: int) -> Adjoint:
-            start = {"psi": self.system.outward(self.psi[member])}
-            own = replace(request, start=start, params=None, threads=1, is_ensemble=False)
-            method = self.choice if self._stops is not None else self.plan
-            return WaveRunner(self.system, method, own).adjoint(own, wrt)
+            return self.adjoint_of(member, request, wrt)
 
         return MembersAdjoint(self, of_member, self.threads)
+
+    def forget(self) -> None:
+        """Have the run leave nothing."""
+        self._records = []
+
+    def adjoint_of(self, member: int, request: Request, wrt: Any) -> Adjoint:
+        """Return the transposed derivative of another run of a member, by itself."""
+        start = {"psi": self.system.outward(np.atleast_2d(self.psi)[member])}
+        own = replace(request, start=start, params=None, threads=1, is_ensemble=False)
+        method = self.choice if self._stops is not None else self.plan
+        return WaveRunner(self.system, method, own).adjoint(own, wrt)
 
     def derivative(self, names: Sequence[str]) -> WaveDerivative:
         """Return what moves derivatives by these names through the run, when it is over."""
@@ -183,24 +218,37 @@ class WaveRunner(Runner):
         own = self._directions
         if own is None or len(t) <= len(self.plan.stops):
             return {}
-        if not self.members:
-            rows = self.derivative(own.names).followed(own.rows)
-            return own.read(rows.reshape(*rows.shape[:-2], -1))
-        shape = len(t), own.count, self.system.size
+        if self.members:
+            runs = [(self, member) for member in range(self.members[0])]
+            return self.tangents_of(runs, parts["psi"], self.threads)
+        rows = self.derivative(own.names).followed(own.rows)
+        return own.read(rows.reshape(*rows.shape[:-2], -1))
+
+    def tangents_of(
+        self, runs: Sequence[tuple[WaveRunner, int]], psi: np.ndarray, threads: int
+    ) -> dict[str, Tangent]:
+        """Return tangents of members, each one of a runner, in the directions of this one."""
+        own, count = self._directions, len(psi)
+        assert own is not None, "a run with tangents"
 
         def followed(member: int) -> np.ndarray:
-            if not np.isfinite(parts["psi"][-1, member]).all():  # it failed
-                return np.full(shape, np.nan, dtype=complex)
-            return self._derivative_of(member, own.names, 1).followed(own.rows)
+            if not np.isfinite(psi[-1, member]).all():  # it failed
+                return np.full((count, own.count, self.system.size), np.nan, dtype=complex)
+            runner, place = runs[member]
+            return runner._derivative_of(place, own.names, 1).followed(own.rows)
 
         # the first records tapes that all share
         found = [followed(0)]
-        with ThreadPoolExecutor(self.threads) as pool:
-            found += pool.map(followed, range(1, self.members[0]))
-        return own.read(np.stack(found, axis=1).reshape(len(t), self.members[0], -1))
+        with ThreadPoolExecutor(threads) as pool:
+            found += pool.map(followed, range(1, len(runs)))
+        return own.read(np.stack(found, axis=1).reshape(count, len(runs), -1))
 
     def start(self) -> _core.Run | dict[str, Any]:
         """Start the run, or return the error of its start."""
+        return _core.run(*self.crossed())
+
+    def crossed(self) -> tuple[_core.Hamiltonian, object, Job]:
+        """Return Hamiltonian, method and job for the core."""
         plan = self.plan
         observables: list[tuple[object, ...]] = [("symmetric", self.system.hamiltonian), ("start",)]
         observables += [each for _, _, parts in self._observed for each in parts]
@@ -209,7 +257,7 @@ class WaveRunner(Runner):
             states=self._states, threads=self.threads, is_ensemble=bool(self.members),
             records=self._records,
         )  # fmt: skip
-        return _core.run(_propagated(self.system, plan), plan.core, job)
+        return _propagated(self.system, plan), plan.core, job
 
     def stats(self, run: _core.Run) -> dict[str, Any]:
         """Return the numbers of a run: steps, products for each state, the bound of its error."""
@@ -308,7 +356,8 @@ def _is_stepped(method: WaveMethod | WavePlan, request: Request) -> bool:
     return isinstance(method, Stepped)
 
 
-def _start(start: Mapping[str, Any]) -> Any:
+def start_of(start: Mapping[str, Any]) -> Any:
+    """Return psi of a start; TypeError where there is anything else."""
     if set(start) != {"psi"}:
         given = ", ".join(sorted(start)) or "nothing"
         raise TypeError(f"a Schrodinger equation starts with psi=, not with {given}")

@@ -61,10 +61,12 @@ def starts(
 
 
 def parameters(
-    system: Mechanics | SemiExplicit | Field, changes: Mapping[str, ArrayLike] | None
+    system: Mechanics | SemiExplicit | Field | Schrodinger,
+    changes: Mapping[str, ArrayLike] | None,
 ) -> tuple[np.ndarray, dict[str, int]]:
     """Return rows of parameters, one or one for each member, and the members of those that vary."""
     defaults = system.params
+    values = system.parameters.values if isinstance(system, Schrodinger) else system.values
     given = _trace.mapping("params", changes)
     own: dict[str, np.ndarray] = {}
     for name, value in given.items():
@@ -74,11 +76,11 @@ def parameters(
             own[name] = array
     shared = {name: value for name, value in given.items() if name not in own}
     if not own:
-        return system.values(shared)[None], {}
+        return values(shared)[None], {}
     rows = []
     for member in range(min(len(x) for x in own.values())):
-        rows.append(system.values({**shared, **{name: x[member] for name, x in own.items()}}))
-    width = system.values(shared).size
+        rows.append(values({**shared, **{name: x[member] for name, x in own.items()}}))
+    width = values(shared).size
     return np.array(rows).reshape(-1, width), {name: len(x) for name, x in own.items()}
 
 

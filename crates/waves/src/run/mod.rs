@@ -56,24 +56,39 @@ pub fn start(
     job: Job,
     cancel: CancelToken,
 ) -> Result<Box<dyn Advance>, StartError> {
-    let (n, members) = (job.n, job.members.unwrap_or(1));
-    let fits = n == hamiltonian.places() && members > 0 && job.psi.len() == members * n;
-    if !fits || n == 0 || job.stops.iter().any(|(_, steps)| *steps == 0) {
-        return Err(StartError::Invalid(format!(
-            "wave functions are rows of {n} values, and steps at least one"
-        )));
-    }
-    let is_back = job.stops.first().is_some_and(|(t, _)| *t < job.t0);
-    let times = job.stops.iter().map(|(t, _)| *t).collect();
-    let starter = Starter {
-        method: Prepared::new(method, &hamiltonian, times, is_back)?,
-        hamiltonian,
-        job,
-    };
+    let starter = Starter::new(hamiltonian, method, job)?;
     match starter.job.members {
         None => Ok(starter.single(0, starter.job.threads, cancel)?),
         Some(members) => Ok(Box::new(starter.ensemble(members))),
     }
+}
+
+/// Single runs side by side as an ensemble, each of its own Hamiltonian by its own method, with states at the same times.
+///
+/// # Errors
+/// There are none, one does not fit its Hamiltonian, or they record other things or at other times.
+pub fn start_each(
+    runs: Vec<(Arc<Hamiltonian>, Method, Job)>,
+    threads: usize,
+) -> Result<Box<dyn Advance>, StartError> {
+    let starters = runs.into_iter();
+    let starters =
+        starters.map(|(hamiltonian, method, job)| Starter::new(hamiltonian, method, job));
+    let starters: Vec<Starter> = starters.collect::<Result<_, _>>()?;
+    let layouts: Vec<Layout> = starters.iter().map(Starter::layout).collect();
+    let is_single = starters.iter().all(|each| each.job.members.is_none());
+    let Some(layout) = layouts.first().filter(|_| is_single) else {
+        return Err(StartError::invalid("single runs, at least one"));
+    };
+    if layouts.iter().any(|other| other != layout) {
+        return Err(StartError::invalid(
+            "members record the same at the same times",
+        ));
+    }
+    let (layout, count, t0) = (layout.clone(), starters.len(), starters[0].job.t0);
+    let begin = move |members: &[usize]| starters[members[0]].single(0, 1, CancelToken::default());
+    let ensemble = Ensemble::new(Box::new(begin), (count, 1), threads, layout, t0);
+    Ok(Box::new(ensemble))
 }
 
 /// Begins the runs of a job that fits its Hamiltonian.
@@ -86,6 +101,32 @@ struct Starter {
 type Begun = Result<Box<dyn Advance>, StepError>;
 
 impl Starter {
+    fn new(hamiltonian: Arc<Hamiltonian>, method: Method, job: Job) -> Result<Self, StartError> {
+        let (n, members) = (job.n, job.members.unwrap_or(1));
+        let fits = n == hamiltonian.places() && members > 0 && job.psi.len() == members * n;
+        if !fits || n == 0 || job.stops.iter().any(|(_, steps)| *steps == 0) {
+            return Err(StartError::Invalid(format!(
+                "wave functions are rows of {n} values, and steps at least one"
+            )));
+        }
+        let is_back = job.stops.first().is_some_and(|(t, _)| *t < job.t0);
+        let times = job.stops.iter().map(|(t, _)| *t).collect();
+        Ok(Self {
+            method: Prepared::new(method, &hamiltonian, times, is_back)?,
+            hamiltonian,
+            job,
+        })
+    }
+
+    /// The times of the records of an ensemble, and how many numbers a member has in each.
+    fn layout(&self) -> Layout {
+        let ends = self.job.stops.iter().map(|(t, _)| *t);
+        Layout::Aligned {
+            times: std::iter::once(self.job.t0).chain(ends).collect(),
+            width: self.observer(1).columns(self.job.n),
+        }
+    }
+
     fn sweeper<S: Stored>(&self, threads: usize) -> Sweeper<S> {
         Sweeper::new(self.hamiltonian.clone()).with_threads(threads)
     }
@@ -119,11 +160,7 @@ impl Starter {
             1
         };
         let (t0, threads) = (self.job.t0, self.job.threads);
-        let ends = self.job.stops.iter().map(|(t, _)| *t);
-        let layout = Layout::Aligned {
-            times: std::iter::once(t0).chain(ends).collect(),
-            width: self.observer(1).columns(self.job.n),
-        };
+        let layout = self.layout();
         let begin = move |members: &[usize]| match members {
             [member] => self.single(*member, 1, CancelToken::default()),
             _ => self.block(members),
