@@ -234,7 +234,7 @@ def test_what_has_no_derivative_is_refused():
                       reset=lambda t, q, v, lam, params: {"q": 1.001 * q, "v": -v})  # fmt: skip
     with pytest.raises(lv.IntegrationError, match="leads beside the constraints"):
         lv.integrate(**call, events={"wall": beside})
-    free, events, at, _ = ball()
+    free, *_ = ball()
     fall = lv.Lagrangian(lambda t, q, v, params: v[0] ** 2 / 2 - params.g * q[0], q=1,
                          params={"g": 9.81})  # fmt: skip
     ground = {"ground": lv.Event(lambda t, q, v, lam, params: q[0], "down",
@@ -245,6 +245,10 @@ def test_what_has_no_derivative_is_refused():
     )
     with pytest.raises(lv.IntegrationError, match=accumulate):
         lv.integrate(fall, lv.Spark(2), tangents={"params.g": 1.0}, **drop)
+    heights = {"q": [[100.0], [1.0]], "v": [0.0]}
+    both = lv.ensemble(fall, lv.Spark(2), tangents={"params.g": 1.0}, **(drop | heights))
+    assert [*both.failures] == [1]
+    assert "hits of 'ground' accumulate at t = 1.35457" in both.failures[1].message
     solution, pullback = lv.vjp(fall, lv.Spark(2), wrt=["v"], **drop)
     assert "accumulate at t = 1.35457" in solution.message
     with pytest.raises(lv.IntegrationError, match=accumulate):
@@ -254,9 +258,6 @@ def test_what_has_no_derivative_is_refused():
     with pytest.raises(lv.IntegrationError, match="touched and not crossed"):
         lv.integrate(free, lv.Spark(2), t=(0, 1.9), steps=7, events={"top": touch},
                      tangents={"params.g": 1.0}, **up)  # fmt: skip
-    with pytest.raises(TypeError, match="tangents by HHT go without events="):
-        lv.ensemble(free, lv.HHT(), t=(0, 1), steps=1, tangents={"params.g": 1.0},
-                    events=events, **{name: x[None] for name, x in at.items()})  # fmt: skip
     two = up | {"v": np.array([[0.0, 2.0], [0.0, 0.5]])}
     many = lv.ensemble(free, lv.Spark(2), t=(0, 1.9), steps=7, events={"top": touch},
                        tangents={"params.g": 1.0}, **two)  # fmt: skip
@@ -273,12 +274,13 @@ def several(name):
         rows = {x: value + 0.05 * rng.standard_normal((4, 3)) for x, value in start.items()}
         run = {"t": (0.2, 1.4), "steps": 20, "every": 3, "events": events}
         return system, lv.Spark(2), run, rows, {"c": [0.7, 0.75, 0.65, 0.7], "l": 1.05}
-    if name == "ball":
+    if name in ("ball", "HHT"):
         system, events, start, _ = ball()
         rows = {x: value * [[1.0], [1.2], [0.8], [0.1]] for x, value in start.items()}
         ends = {"far": lv.Event(lambda t, q, v, lam, params: q[0] - params.e, terminal=True)}
         run = {"t": (0.0, 3.1), "steps": 26, "events": events | ends}
-        return system, lv.LobattoPair(3), run, rows, {"e": [0.8, 0.7, 0.9, 0.8]}
+        method = lv.HHT() if name == "HHT" else lv.LobattoPair(3)
+        return system, method, run, rows, {"e": [0.8, 0.7, 0.9, 0.8]}
     system, start, _ = pendulum()
     rows = {x: np.array(value * [[1.0], [0.9], [1.1], [1.0]]) for x, value in start.items()}
     run = {"t": (0.1, 3.3), **walled(name)}
@@ -286,7 +288,7 @@ def several(name):
     return system, method, run, rows, {"wall": [0.3, 0.2, 0.25, 5.0]}
 
 
-@pytest.mark.parametrize("name", ["impact", "velocities", "none", "general", "ball"])
+@pytest.mark.parametrize("name", ["impact", "velocities", "none", "general", "ball", "HHT"])
 def test_members_have_the_tangents_and_pullbacks_of_runs_alone(name):
     """Also where an event ends their runs, each at a time of its own."""
     system, method, run, rows, params = several(name)
@@ -337,7 +339,7 @@ def test_members_have_the_tangents_and_pullbacks_of_runs_alone(name):
         for x, value in back(**given, events=hits).items():
             np.testing.assert_array_equal(gradients[x][k], value)
     assert met
-    assert bool(many.endings) == (name in ("impact", "velocities", "none", "ball"))
+    assert bool(many.endings) == (name != "general")
 
 
 def test_pullbacks_of_members_are_the_transpose_of_their_tangents():

@@ -280,8 +280,10 @@ class TracedRunner(Runner):
             error["quantity"] += f" {names[error['index']]}"
         if error["kind"] in ("reset", "no derivative"):
             error["event"] = name = names[error["event"]]
-            limit = self._watch.accumulated(name, error["t"]) if error.get("is_grazing") else None
-            error |= {} if limit is None else {"limit": limit}
+            which = error.get("member", error.get("of", 0))
+            if error.get("is_grazing"):
+                limit = self._watch.accumulated(name, error["t"], which)
+                error |= {} if limit is None else {"limit": limit}
         return system.describe(error)
 
     def _check_sizes(self, request: Request) -> None:

@@ -40,7 +40,7 @@ class Watch:
         if span[1] < span[0]:
             _check_invertible(self.events)
         self.times = given(times, span, every)
-        self._hits: dict[str, np.ndarray] = {}
+        self._hits: dict[str, tuple[np.ndarray, np.ndarray]] = {}
 
     def __getstate__(self) -> dict[str, Any]:
         """Leave the functions behind: the core has them as tapes."""
@@ -104,15 +104,15 @@ class Watch:
                 at = _states_at(system, times, sides[:, side], params, members)
                 states |= {f"{state}{end}": x for state, x in at.items()}
             points[name] = Points(times, states | own)
-        if params.ndim == 1:
-            self._hits = {name: found.t for name, found in points.items()}
+            self._hits[name] = times, members
         names = [*self.events]
         said = {member: _said(names[which], t, limit) for which, t, limit, member in ends}
         return points, said, rest
 
-    def accumulated(self, name: str, t: float) -> float | None:
-        """Return where the hits of an event of a run until t accumulate, None if they do not."""
-        hits = self._hits.get(name, np.empty(0))
+    def accumulated(self, name: str, t: float, member: int) -> float | None:
+        """Return where the hits of an event until t accumulate, None if they do not."""
+        times, members = self._hits.get(name, (np.empty(0), np.empty(0)))
+        hits = times[members == member] if members.size else times  # of one run alone
         intervals = np.abs(np.diff(hits[np.abs(hits - hits[:1]) <= np.abs(t - hits[:1])]))
         last = intervals[-SHRINKING:]
         if len(last) < SHRINKING or (np.diff(last) >= 0).any() or last[-1] > SHORT * max(intervals):
