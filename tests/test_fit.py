@@ -171,11 +171,14 @@ def test_semi_explicit_systems():
     )
     assert held.params["l"] == pytest.approx(1.1, abs=1e-9)
     np.testing.assert_allclose(held.start["y"], start["y"], atol=1e-9)
+    apart = [0, 2, 3, 7, 10]
+    some = {"t": run.t[apart], "y": run.y[apart]}
+    few = lv.fit(system, method, some, h=0.1, t0=0.2, params={"l": 1.0}, **start)
+    assert few.params["l"] == pytest.approx(1.1, abs=1e-5)
+    assert few.residuals.size == 20
     call = {"h": 0.05, "params": ("l",), **start}
-    with pytest.raises(
-        ValueError, match=r"semi-explicit system rise by equal distances.*\nhint: fill"
-    ):
-        lv.fit(system, method, {**data, "t": run.t**2}, **call)
+    with pytest.raises(ValueError, match=r"semi-explicit system are no multiples.*\nhint: round"):
+        lv.fit(system, method, {**data, "t": np.sqrt(run.t)}, **call)
     with pytest.raises(ValueError, match="free is y, not 'z'"):
         lv.fit(system, method, data, free="z", **call)
     with pytest.raises(TypeError, match="does not step"):

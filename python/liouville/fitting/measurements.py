@@ -18,6 +18,8 @@ System: TypeAlias = Mechanics | SemiExplicit
 
 #: Times may be so far from equal distances, in units of these.
 EVEN = 1e-9
+#: Into so many parts at most the least distance of times is divided, to find their common one.
+PARTS = 100
 
 
 def _numbers(what: str, value: Any) -> np.ndarray:
@@ -31,6 +33,19 @@ def _numbers(what: str, value: Any) -> np.ndarray:
     raise TypeError(f"{what} is made of real numbers")
 
 
+def _are_whole(places: np.ndarray) -> bool:
+    """Return whether numbers are whole but for roundoff."""
+    return bool(np.abs(places - np.round(places)).max() <= EVEN * max(len(places), places.max()))
+
+
+def _common(times: np.ndarray) -> float:
+    """Return a distance that times from zero on are multiples of, else the least between them."""
+    distances = np.diff(times, prepend=0.0)
+    least = float(distances[distances > 0].min())
+    parts = (least / k for k in range(1, PARTS + 1))
+    return next((part for part in parts if _are_whole(times / part)), least)
+
+
 class Measurements:
     """States that were measured, and the steps of a run that meets their times.
 
@@ -40,8 +55,8 @@ class Measurements:
         Time of the start.
     run : dict
         Interval, steps and kept times of a run that meets them, as arguments of ``integrate``.
-    first : int
-        The record of the run that the first measurement is of.
+    kept : ndarray of int, shape (k,)
+        The records of the run that measurements are of.
     values : ndarray, shape (k, w)
         Both states side by side, NaN where nothing was measured.
     weights : ndarray, shape (k, w)
@@ -72,19 +87,21 @@ class Measurements:
         if self.t0 > times[0]:
             raise ValueError(f"t0 = {self.t0:g} is after the first measurement")
         self._count = times.size
-        distance = float(times[-1] - times[0]) / (times.size - 1)
-        places = (times - self.t0) / distance
         span = interval((self.t0, float(times[-1])))
         self.run: dict[str, Any] = {"t": span}
-        if np.abs(places - np.round(places)).max() <= EVEN * times.size:
+        distance = float(times[-1] - times[0]) / (times.size - 1)
+        if isinstance(system, SemiExplicit):
+            distance = _common(times - self.t0)
+        places = np.round((times - self.t0) / distance)
+        if _are_whole((times - self.t0) / distance):
+            self.kept = places.astype(int)
             every = max(1, int(np.ceil(distance / h * (1 - EVEN))))
-            self.first = round(float(places[0]))
-            self.run |= {"every": every, "steps": every * (self.first + times.size - 1)}
+            self.run |= {"every": every, "steps": every * int(places[-1])}
             return
         if isinstance(system, SemiExplicit):
-            sentence = "data 't' of a semi-explicit system rise by equal distances, from t0 on"
-            raise ValueError(hinted(sentence, "fill times between with rows of NaN"))
-        self.first = 0
+            sentence = "data 't' of a semi-explicit system are no multiples of one distance from t0"
+            raise ValueError(hinted(sentence, "round them to a grid of equal distances"))
+        self.kept = np.arange(times.size)
         steps = max(1, int(np.ceil((span[1] - span[0]) / h * (1 - EVEN))))
         self.run |= {"steps": steps, "t_eval": times}
 
@@ -129,4 +146,5 @@ class Measurements:
 
     def of(self, states: Mapping[str, Array]) -> Array:
         """Return both states of a run side by side, at the times of the measurements."""
-        return np.concatenate([*states.values()], axis=-1)[self.first :]
+        found: Array = np.concatenate([*states.values()], axis=-1)[self.kept]
+        return found
