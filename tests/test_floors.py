@@ -36,7 +36,7 @@ CRATE_FLOORS = {
     "spark": (
         (
             *("estimate", "full_newton", "lanes", "node_schur", "predictor"),
-            *("probe", "sparse_schur", "stages", "update", "yardstick"),
+            *("probe", "small_newton", "sparse_schur", "stages", "update", "yardstick"),
         ),
         ("rattle", "tangent"),  # the one falls back on the stage equations, the other follows them
     ),

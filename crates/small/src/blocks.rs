@@ -23,8 +23,14 @@ impl<L: Layout> BlockLu<L> {
         }
     }
 
-    pub(super) fn clear(&mut self) {
-        self.blocks.fill([L::zeros(); POINTS]);
+    /// Clears the rows and columns of blocks from this one on.
+    #[inline(always)]
+    pub(super) fn clear_from(&mut self, first: usize) {
+        let count = self.sizes.len();
+        for (row, blocks) in self.blocks.chunks_exact_mut(count).enumerate() {
+            let start = if row < first { first } else { 0 };
+            blocks[start..].fill([L::zeros(); POINTS]);
+        }
     }
 
     #[inline(always)]

@@ -144,7 +144,7 @@ impl<L: Layout> Small<L> {
     }
 
     #[inline(always)]
-    fn linearize(&mut self, h: f64) {
+    pub(super) fn linearize(&mut self, h: f64) {
         if self.problem.m > 0 {
             self.run_node_blocks();
         }

@@ -4,10 +4,12 @@
 //! and what is left when they are eliminated is a multiple of the identity in the nodes, so that no pivots are needed.
 #![allow(clippy::inline_always)] // what is not inlined is compiled without the registers it is for
 
-use super::blocks::BlockLu;
-use super::layout::{Layout, Weights};
+use super::blocks::{BlockLu, Columns};
+use super::layout::{Layout, POINTS, Weights};
+
 use super::tables::Tables;
 use super::{CONSTRAINTS, COORDINATES, Small};
+use liouville_base::real::{Lanes, Scalar};
 use liouville_base::tape::PointRegisters;
 use liouville_problem::{Mechanical, Model};
 
@@ -18,8 +20,31 @@ pub(super) struct FullNewton<L: Layout> {
     stage_jacobian: PointRegisters<L::Row>,
     node_jacobian: PointRegisters<L::Row>,
     matrix: BlockLu<L>,
+    /// Where p_z, p_y, f_y, f_z and r_y have their values of two coordinates, if any.
+    places: [[Places; COORDINATES]; COORDINATES],
     /// dZ, then dΛ.
     pub(super) corrections: [L::Points; COORDINATES + CONSTRAINTS],
+}
+
+type Places = [Option<usize>; 5];
+
+/// The places of the derivatives in the tapes' values.
+fn places(problem: &Mechanical) -> [[Places; COORDINATES]; COORDINATES] {
+    let at = &problem.patterns;
+    let parts = [
+        (&at.p_z, 0),
+        (&at.p_y, 0),
+        (&at.f_y, at.p_y.len()),
+        (&at.f_z, at.p_y.len() + at.f_y.len()),
+        (&at.r_y, 0),
+    ];
+    let mut places = [[[None; 5]; COORDINATES]; COORDINATES];
+    for (part, (pattern, first)) in parts.into_iter().enumerate() {
+        for (place, &(row, col)) in pattern.entries().iter().enumerate() {
+            places[row][col][part] = Some(first + place);
+        }
+    }
+    places
 }
 
 /// Values in rows as points.
@@ -43,6 +68,7 @@ impl<L: Layout> FullNewton<L> {
             stage_jacobian,
             node_jacobian,
             matrix: BlockLu::new(sizes.concat()),
+            places: places(&model.problem),
             corrections: [L::zeros(); COORDINATES + CONSTRAINTS],
         })
     }
@@ -68,96 +94,74 @@ impl<L: Layout> FullNewton<L> {
         }
         problem.stage_blocks.run_points(&mut self.stage_blocks);
         problem.stage_jacobian.run_points(&mut self.stage_jacobian);
-        self.matrix.clear();
-        self.write_momenta(problem, tables, h);
-        self.write_forces(problem, tables, h);
         if problem.m > 0 {
             problem.node_jacobian.run_points(&mut self.node_jacobian);
-            self.write_reactions(problem, tables, (node_blocks, h));
+            self.matrix.clear_from(problem.n);
+            self.write_reactions(problem, tables, node_blocks);
             self.write_constraints(problem, tables, node_blocks);
+        }
+        for row in 0..problem.n.min(COORDINATES) {
+            for col in 0..problem.n.min(COORDINATES) {
+                self.write_block((row, col), tables, h);
+            }
         }
         self.matrix.factor();
     }
 
-    /// δ_ij p_z(i) + h aᵛ_ij p_y(i)
+    /// δ_ij p_z(i) + h aᵛ_ij p_y(i) − h Σ_l aᶠ_il (f_z(l) δ_lj + h aᵛ_lj f_y(l)) − h² Σ_k â_ik ā_kj r_y(k)
     #[inline(always)]
-    fn write_momenta(&mut self, problem: &Mechanical, tables: &Tables, h: f64) {
-        let (at, s) = (&problem.patterns, tables.stages);
-        for (place, &(row, col)) in at.p_z.entries().iter().enumerate() {
-            let p_z = points::<L>(self.stage_blocks.value(place));
-            let block = self.matrix.block(row, col);
-            for (j, out) in block.iter_mut().enumerate().take(s) {
-                L::set(out, j, L::at(&p_z, j));
-            }
-        }
-        for (place, &(row, col)) in at.p_y.entries().iter().enumerate() {
-            let p_y = self.stage_jacobian.value(place);
-            let block = self.matrix.block(row, col);
-            for (out, weights) in block.iter_mut().zip(tables.a_v.columns()) {
-                for (i, out) in out.as_mut()[..L::rows(s)].iter_mut().enumerate() {
-                    *out += p_y[i] * (L::factor(weights, i) * h);
+    fn write_block(&mut self, (row, col): (usize, usize), tables: &Tables, h: f64) {
+        let (s, k, rows) = (tables.stages, tables.intervals, L::rows(tables.stages));
+        let (a_v, a_f, a_bar) = (&tables.a_v, &tables.a_f, &tables.a_bar);
+        let [p_z, p_y, f_y, f_z, r_y] = self.places[row][col];
+        let p_z = p_z.map(|place| points::<L>(self.stage_blocks.value(place)));
+        let f_z = f_z.map(|place| points::<L>(self.stage_jacobian.value(place)));
+        let p_y = p_y.map(|place| self.stage_jacobian.value(place));
+        let f_y = f_y.map(|place| impulses::<L>(self.stage_jacobian.value(place), a_f, rows));
+        let r_y =
+            r_y.map(|place| impulses::<L>(self.node_jacobian.value(place), &tables.a_hat, rows));
+        let block = self.matrix.block(row, col);
+        for (j, out) in block.iter_mut().enumerate().take(s) {
+            let (of_v, of_f, of_node) = (&a_v.columns()[j], &a_f.columns()[j], &a_bar.columns()[j]);
+            for i in 0..rows {
+                let mut sum = L::Row::splat(0.0);
+                if let Some(f_y) = &f_y {
+                    sum -= felt::<L>(f_y, of_v, i, s) * (h * h);
                 }
+                if let Some(r_y) = &r_y {
+                    sum -= felt::<L>(r_y, of_node, i, k) * (h * h);
+                }
+                if let Some(f_z) = &f_z {
+                    sum -= L::at(f_z, j).every() * (L::factor(of_f, i) * h);
+                }
+                if let Some(p_y) = p_y {
+                    sum += p_y[i] * (L::factor(of_v, i) * h);
+                }
+                out.as_mut()[i] = sum;
+            }
+            if let Some(p_z) = &p_z {
+                L::add_point(out, p_z, j);
             }
         }
     }
 
-    /// −h Σ_l aᶠ_il (f_z(l) δ_lj + h aᵛ_lj f_y(l))
-    #[inline(always)]
-    fn write_forces(&mut self, problem: &Mechanical, tables: &Tables, h: f64) {
-        let (at, rows) = (&problem.patterns, L::rows(tables.stages));
-        let first = at.p_y.len();
-        for (place, &(row, col)) in at.f_y.entries().iter().enumerate() {
-            let f_y = self.stage_jacobian.value(first + place);
-            let block = self.matrix.block(row, col);
-            for (out, weights) in block.iter_mut().zip(tables.a_v.columns()) {
-                let mut moved = L::zeros();
-                for (i, out) in moved.as_mut()[..rows].iter_mut().enumerate() {
-                    *out = f_y[i] * (L::factor(weights, i) * h);
-                }
-                subtract_moved::<L>(&mut out.as_mut()[..rows], &tables.a_f, &moved, h);
-            }
-        }
-        let first = first + at.f_y.len();
-        for (place, &(row, col)) in at.f_z.entries().iter().enumerate() {
-            let f_z = points::<L>(self.stage_jacobian.value(first + place));
-            let block = self.matrix.block(row, col);
-            for (j, (out, weights)) in block.iter_mut().zip(tables.a_f.columns()).enumerate() {
-                let f_z = L::at(&f_z, j).every();
-                for (i, out) in out.as_mut()[..rows].iter_mut().enumerate() {
-                    *out -= f_z * (L::factor(weights, i) * h);
-                }
-            }
-        }
-    }
-
-    /// −h² Σ_k â_ik ā_kj r_y(k), and −â_il r_λ(l) for Λ
+    /// −â_il r_λ(l)
     #[inline(always)]
     fn write_reactions(
         &mut self,
         problem: &Mechanical,
         tables: &Tables,
-        (node_blocks, h): (&PointRegisters<L::Row>, f64),
+        node_blocks: &PointRegisters<L::Row>,
     ) {
         let (at, n) = (&problem.patterns, problem.n);
-        let [rows, nodes] = [tables.stages, tables.intervals + 1].map(L::rows);
-        for (place, &(row, col)) in at.r_y.entries().iter().enumerate() {
-            let r_y = self.node_jacobian.value(place);
-            let block = self.matrix.block(row, col);
-            for (out, weights) in block.iter_mut().zip(tables.a_bar.columns()) {
-                let mut moved = L::zeros();
-                for (k, out) in moved.as_mut()[..nodes].iter_mut().enumerate() {
-                    *out = r_y[k] * (L::factor(weights, k) * h);
-                }
-                subtract_moved::<L>(&mut out.as_mut()[..rows], &tables.a_hat, &moved, h);
-            }
-        }
         for (place, &(row, c)) in at.r_lam.entries().iter().enumerate() {
             let r_lam = points::<L>(node_blocks.value(at.g_y.len() + place));
             let block = self.matrix.block(row, n + c);
             for (l, (out, weights)) in block.iter_mut().zip(tables.a_hat.columns()).enumerate() {
-                let r_lam = L::at(&r_lam, l).every();
-                for (i, out) in out.as_mut()[..rows].iter_mut().enumerate() {
-                    *out -= r_lam * L::factor(weights, i);
+                let r_lam = (-L::at(&r_lam, l)).every();
+                let rows = out.as_mut()[..L::rows(tables.stages)].iter_mut();
+                for (i, out) in rows.enumerate() {
+                    *out = r_lam * L::factor(weights, i);
                 }
             }
         }
@@ -238,13 +242,28 @@ impl<L: Layout> Small<L> {
     }
 }
 
-/// `out -= h A x`
+/// The impulses at the stages that a force at each point gives, a column for it.
 #[inline(always)]
-fn subtract_moved<L: Layout>(out: &mut [L::Row], weights: &Weights, moved: &L::Points, h: f64) {
-    let mut sums = L::zeros();
-    let sums = &mut sums.as_mut()[..out.len()];
-    L::sums(sums, weights, moved);
-    for (out, sum) in out.iter_mut().zip(sums) {
-        *out -= *sum * h;
+fn impulses<L: Layout>(force: &[L::Row], weights: &Weights, rows: usize) -> Columns<L> {
+    let force = points::<L>(force);
+    let mut columns = [L::zeros(); POINTS];
+    for (l, (out, weights)) in columns.iter_mut().zip(weights.columns()).enumerate() {
+        let force = L::at(&force, l).every();
+        for (i, out) in out.as_mut()[..rows].iter_mut().enumerate() {
+            *out = force * L::factor(weights, i);
+        }
     }
+    columns
+}
+
+/// Σ_l of so many impulses, each as much as its point is moved.
+#[inline(always)]
+fn felt<L: Layout>(impulses: &Columns<L>, moved: &Lanes, row: usize, count: usize) -> L::Row {
+    let mut sums = [L::Row::splat(0.0); 2];
+    let pairs = impulses.as_chunks::<2>().0.iter();
+    for (l, [even, odd]) in pairs.enumerate().take(count.div_ceil(2)) {
+        sums[0] += even.as_ref()[row] * moved.0[2 * l];
+        sums[1] += odd.as_ref()[row] * moved.0[2 * l + 1];
+    }
+    sums[0] + sums[1]
 }

@@ -27,6 +27,8 @@ pub trait Layout: Real {
     fn at(points: &Self::Points, i: usize) -> Self;
     /// Sets the value at one point.
     fn set(points: &mut Self::Points, i: usize, value: Self);
+    /// Adds another's value at one point.
+    fn add_point(points: &mut Self::Points, other: &Self::Points, i: usize);
     /// Sets the values beyond the first `count` points, where lanes stand for points that are not there.
     fn extend(points: &mut Self::Points, count: usize, value: Self);
     /// Factors of the points, as a row takes them.
@@ -140,6 +142,10 @@ impl Layout for f64 {
         points[0] = UNITS[i].choose(Lanes::splat(value), points[0]);
     }
     #[inline(always)]
+    fn add_point(points: &mut [Lanes; 1], other: &[Lanes; 1], i: usize) {
+        points[0] = UNITS[i].choose(points[0] + other[0], points[0]);
+    }
+    #[inline(always)]
     fn extend(points: &mut [Lanes; 1], count: usize, value: f64) {
         points[0] = FIRST[count].choose(points[0], Lanes::splat(value));
     }
@@ -213,6 +219,10 @@ impl<const W: usize> Layout for Lanes<W> {
     #[inline(always)]
     fn set(points: &mut [Self; POINTS], i: usize, value: Self) {
         points[i] = value;
+    }
+    #[inline(always)]
+    fn add_point(points: &mut [Self; POINTS], other: &[Self; POINTS], i: usize) {
+        points[i] += other[i];
     }
     #[inline(always)]
     fn extend(_: &mut [Self; POINTS], _: usize, _: Self) {}

@@ -14,6 +14,7 @@ mod equations;
 mod full_newton;
 mod layout;
 mod linear;
+mod newton_matrix;
 mod start;
 mod tables;
 

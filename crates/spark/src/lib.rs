@@ -24,6 +24,7 @@ mod node_schur;
 mod predictor;
 mod probe;
 pub mod rattle;
+mod small_newton;
 mod sparse_schur;
 mod stages;
 mod tangent;
@@ -36,12 +37,13 @@ pub use lanes::{SparkBatch, supports_batch};
 use liouville_base::error::StepError;
 use liouville_base::linalg::choice::{CHEAP_NEWTON, SCHUR_ITERATIONS};
 use liouville_base::method::{Stats, Stepper, Symmetric};
-use liouville_base::newton::{self, Continuation, Member, Rest, Solved};
+use liouville_base::newton::{self, Continuation, Equations, Member, Rest, Solved};
 use liouville_base::tableau;
 use liouville_problem::{Estimate, Mechanical, Model, State, Step};
 use liouville_small::{Matrices, Small};
 use node_schur::NodeSchur;
 use predictor::Predictor;
+use small_newton::SmallNewton;
 use stages::{Stages, Unknowns};
 pub use tangent::{SparkAdjoint, SparkTangents};
 use update::Update;
@@ -256,9 +258,12 @@ impl Spark {
         }
     }
 
-    /// Whether full Newton is asked for or all there is, or node Schur rests after having failed.
+    /// Whether full Newton is asked for, or is what small steps take, or all there is, or node Schur rests after having
+    /// failed.
     fn wants_newton(&mut self) -> bool {
+        let is_small = self.small.as_ref().is_some_and(|small| small.is_newton());
         self.schur_rest.take()
+            || is_small
             || self.solver == Solver::Newton
             || !self.schur.is_able()
             || self.model.problem.l() > 0
@@ -274,14 +279,30 @@ impl Spark {
     fn iterate_newton(&mut self, step: Step, is_each: bool) -> Result<Solved, StepError> {
         self.stats.newton_steps += 1;
         let (stages, model) = (&mut self.stages, &mut self.model);
+        if let Some(small) = &mut self.small
+            && small.is_newton()
+        {
+            self.start.copy_from(&stages.unknowns);
+            let mut equations = SmallNewton::new(small, stages, model, step);
+            let solved = Self::solve_newton(&mut equations, is_each);
+            if solved.is_ok() {
+                return solved;
+            }
+            // its matrix has no pivots
+            stages.unknowns.copy_from(&self.start);
+        }
         let full = self
             .full
             .get_or_insert_with(|| FullNewton::new(model, stages).into());
         let mut equations = full.start(stages, model, &mut self.update.z, step);
+        Self::solve_newton(&mut equations, is_each)
+    }
+
+    fn solve_newton(equations: &mut impl Equations, is_each: bool) -> Result<Solved, StepError> {
         if is_each {
-            newton::solve_full(&mut equations)
+            newton::solve_full(equations)
         } else {
-            newton::solve(&mut equations, MOST_ITERATIONS)
+            newton::solve(equations, MOST_ITERATIONS)
         }
     }
 }
