@@ -231,7 +231,7 @@ class TracedRunner(Runner):
         """How many numbers of tangents come behind each state of an event."""
         if self._directions is None:
             return 0
-        wide = 1 + sum(x.shape[-1] for x in self._begin[:2]) + self.multipliers
+        wide: int = 1 + sum(x.shape[-1] for x in self._begin[:2]) + self.multipliers
         return self._directions.count * wide
 
     def _monitored(self, control: Reversible) -> tuple[_core.Tape, bool] | None:
