@@ -338,16 +338,12 @@ def traced_invariants(
 
     ValueError if one would take the place of that energy, whose drift judges a run.
     """
-    own = {} if energy is None else {"energy": energy}
     given = _trace.mapping("invariants", invariants)
-    for name in own:
-        if name in given:
-            sentence = f"invariant '{name}' is the system's own, recorded of every run"
-            raise ValueError(hinted(sentence, "leave it out, or give yours another name"))
-    return own | {
-        name: _trace.scalar(f"invariant '{name}'", function, args)
-        for name, function in given.items()
-    }
+    if energy is not None and "energy" in given:
+        sentence = "invariant 'energy' is the system's own, recorded of every run"
+        raise ValueError(hinted(sentence, "leave it out, or give yours another name"))
+    found = {x: _trace.scalar(f"invariant '{x}'", f, args) for x, f in given.items()}
+    return found if energy is None else {"energy": energy, **found}
 
 
 def traced_switches(switches: Mapping[str, Function] | None, args: _trace.Args) -> dict[str, ca.SX]:
