@@ -149,6 +149,11 @@ def test_a_start_is_moved_and_members_are_those_of_runs():
     many = lv.ensemble(system, lv.Spark(2), tangents=directions, **values, **rows)
     for name, tangent in found.tangents.items():
         assert np.array_equal(many.tangents[name].z[:, 1], tangent.z)
+    hit = {"events": watched(), "t": (0.2, 2.2), "steps": 24, "tangents": directions}
+    both = lv.ensemble(system, lv.Spark(2), **hit, **rows).member(1).tangents["params.c"]
+    alone = lv.integrate(system, lv.Spark(2), **hit, **start).tangents["params.c"]
+    assert np.array_equal(both.events["side"].y_after, alone.events["side"].y_after)
+    assert np.array_equal(both.events["last"].t, alone.events["last"].t)
     of_many = lv.vjp(system, lv.Spark(2), wrt=["y", "params.l"], **values, **rows)
     one = lv.vjp(system, lv.Spark(2), wrt=["y", "params.l"], t=(0.2, 0.8), steps=4, **start)
     own = one[1](z=np.ones_like(one[0].z))

@@ -65,7 +65,7 @@ def fit(
         ``"t"``, shape (k,), increasing, and measured values by the name of a coordinate or unknown,
         shape (k,), or of a state of the system such as ``"q"``, shape (k, n). NaN is no
         measurement. Times at equal distances are ends of steps; others lie within steps, as those
-        of ``t_eval=``. Those of a semi-explicit system are multiples of one distance.
+        of ``t_eval=``.
     h : float
         The largest step, in the system's unit of time.
     params : sequence of str, or mapping

@@ -18,8 +18,6 @@ System: TypeAlias = Mechanics | SemiExplicit
 
 #: Times may be so far from equal distances, in units of these.
 EVEN = 1e-9
-#: Into so many parts at most the least distance of times is divided, to find their common one.
-PARTS = 100
 
 
 def _numbers(what: str, value: Any) -> np.ndarray:
@@ -38,14 +36,6 @@ def _are_whole(places: np.ndarray) -> bool:
     return bool(np.abs(places - np.round(places)).max() <= EVEN * max(len(places), places.max()))
 
 
-def _common(times: np.ndarray) -> float:
-    """Return a distance that times from zero on are multiples of, else the least between them."""
-    distances = np.diff(times, prepend=0.0)
-    least = float(distances[distances > 0].min())
-    parts = (least / k for k in range(1, PARTS + 1))
-    return next((part for part in parts if _are_whole(times / part)), least)
-
-
 class Measurements:
     """States that were measured, and the steps of a run that meets their times.
 
@@ -55,8 +45,8 @@ class Measurements:
         Time of the start.
     run : dict
         Interval, steps and kept times of a run that meets them, as arguments of ``integrate``.
-    kept : ndarray of int, shape (k,)
-        The records of the run that measurements are of.
+    first : int
+        The record of the run that the first measurement is of.
     values : ndarray, shape (k, w)
         Both states side by side, NaN where nothing was measured.
     weights : ndarray, shape (k, w)
@@ -68,10 +58,10 @@ class Measurements:
     """
 
     def __init__(self, system: System, data: Any, h: float, sigma: Any, t0: float | None) -> None:
-        self._take_times(system, data, number("h is a number", h), t0)
+        self._take_times(data, number("h is a number", h), t0)
         self._take_data(system, data, sigma)
 
-    def _take_times(self, system: System, data: Any, h: float, t0: Any) -> None:
+    def _take_times(self, data: Any, h: float, t0: Any) -> None:
         if not isinstance(data, Mapping) or "t" not in data:
             raise TypeError(hinted("data has no 't'", 'write data={"t": times, "q": values}'))
         times = _numbers("data 't'", data["t"])
@@ -90,18 +80,13 @@ class Measurements:
         span = interval((self.t0, float(times[-1])))
         self.run: dict[str, Any] = {"t": span}
         distance = float(times[-1] - times[0]) / (times.size - 1)
-        if isinstance(system, SemiExplicit):
-            distance = _common(times - self.t0)
         places = np.round((times - self.t0) / distance)
         if _are_whole((times - self.t0) / distance):
-            self.kept = places.astype(int)
+            self.first = int(places[0])
             every = max(1, int(np.ceil(distance / h * (1 - EVEN))))
             self.run |= {"every": every, "steps": every * int(places[-1])}
             return
-        if isinstance(system, SemiExplicit):
-            sentence = "data 't' of a semi-explicit system are no multiples of one distance from t0"
-            raise ValueError(hinted(sentence, "round them to a grid of equal distances"))
-        self.kept = np.arange(times.size)
+        self.first = 0
         steps = max(1, int(np.ceil((span[1] - span[0]) / h * (1 - EVEN))))
         self.run |= {"steps": steps, "t_eval": times}
 
@@ -146,5 +131,4 @@ class Measurements:
 
     def of(self, states: Mapping[str, Array]) -> Array:
         """Return both states of a run side by side, at the times of the measurements."""
-        found: Array = np.concatenate([*states.values()], axis=-1)[self.kept]
-        return found
+        return np.concatenate([*states.values()], axis=-1)[self.first :]
