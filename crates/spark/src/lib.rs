@@ -285,10 +285,15 @@ impl Spark {
             self.start.copy_from(&stages.unknowns);
             let mut equations = SmallNewton::new(small, stages, model, step);
             let solved = Self::solve_newton(&mut equations, is_each);
-            if solved.is_ok() {
+            // its matrix has no pivots, and corrections without bounds where it wants them
+            let is_own = match solved {
+                Ok(_) => true,
+                Err(StepError::NotConverged { size, .. }) => !is_each && size < 1.0,
+                Err(_) => false,
+            };
+            if is_own {
                 return solved;
             }
-            // its matrix has no pivots
             stages.unknowns.copy_from(&self.start);
         }
         let full = self
