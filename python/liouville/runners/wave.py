@@ -6,7 +6,6 @@ import math
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
-from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,14 +13,15 @@ import numpy as np
 from liouville import _core
 from liouville._arguments import check_memory, times_of
 from liouville._job import Job
-from liouville.control import Steps, Takes, steps_of
+from liouville.control import Steps
 from liouville.errors import Description, describe, hinted
-from liouville.methods import Chebyshev, Magnus, SchrodingerSplitting, Stepped, WaveMethod
+from liouville.methods import Chebyshev, SchrodingerSplitting, Stepped, WaveMethod
 from liouville.planner import WavePlan, plan_steps, plan_wave
 from liouville.planner.waves.choice import name_of
 from liouville.planner.waves.driven import Planned
 from liouville.planner.waves.propagators import Driven, Krylov, Series
-from liouville.runners.runner import Request, Runner, kept, threads_of
+from liouville.runners.runner import Request, Runner, threads_of
+from liouville.runners.wave_steps import check_no_steps, is_stepped, start_of, stops_of
 from liouville.systems import Schrodinger
 from liouville.tangents import Tangent
 
@@ -73,7 +73,7 @@ class WaveRunner(Runner):
             self.columns[f"observed {name}"] = width
         self.widths = self.columns
         # to plan many outputs takes long
-        self._stops = _stops(times, method, request) if _is_stepped(method, request) else None
+        self._stops = stops_of(times, method, request) if is_stepped(method, request) else None
         self._check_records(request, len(self._stops or times[1:]) + 1)
         self.plan = self._planned(method, times, request)
         self._check_states()
@@ -92,7 +92,7 @@ class WaveRunner(Runner):
         self, method: WaveMethod | WavePlan, times: tuple[float, ...], request: Request
     ) -> WavePlan:
         if isinstance(method, WavePlan):
-            _check_no_steps("a plan", request)
+            check_no_steps("a plan", request)
             method.check(times, self.system)
             return method
         if self._stops is not None:
@@ -100,7 +100,7 @@ class WaveRunner(Runner):
             return plan_steps(self.system, method, times[0], self._stops)
         assert isinstance(method, Planned)
         plan = plan_wave(self.system, method, times, not np.any(self.psi.imag))
-        _check_no_steps(name_of(method), request)  # last: methods for H(t) do take steps
+        check_no_steps(name_of(method), request)  # last: methods for H(t) do take steps
         return plan
 
     def _check_states(self) -> None:
@@ -347,58 +347,3 @@ def _propagated(system: Schrodinger, plan: WavePlan) -> _core.Hamiltonian:
         if found is not None:
             return found.hamiltonian
     return system.hamiltonian
-
-
-def _is_stepped(method: WaveMethod | WavePlan, request: Request) -> bool:
-    """Return whether steps have a given size; without one a Magnus method chooses its own."""
-    if isinstance(method, Magnus) and request.h is None and request.steps is None:
-        return False
-    return isinstance(method, Stepped)
-
-
-def start_of(start: Mapping[str, Any]) -> Any:
-    """Return psi of a start; TypeError where there is anything else."""
-    if set(start) != {"psi"}:
-        given = ", ".join(sorted(start)) or "nothing"
-        raise TypeError(f"a Schrodinger equation starts with psi=, not with {given}")
-    return start["psi"]
-
-
-def _stops(
-    times: tuple[float, ...], method: WaveMethod | WavePlan, request: Request
-) -> list[tuple[float, int]]:
-    """Return the times of the states that are kept, with the steps to each."""
-    takes = Takes(type(method).__name__, hint="give h or steps")
-    if len(times) > 2:
-        if request.h is None or request.steps is not None or request.every != 1:
-            sentence = f"a sequence of times are those to keep, for which {takes.name} takes h="
-            given = [name for name in ("steps", "every") if getattr(request, name) not in (None, 1)]
-            hint = f"leave {' and '.join(given)} out, and " * bool(given) + "give h"
-            raise TypeError(hinted(sentence, hint))
-        ends = [_steps(pair, request, takes) for pair in pairwise(times)]
-        return [(each.t1, each.count) for each in ends]
-    steps = _steps(times, request, takes)
-    every = kept(steps, request.every)
-    size = steps.mean(steps.t1, steps.count)
-    whole = [(steps.t0 + k * size, every) for k in range(every, steps.count, every)]
-    return [*whole, (steps.t1, steps.count - every * len(whole))]
-
-
-def _steps(times: tuple[float, ...], request: Request, takes: Takes) -> Steps:
-    return steps_of(
-        times, request.h, request.steps, takes,
-        rtol=request.rtol, atol=request.atol, control=request.control,
-    )  # fmt: skip
-
-
-def _check_no_steps(name: str, request: Request) -> None:
-    """Refuse steps for a method that chooses its own."""
-    hint = "give the times of all states you want: t=np.linspace(t0, t1, 101)"
-    for option in ("h", "steps", "rtol", "atol", "control"):
-        if getattr(request, option) is not None:
-            sentence = f"{name} chooses its steps by its tol and takes no {option}"
-            raise TypeError(hinted(sentence, f"the tolerance is the method's, tol=1e-8; {hint}"))
-    if request.every != 1:
-        raise TypeError(
-            hinted(f"{name} keeps the states at the times of t= and takes no every", hint)
-        )

@@ -14,7 +14,8 @@ from liouville.errors import Description, hinted
 from liouville.methods import WaveMethod
 from liouville.planner import WavePlan
 from liouville.runners.runner import Request, Runner, threads_of
-from liouville.runners.wave import WaveRunner, start_of
+from liouville.runners.wave import WaveRunner
+from liouville.runners.wave_steps import start_of
 from liouville.systems import Schrodinger, members
 from liouville.tangents import Tangent
 
