@@ -201,6 +201,53 @@ def test_checks_by_differences_repeat_the_steps():
         lv.check_gradient(system, lv.Spark(2), v=[0.0, 0.0], size=0.05, **call)
 
 
+@pytest.mark.parametrize(("name", "wrt"), [
+    ("andrews", ["q", "v", "params.c0", "params.i5", "t0", "t1"]),
+    ("car_axis", ["q", "v", "t1"]), ("chain", ["q", "v", "params.g", "t1"]),
+    ("rigid_chain", ["params.mu"]), ("pendulum", ["q", "v", "params.g", "params.l"]),
+])  # fmt: skip
+def test_differences_move_each_name_by_its_own_size(name, wrt):
+    """Moments of inertia of 1e-6 beside springs of 1e3, and shares that hardly matter."""
+    system, start = load(name).system, load(name).start
+    run = {"t": (0.0, 0.02), "steps": 5, **system.consistent(**start)}
+    for each in (wrt, *([x] for x in wrt)):
+        found = lv.check_gradient(system, lv.HHT(), wrt=each, **run)
+        assert found.dot < 1e-12
+        assert found.differences < 1e-8
+
+
+def test_a_check_sees_a_small_derivative_that_is_wrong():
+    """A kink has a slope of zero for CasADi, and one half for central differences."""
+
+    def bent(t, q, v, params):
+        return v[0] ** 2 / 2 - params.g * q[0] + 1e-4 * q[0] * ca.if_else(params.k > 0, params.k, 0)
+
+    system = lv.Lagrangian(bent, q=1, params={"g": 1.0, "k": 0.0})
+    run = {"t": (0, 1), "steps": 9, "q": [1.0], "v": [0.0]}
+    assert lv.check_gradient(system, lv.HHT(), wrt=["params.g"], **run).differences < 1e-12
+    assert lv.check_gradient(system, lv.HHT(), wrt=["params.k"], **run).differences > 1e-4
+
+
+def test_a_gradient_of_zero_is_right():
+    """A restitution without an impact, a potential that underflows, a system at rest."""
+    ball = lv.Lagrangian(lambda t, q, v, p: v[0] ** 2 / 2 - p.g * q[0], q=1,
+                         params={"e": 0.8, "g": 1.0})  # fmt: skip
+    ground = lv.Event(lambda t, q, v, lam, p: q[0], "down",
+                      reset=lv.Impact(lambda t, q, v, lam, p: p.e))  # fmt: skip
+    run = {"t": (0, 0.5), "steps": 5, "v": [0.0]}
+    grid = lv.Grid(-1, 1, 16, potential=lambda t, x, p: ca.exp(-1e6 * (x - p.c) ** 2))
+    well = lv.Schrodinger(grid, params={"c": 100.0})
+    for events in ({}, {"ground": ground}):
+        for method in (lv.HHT(), lv.Spark(2)):
+            call = {"wrt": ["params.e"], "events": events, "q": [1.0], **run}
+            assert lv.check_gradient(ball, method, **call) == lv.GradientCheck(0.0, 0.0)
+    still = {"params": {"g": 0.0}, "wrt": ["params.e"], "q": [0.0], **run}
+    assert lv.check_gradient(ball, lv.HHT(), **still) == lv.GradientCheck(0.0, 0.0)
+    found = lv.check_gradient(well, "auto", wrt=["params.c"], t=(0, 1), psi=np.ones(16) / 4)
+    assert found.dot < 1e-13
+    assert found.differences < 1e-10
+
+
 @pytest.mark.parametrize("call", [
     lv.vjp, lv.check_gradient, lv.integrate, lv.ensemble, lv.lyapunov, lv.casadi.solver,
 ])  # fmt: skip

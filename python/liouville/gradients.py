@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -21,11 +22,17 @@ from liouville.progress import Progress
 from liouville.runners import Request, check_system, runner_of
 from liouville.runners.adjoint import EVENTS, Adjoint, Gradients
 from liouville.runners.execute import execute
+from liouville.runners.tangents import ENDS, PARAMS
 from liouville.solution import Solution
 from liouville.systems import Field, Mechanics, Schrodinger, SemiExplicit, members
+from liouville.tangents import Tangent
 
 #: Moved starts of a difference of order six, in units of its step, with their weights.
 WEIGHTS = {1: 3 / 4, 2: -3 / 20, 3: 1 / 60}
+
+#: The part of the largest state that a smaller one counts as where directions are scaled, and the
+#: part of the states' own pairing that differences are measured by at least.
+LEAST = 1e-3
 
 
 class Pullback:
@@ -219,10 +226,11 @@ class GradientCheck:
     ----------
     dot : float
         Pullback against tangent: the difference of the two pairings in a random direction and for
-        random cotangents, in units of the sum of the sizes of what they add up. Roundoff.
+        random cotangents, in units of the sum of the sizes of what they add up, or of 1e-3 of the
+        same sum for the states themselves, where a run moves by less. Roundoff.
     differences : float
         The same of central differences of order six against the tangent: their truncation and
-        roundoff, about 1e-10 where nothing is wrong.
+        roundoff, at the default size about 1e-14 to 1e-9 where nothing is wrong.
     """
 
     dot: float
@@ -235,7 +243,7 @@ def check_gradient(
     *,
     wrt: Sequence[str],
     t: tuple[float, float] | Sequence[float],
-    size: float = 2e-3,
+    size: float = 1e-3,
     seed: int = 0,
     params: Mapping[str, ArrayLike] | None = None,
     **run: Any,
@@ -254,8 +262,10 @@ def check_gradient(
     ----------
     system, method, wrt, t, params
         As for :func:`vjp`.
-    size : float, default 2e-3
-        By how much differences move the start, in units of a random direction of size one.
+    size : float, default 1e-3
+        By which part of its values differences move what gradients are by, each number by a random
+        multiple of it; by less of a name by which a state would move by more than by this part of
+        its largest value in the run. Where all values are zero, in place of them one.
     seed : int, default 0
         Of the random numbers.
     **run
@@ -305,15 +315,24 @@ def check_gradient(
         real = np.asarray(rng.standard_normal(shape))
         return real + 1j * rng.standard_normal(shape) if is_complex else real
 
-    is_many = solution.members is not None
-    sizes = {x: (shape[is_many:], kind) for x, (shape, kind) in adjoint.directions.items()}
-    alike = {x: random(*which) for x, which in sizes.items()}
-    directions = {x: np.broadcast_to(own, adjoint.directions[x][0]) for x, own in alike.items()}
+    is_many, span = solution.members is not None, abs(float(t[-1]) - float(t[0]))
+    shapes = {x: (shape[is_many:], kind) for x, (shape, kind) in adjoint.directions.items()}
+    alike = {
+        x: random(*which) * _values(solution, x, which[0], span) for x, which in shapes.items()
+    }
     states = {x: random(solution.states[x].shape, adjoint.is_complex) for x in pullback.states}
     call = ensemble if is_many else integrate
     found = call(system, method, t=t, params=params, tangents=alike, **run).tangents
-    parts = [np.conj(states[x]) * each.states[x] for each in found.values() for x in states]
-    forward, unit = (float(sum(f(x).real.sum() for x in parts)) for f in (np.asarray, np.abs))
+    parts = {x: _part(solution, tangent) for x, tangent in found.items()}
+    directions = {
+        x: np.broadcast_to(parts[x] * own, adjoint.directions[x][0]) for x, own in alike.items()
+    }
+    terms = [
+        parts[name] * np.conj(states[x]) * tangent.states[x]
+        for name, tangent in found.items()
+        for x in states
+    ]
+    forward, unit = (float(sum(f(x).real.sum() for x in terms)) for f in (np.asarray, np.abs))
     gradients = pullback(**states)
     back = sum(float(np.vdot(gradients[x], own).real) for x, own in directions.items())
     slope = 0.0
@@ -323,6 +342,36 @@ def check_gradient(
             if any(moved[name].shape != x.shape for name, x in states.items()):
                 sentence = "an event ends a moved run after another number of states"
                 raise ValueError(hinted(sentence, f"take a size below {size:g}, or a larger every"))
-            terms = sum(float(np.vdot(x, moved[name]).real) for name, x in states.items())
-            slope += sign * weight / size * terms
+            pairing = sum(float(np.vdot(x, moved[name]).real) for name, x in states.items())
+            slope += sign * weight / size * pairing
+    # a run that hardly moves, or not at all, is not measured by the roundoff of its states
+    sums = sum(float(np.abs(x * solution.states[name]).sum()) for name, x in states.items())
+    unit = max(unit, LEAST * sums, sys.float_info.min)
     return GradientCheck(dot=abs(back - forward) / unit, differences=abs(slope - forward) / unit)
+
+
+def _values(solution: Solution, name: str, shape: tuple[int, ...], span: float) -> np.ndarray:
+    """Return the sizes of the values of what a gradient is by, 1 where all are zero."""
+    if name in ENDS:
+        values = np.array(span)
+    elif name.startswith(PARAMS):
+        values = np.abs(np.asarray(solution.params[name.removeprefix(PARAMS)], dtype=float))
+        if values.ndim > len(shape):  # of members
+            values = values.min(axis=0)
+    else:
+        values = np.array(_largest(solution.states[name]) if name in solution.states else 0.0)
+    largest = float(values.max(initial=0.0))
+    return np.broadcast_to(np.where(values > 0, values, largest or 1.0), shape)
+
+
+def _part(solution: Solution, tangent: Tangent) -> float:
+    """Return by which part of a direction no state moves by more than its size in the run."""
+    sizes = {x: _largest(solution.states[x]) for x in tangent.states if x != "lam"}
+    least = LEAST * max(sizes.values())
+    moves = [_largest(tangent.states[x]) / (max(y, least) or 1.0) for x, y in sizes.items()]
+    return 1 / max(1.0, *moves)
+
+
+def _largest(values: np.ndarray) -> float:
+    """Return the largest size of an array, in which members that are over are NaN."""
+    return float(np.nanmax(np.abs(values), initial=0.0))
