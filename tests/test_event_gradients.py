@@ -266,6 +266,39 @@ def test_what_has_no_derivative_is_refused():
     assert np.isfinite(many.tangents["params.g"].q[:, 1]).all()
 
 
+@pytest.mark.parametrize("method", [lv.Spark(2), lv.HHT()], ids=str)
+@pytest.mark.parametrize("kept", [{}, {"every": 2}, {"t_eval": np.linspace(0, 1.4, 29)}], ids=str)
+def test_cotangents_before_hits_accumulate(method, kept):
+    """They are those of a run that ends before, to the bit."""
+    fall = lv.Lagrangian(lambda t, q, v, params: v[0] ** 2 / 2 - 9.81 * q[0], q=1,
+                         params={"e": 0.5})  # fmt: skip
+
+    def ground(hits):
+        return {"ground": lv.Event(lambda t, q, v, lam, params: q[0], "down", terminal=hits,
+                                   reset=lv.Impact(lambda t, q, v, lam, params: params.e))}  # fmt: skip
+
+    run = {"wrt": ["q", "params.e"], "t": (0, 6), "steps": 60, **kept}
+    one = {"q": [1.0], "v": [0.0]}
+    solution, pullback = lv.vjp(fall, method, **run, events=ground(False), **one)
+    assert "accumulate at t = 1.35457" in solution.message
+    short, before = lv.vjp(fall, method, **run, events=ground(2), **one)  # at t = 0.903
+    for count, hits in ((0, 0), (1, 0), (len(short.t) - 1, 0), (3, 1), (len(short.t) - 1, 2)):
+        cotangents, times = np.zeros_like(solution.q), np.zeros(len(solution.events["ground"]))
+        cotangents[:count], times[:hits] = 1.0, 1.0
+        found = pullback(q=cotangents, events={"ground": {"t": times}})
+        wanted = before(q=cotangents[: len(short.t)], events={"ground": {"t": times[:2]}})
+        assert found == wanted
+    if "t_eval" in kept:
+        return
+    rows = {"q": [[1.0], [100.0]], "v": [0.0]}
+    both, pulled = lv.vjp(fall, method, **run, events=ground(False), **rows)
+    cotangents = np.zeros_like(both.q)
+    cotangents[2, 0], cotangents[-1, 1] = 1.0, 1.0
+    found = pulled(q=cotangents)["q"][:, 0]
+    alone = lv.vjp(fall, method, **run, events=ground(False), q=[100.0], v=[0.0])[1]
+    np.testing.assert_array_equal(found, [1.0, alone(q=cotangents[:, 1])["q"][0]])
+
+
 def several(name):
     """Return a system, a method, runs of members that meet events, their starts and directions."""
     rng = np.random.default_rng(6)

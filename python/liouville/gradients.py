@@ -51,7 +51,9 @@ class Pullback:
 
     The states between are made again from checkpoints, about the square root of the number of
     steps of them, so a call takes one more run, and as much again and somewhat more for the
-    transposed steps. Memory grows with that root.
+    transposed steps. Memory grows with that root. On constraints steps behind the last cotangent
+    that is not zero are left out: what has no derivative there, as hits that accumulate, does not
+    matter.
 
     A cotangent of ``psi`` is complex: with F a real function of the states kept, it is the array c
     for which :math:`dF = \operatorname{Re} \langle c | d\psi \rangle`, such as

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
@@ -16,6 +17,9 @@ from liouville.runners.runner import Request
 from liouville.runners.tangents import PARAMS, check_wrt, gradients_of, shapes_of
 from liouville.runners.traced import TracedRunner
 from liouville.solution import Solution
+
+#: Times within this part of a step of its end may be found in the next.
+BESIDE = 1e-9
 
 
 class ConstrainedAdjoint(Adjoint):
@@ -58,9 +62,11 @@ class ConstrainedAdjoint(Adjoint):
         core = runner.pullback()
         core.give_events(self._rows_of_events(solution, cotangents))
         kept = np.minimum(np.arange(len(rows)) * runner.every, steps)
+        steps = self._last(solution, cotangents, kept)
         if runner.times is not None:
             # between steps, where the core takes them to the ends of these
-            core.give(np.ascontiguousarray(rows))
+            over = runner.times.size - len(rows)  # behind the end of a run that an event ended
+            core.give(np.ascontiguousarray(np.pad(rows, ((0, over), (0, 0)))))
             kept, rows = np.zeros(1, int), np.zeros_like(rows[:1])
         for first, last, saved in checkpoints.reversed(steps):
             own = (first < kept) & (kept <= last)
@@ -75,6 +81,28 @@ class ConstrainedAdjoint(Adjoint):
             of_tau = of_tau + more
         moved = runner.pulled_start((of_y, of_z, of_tau))
         return gradients_of(runner.system, runner.steps, moved, stretch + longer, self.wrt)
+
+    def _last(
+        self, solution: Solution, cotangents: Mapping[str, np.ndarray], kept: np.ndarray
+    ) -> int:
+        """Return how many steps cotangents depend on: behind them hits may accumulate."""
+        steps, places, far = self.runner.steps, [0], 0.0
+        for name, x in cotangents.items():
+            given = np.flatnonzero(x.any(axis=tuple(range(1, x.ndim))))
+            event = name.removeprefix(EVENTS).rpartition(".")[0]
+            if given.size and name.startswith(EVENTS):
+                far = max(far, abs(solution.events[event].t[given[-1]] - steps.t0))
+            elif given.size:
+                places.append(int(given[-1]))
+        if self.runner.times is None:
+            # an event at the end of a step may be found at the start of the next
+            after = np.searchsorted(np.abs(solution.t - steps.t0), far, side="right") if far else 0
+            return int(kept[min(max(*places, after), len(kept) - 1)])
+        done = int(solution.stats["steps"])
+        if steps.control is not None:
+            return done
+        far = max(far, abs(solution.t[max(places)] - steps.t0))
+        return min(done, math.floor(far / abs(steps.t1 - steps.t0) * steps.count + BESIDE) + 1)
 
     def _rows_of_events(
         self, solution: Solution, cotangents: Mapping[str, np.ndarray]
