@@ -45,7 +45,7 @@ class Watch:
     def __getstate__(self) -> dict[str, Any]:
         """Leave the functions behind: the core has them as tapes."""
         events = dict.fromkeys(self.events)
-        return {"events": events, "times": self.times, "_resets": self._resets}
+        return {"events": events, "times": self.times, "_resets": self._resets, "_hits": {}}
 
     def crossed(
         self,
