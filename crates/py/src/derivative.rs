@@ -99,8 +99,7 @@ impl WaveDerivative {
         Ok((steps, PyArray1::from_slice(py, nodes)))
     }
 
-    /// Makes steps of shears from the state where they begin, keeps both ends for derivatives by H, and returns that where
-    /// they end.
+    /// Makes a piece from the state where it begins, keeps what derivatives by H take, and returns that where it ends.
     fn keep_ends<'py>(
         &mut self,
         py: Python<'py>,
@@ -123,6 +122,18 @@ impl WaveDerivative {
         self.check(piece)?;
         self.inner.raise(piece, degree);
         Ok(())
+    }
+
+    /// Takes as many terms in a piece as derivatives need, by changes of H at its nodes, columns in units of the largest of
+    /// each, or no rows; returns whether these are other terms than those of the run.
+    fn lengthen(&mut self, piece: usize, changes: PyReadonlyArray2<'_, f64>) -> PyResult<bool> {
+        self.check(piece)?;
+        let (nodes, rows) = (self.inner.piece(piece).1.len(), changes.shape()[0]);
+        if rows != 0 && rows != nodes {
+            return Err(refused("changes of H at each node"));
+        }
+        let found = self.inner.lengthen(piece, changes.as_slice()?);
+        found.ok_or_else(|| refused("derivatives of a window have no series that ends"))
     }
 
     /// The state where a piece ends and at the ends of its steps, from that where it begins, with weights and potential of

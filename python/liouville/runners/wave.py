@@ -119,13 +119,14 @@ class WaveRunner(Runner):
         """Have all runs leave what their derivatives need."""
         # imported here: few runs are differentiated
         from liouville.runners import wave_derivative
+        from liouville.runners.wave_windows import with_breaks
 
         wave_derivative.check_plan(self.plan)
         runs = math.prod(self.members)
         if request.tangents is not None:
             self._directions = wave_derivative.WaveDirections(self.system, request.tangents)
             names = wave_derivative.check_wrt(self.system, self._directions.names)
-            self.plan = wave_derivative.with_breaks(self.plan, self.system, names)
+            self.plan = with_breaks(self.plan, self.system, names)
             self.check_room(runs)
         elif self.members:  # each is run again by itself when it is pulled back
             return
@@ -139,7 +140,8 @@ class WaveRunner(Runner):
     def check_room(self, runs: int) -> None:
         """Refuse so many runs like this with tangents if they leave more than fits in memory."""
         # imported here: few runs are differentiated
-        from liouville.runners.wave_derivative import check_room, of_potential
+        from liouville.runners.wave_derivative import check_room
+        from liouville.runners.wave_windows import of_potential
 
         own = self._directions
         assert own is not None, "a run with tangents"
@@ -153,11 +155,12 @@ class WaveRunner(Runner):
         """
         # imported here: few runs are differentiated
         from liouville.runners import wave_derivative
+        from liouville.runners.wave_windows import of_potential, with_breaks
 
         wave_derivative.check_plan(self.plan)
         names = wave_derivative.check_wrt(self.system, wrt)
-        self.plan = wave_derivative.with_breaks(self.plan, self.system, names)
-        potentials = bool(wave_derivative.of_potential(self.system, names))
+        self.plan = with_breaks(self.plan, self.system, names)
+        potentials = bool(of_potential(self.system, names))
         is_wanted = set(names) != {"psi"}
         wave_derivative.check_room(
             self.plan, self.system.size, is_wanted=is_wanted, potentials=potentials, runs=runs

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -21,29 +20,29 @@ from liouville.planner.waves.propagators import (
     Shears,
 )
 from liouville.runners.tangents import PARAMS, Directions, Place, check_names
+from liouville.runners.wave_windows import (
+    CUBIC,
+    DEGREE,
+    LEFT_OUT,
+    at_times,
+    of_drive,
+    of_potential,
+    series_of,
+    slopes_of,
+)
 from liouville.systems import Schrodinger
 from liouville.tangents import Tangent
 
 Array = NDArray[Any]
 
-#: The highest degree in time of changes of H within a window, which the core has nodes for, and
-#: that of a spline between two samples.
-DEGREE, CUBIC = 14, 3
-
 #: Propagators whose runs leave what derivatives need.
 LEFT = (Series, Driven, SeriesExponentials, Exponentials)
-
-#: What a polynomial may leave out of a derivative of H, relative to the largest there is.
-LEFT_OUT = 1e-11
 
 #: Terms of a window beyond its length in units of 1/beta, about.
 TERMS = 40
 
 #: Arrays that a potential at the nodes of a window is in, at a time.
 COPIES = 3
-
-#: Most intervals on which derivatives of a drive are polynomials.
-INTERVALS = 4096
 
 #: The methods whose runs leave pieces.
 COVERED = (
@@ -123,104 +122,6 @@ def check_wrt(system: Schrodinger, wrt: Any) -> tuple[str, ...]:
     return names
 
 
-def of_drive(system: Schrodinger, names: Sequence[str]) -> list[str]:
-    """Return those of these names that a drive depends on."""
-    drive = system.sensitivity
-    return [
-        name
-        for name in names
-        if name in drive.samples
-        or (name.startswith(PARAMS) and drive.depends_on(name.removeprefix(PARAMS)))
-    ]
-
-
-def of_potential(system: Schrodinger, names: Sequence[str]) -> list[str]:
-    """Return those of these names that the potential of a grid depends on."""
-    potential = system.potential_sensitivity
-    params = [name for name in names if name.startswith(PARAMS)]
-    if potential is None:
-        return []
-    return [name for name in params if potential.depends_on(name.removeprefix(PARAMS))]
-
-
-def _slopes_of(system: Schrodinger, names: Sequence[str]) -> dict[str, Callable[[Array], Array]]:
-    """Return what depends on parameters, with its derivatives by these at times, a row for each."""
-    drive, potential = system.sensitivity, system.potential_sensitivity
-
-    def places(own: Sequence[str]) -> list[int]:
-        cuts = [drive.params[x.removeprefix(PARAMS)][0] for x in own if x.startswith(PARAMS)]
-        return [k for cut in cuts for k in range(cut.start, cut.stop)]
-
-    found: dict[str, Callable[[Array], Array]] = {}
-    if of := places(of_drive(system, names)):
-        found["drive"] = lambda t: drive.slopes(t)[:, of].reshape(t.size, -1)
-    if own := places(of_potential(system, names)):
-        assert potential is not None, "what depends on parameters"
-        found["potential"] = lambda t: potential.slopes(t, own)
-    return found
-
-
-def with_breaks(plan: WavePlan, system: Schrodinger, names: Sequence[str]) -> WavePlan:
-    """Return a plan of the same series whose windows resolve derivatives by all these names."""
-    by = [name for name in names if name != "psi"]
-    if not isinstance(plan.core, Driven) or not by:
-        return plan
-    drive, (t0, t1) = system.sensitivity, (plan.t0, plan.stops[-1][0])
-    breaks = {t for name in by if name in drive.samples for t in drive.times(name).tolist()}
-    for what, slopes in _slopes_of(system, by).items():
-        breaks |= set(_resolved(what, slopes, t0, t1))
-    inside = sorted(t for t in breaks if min(t0, t1) < t < max(t0, t1))
-    core = replace(plan.core, breaks=tuple(inside if t1 > t0 else inside[::-1]))
-    powers, bessel, products, theta = _core.driven_cost(system.hamiltonian, core, t0, t1)
-    return replace(
-        plan,
-        core=replace(core, windows=powers + bessel),
-        scheme=f"series in time ({powers + bessel} windows)",
-        theta=theta,
-        products=float(products),
-        bound=None if bessel else getattr(plan.method, "tol", None),
-    )
-
-
-def _resolved(what: str, slopes: Callable[[Array], Array], t0: float, t1: float) -> list[float]:
-    """Return times between which derivatives by parameters are polynomials of time."""
-    todo, found, largest = [(t0, t1)], [], 0.0
-    while todo:
-        a, b = todo.pop()
-        nodes = a + (b - a) * _nodes()
-        rows = slopes(nodes)
-        if not np.isfinite(rows).all():
-            sentence = f"derivatives of the {what} by its parameters are not finite near t = {a:g}"
-            raise ValueError(hinted(sentence, "look for a root or a division by zero there"))
-        sizes = _sizes(rows)
-        largest = max(largest, float(np.abs(rows).max(initial=0.0)))
-        if sizes[DEGREE + 1 :].sum() <= LEFT_OUT * largest:
-            found.append(a)
-        else:
-            middle = 0.5 * (a + b)
-            todo += [(middle, b), (a, middle)]
-        if len(found) + len(todo) > INTERVALS:
-            sentence = f"the derivative of the {what} by its parameters is not smooth in time"
-            hint = "take Magnus with steps between its jumps, or samples= at times="
-            raise ValueError(hinted(sentence, hint))
-    return found
-
-
-def _nodes() -> Array:
-    """Return Chebyshev's nodes in the order of the core, as parts of a window."""
-    return 0.5 * (1 + np.cos(np.pi * np.arange(DEGREE + 7) / (DEGREE + 6)))
-
-
-def _sizes(rows: Array) -> Array:
-    """Return the largest of Chebyshev's coefficients of each degree, of functions at the nodes."""
-    last = len(rows) - 1
-    k = np.arange(last + 1)
-    half = np.where((k == 0) | (k == last), 0.5, 1.0)
-    matrix = 2 / last * np.outer(half, half) * np.cos(np.pi * np.outer(k, k) / last)
-    found: Array = np.abs(matrix @ rows).max(axis=1, initial=0.0)
-    return found
-
-
 class WaveDerivative:
     """What a run has left, and what moves derivatives through it.
 
@@ -248,22 +149,33 @@ class WaveDerivative:
     def resolve(self, names: Sequence[str]) -> None:
         """Let H change within each window by polynomials that derivatives by these names need."""
         drive, by = self._drive, [name for name in names if name != "psi"]
-        if self._is_split and of_potential(self._system, by):
-            state = self._psi[None]
-            for k in range(len(self._pieces)):
-                state = self._core.keep_ends(k, state)
-        each = _slopes_of(self._system, by)
-        least = CUBIC if any(name in drive.samples for name in by) else 0
+        each = slopes_of(self._system, by)
+        largest = {what: np.full(1, 1e-300) for what in each}
         for k, (_, nodes) in enumerate(self._pieces):
-            if nodes.size != DEGREE + 7:
-                continue
-            degree = least
-            for slopes in each.values():
-                sizes = _sizes(slopes(nodes))
+            degree = CUBIC if drive.samples.keys() & each.keys() else 0
+            for what, slopes in each.items() if nodes.size else ():
+                rows = at_times(what, slopes, nodes)
+                largest[what] = np.maximum(largest[what], np.abs(rows).max(axis=(0, 2)))
+                if nodes.size != DEGREE + 7 or what in drive.samples:
+                    continue
+                sizes = np.abs(series_of(rows.reshape(nodes.size, -1))).max(axis=1, initial=0.0)
                 rest = np.cumsum(sizes[::-1])[::-1]
                 above = np.flatnonzero(rest > LEFT_OUT * max(rest[0], 1e-300))
                 degree = max(degree, min(int(above.max(initial=0)), DEGREE))
-            self._core.raise_degree(k, degree)
+            if nodes.size == DEGREE + 7:
+                self._core.raise_degree(k, degree)
+        is_other = False
+        for k, (_, nodes) in enumerate(self._pieces):
+            columns = [np.zeros((nodes.size if each else 0, 0))]
+            for what, slopes in each.items() if nodes.size else ():
+                rows = slopes(nodes) / largest[what][:, None]
+                columns.append(rows.reshape(nodes.size, -1))
+            is_other |= self._core.lengthen(k, np.ascontiguousarray(np.hstack(columns)))
+        # derivatives by H are of the run by these terms
+        if by and (is_other or (self._is_split and of_potential(self._system, by))):
+            state = self._psi[None]
+            for k in range(len(self._pieces)):
+                state = self._core.keep_ends(k, state)
 
     def followed(self, rows: Array) -> Array:
         """Return tangents of the states kept, shape (k, directions, N), of directions as rows."""

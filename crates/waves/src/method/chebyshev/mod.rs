@@ -181,6 +181,8 @@ impl<S: Stored> Chebyshev<S> {
                 weights: current.map_or_else(|| vec![1.0; terms], |at| at.weights().to_vec()),
                 potential: current.map_or_else(Vec::new, |at| at.potential().to_vec()),
             },
+            sizes: Vec::new(),
+            tail: self.rate * self.lengths[self.lengths.len() - 1].abs(),
             nodes: vec![t],
             map: NodeMap::constant(),
             steps: outputs.len(),

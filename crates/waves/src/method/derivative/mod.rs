@@ -5,6 +5,8 @@
 //! follow the pieces from the first to the last, cotangents from the last to the first. Vectors are real parts, then
 //! imaginary parts, and pairings are sums of products: Re ⟨cotangent|change⟩.
 
+mod majorant;
+mod potential;
 mod powers;
 mod series;
 mod shears;
@@ -193,15 +195,25 @@ impl Derivative {
         }));
     }
 
-    /// Makes steps of shears of an H that does not change, from the state where they begin, which is replaced by that where
-    /// they end, and keeps both: derivatives by H take them.
+    /// Makes a piece from the state where it begins, which is replaced by that where it ends, and keeps what derivatives by
+    /// H take: of shears, of an H that does not change, both states; of a series the first.
     ///
     /// # Errors
     /// A product failed, or the run was cancelled.
     pub fn keep_ends(&mut self, piece: usize, state: &mut Vec<f64>) -> Result<(), StepError> {
         match &mut self.pieces[piece] {
             Piece::Shears(piece) => piece.keep_ends(&mut self.terms, state),
-            Piece::Series(_) => Ok(()), // it has its start
+            Piece::Series(piece) => piece.keep_start(&mut self.terms, state),
+        }
+    }
+
+    /// Takes as many terms in a piece as its derivatives need, by any state and by changes of H at its nodes: as columns,
+    /// each in units of the largest it has in the run. Returns whether these are other terms than those of the run, and
+    /// none where there is no series.
+    pub fn lengthen(&mut self, piece: usize, changes: &[f64]) -> Option<bool> {
+        match &mut self.pieces[piece] {
+            Piece::Series(piece) => piece.lengthen(changes),
+            Piece::Shears(_) => Some(false), // as many as there are
         }
     }
 

@@ -9,9 +9,12 @@
 //!
 //! x_j = e^{iσs_j} times the cotangent of ψ_j. Source: the transpose of the series of `driven`.
 
+use super::majorant::Majorant;
+use super::potential::PotentialPull;
 use super::powers::TransposedPowers;
 use super::{AtNodes, Wanted, copied, inner, turn};
-use crate::method::driven::choice::{Form, Window};
+use crate::method::driven::choice::{Form, LARGEST, Window};
+use crate::method::driven::factors::Factors;
 use crate::method::driven::fit::Fit;
 use crate::method::driven::polynomials::{NodeMap, by_nodes};
 use crate::method::driven::terms::Terms;
@@ -32,6 +35,10 @@ pub(in crate::method) struct SeriesPiece {
     pub(in crate::method) phase: f64,
     pub(in crate::method) window: Window,
     pub(in crate::method) fit: Fit,
+    /// |h| times the norm of each power of the fit from the first on.
+    pub(in crate::method) sizes: Vec<f64>,
+    /// What the terms that are left out may come to, relative to the state.
+    pub(in crate::method) tail: f64,
     /// Times, and the coefficients of the fit by the weights of H there.
     pub(in crate::method) nodes: Vec<f64>,
     pub(in crate::method) map: NodeMap,
@@ -84,6 +91,64 @@ impl SeriesPiece {
         }
         self.fit.degree = degree;
         self.map = by_nodes(degree);
+    }
+
+    /// See [`super::Derivative::lengthen`].
+    pub(super) fn lengthen(&mut self, changes: &[f64]) -> Option<bool> {
+        let (degree, form) = (self.fit.degree, self.window.form);
+        let width = changes.len() / self.nodes.len();
+        if width == 0 && degree == 0 && form == Form::Bessel {
+            return Some(false); // bounds of the spectrum are for all states
+        }
+        let found = match (width, degree) {
+            (0, _) => Vec::new(),
+            (_, 0) => vec![1.0],
+            _ => self.map.apply(changes, width, degree),
+        };
+        let sizes = found.chunks(width.max(1));
+        let sizes = sizes.map(|row| row.iter().fold(0.0, |most: f64, x| most.max(x.abs())));
+        let majorant = Majorant {
+            theta: self.window.beta * self.window.h.abs(),
+            sizes: self.sizes.clone(),
+            changes: sizes.collect(),
+            tolerance: self.tail,
+        };
+        let powers = || Some((Form::Powers, majorant.powers()?));
+        let own = match form {
+            Form::Powers => powers(),
+            Form::Bessel => majorant.bessel().map(|length| (form, length)),
+        };
+        let best = match own {
+            Some((Form::Bessel, length)) if length.largest > LARGEST => {
+                powers().filter(|(_, other)| other.largest < length.largest)
+            }
+            Some(_) => None,
+            None => powers(),
+        };
+        let (form, length) = best.or(own)?;
+        if form == self.window.form && length.count <= self.count() {
+            return Some(false);
+        }
+        self.window.form = form;
+        for output in &mut self.outputs {
+            let factors = Factors::new(&self.window, output.s);
+            output.factors = (0..length.count)
+                .map(|n| factors.of(&self.window, n))
+                .collect();
+        }
+        Some(true)
+    }
+
+    /// See [`super::Derivative::keep_ends`].
+    pub(super) fn keep_start(
+        &mut self,
+        terms: &mut Terms,
+        state: &mut Vec<f64>,
+    ) -> Result<(), StepError> {
+        self.start.copy_from_slice(state);
+        turn(&mut self.start, self.phase);
+        self.repeat(terms, state, &AtNodes::default())?;
+        Ok(())
     }
 
     /// See [`super::Derivative::repeat`].
@@ -301,50 +366,6 @@ impl SeriesPiece {
     }
 }
 
-/// What a potential adds to cotangents, and its own.
-struct PotentialPull {
-    /// Powers of r, where there is a potential or its cotangents are wanted.
-    powers: Option<TransposedPowers>,
-    /// Cotangents of its coefficients, empty where they are not wanted.
-    found: Vec<f64>,
-    places: usize,
-}
-
-impl PotentialPull {
-    /// Begins with nothing, for vectors of a size of an H with so many rows.
-    fn new(fit: &Fit, form: Form, (size, places): (usize, usize), is_wanted: bool) -> Self {
-        let is_there = is_wanted || !fit.potential.is_empty();
-        let count = if is_wanted { fit.degree + 1 } else { 0 };
-        Self {
-            powers: is_there.then(|| TransposedPowers::new(form, fit.degree, size)),
-            found: vec![0.0; count * places],
-            places,
-        }
-    }
-
-    /// Adds Σ_l V_l u^l of the next lower m to `now`, and to the cotangents of V_l what u^l has with the term c_m.
-    fn add(
-        &mut self,
-        (window, fit, m): (&Window, &Fit, usize),
-        r: &[f64],
-        now: &mut [f64],
-        term: Option<&Vec<f64>>,
-    ) {
-        let (Some(powers), form) = (&mut self.powers, window.form) else {
-            return;
-        };
-        powers.begin(window, m).copy_from_slice(r);
-        for (l, v) in fit.potential.chunks(self.places).enumerate() {
-            add_product(now, v, powers.power(form, l));
-        }
-        for (l, found) in self.found.chunks_mut(self.places).enumerate() {
-            if let Some(term) = term {
-                add_inner(found, powers.power(form, l), term);
-            }
-        }
-    }
-}
-
 /// Sets `out` to i times a multiple of `x`.
 fn times_i(scale: f64, x: &[f64], out: &mut [f64]) {
     let half = x.len() / 2;
@@ -354,24 +375,5 @@ fn times_i(scale: f64, x: &[f64], out: &mut [f64]) {
     }
     for (out, x) in p.iter_mut().zip(x_q) {
         *out = scale * x;
-    }
-}
-
-/// Adds what the parts of u and x at each place have as their inner product to `out`.
-fn add_inner(out: &mut [f64], u: &[f64], x: &[f64]) {
-    let size = out.len();
-    for (u, x) in u.chunks(size).zip(x.chunks(size)) {
-        for ((out, u), x) in out.iter_mut().zip(u).zip(x) {
-            *out += u * x;
-        }
-    }
-}
-
-/// Adds the product with a diagonal to `out`.
-fn add_product(out: &mut [f64], v: &[f64], u: &[f64]) {
-    for (out, u) in out.chunks_mut(v.len()).zip(u.chunks(v.len())) {
-        for ((out, v), u) in out.iter_mut().zip(v).zip(u) {
-            *out += v * u;
-        }
     }
 }

@@ -12,13 +12,13 @@ use liouville_base::error::StepError;
 const BESSEL: [f64; 6] = [32.0, 24.0, 16.0, 12.0, 8.0, 5.6];
 /// ... and for one in powers, of which terms add up to no more than this.
 const POWERS: [f64; 7] = [8.0, 5.6, 4.0, 2.8, 2.0, 1.4, 1.0];
-const LARGEST: f64 = 1e5;
+pub(in crate::method) const LARGEST: f64 = 1e5;
 
 /// Rounding errors of a series, in units of its largest term.
 pub(super) const ROUNDING: f64 = 4.0 * f64::EPSILON;
 
 /// A series ends where two terms in a row are below this part of its share of the tolerance.
-pub(super) const END: f64 = 0.3;
+pub(in crate::method) const END: f64 = 0.3;
 
 /// The part of the tolerance for the fit; the rest is for the tail.
 const FIT: f64 = 0.3;

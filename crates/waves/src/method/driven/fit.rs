@@ -275,6 +275,14 @@ impl Sampler {
         found
     }
 
+    /// Norms of the powers from the first on, in energies, of the window that was fitted last.
+    pub(super) fn sizes(&self, degree: usize) -> Vec<f64> {
+        let width = self.samples.len() / NODES;
+        let powers = powers(&self.series, degree, width);
+        let rows = powers.chunks(width).skip(1);
+        rows.map(|row| self.size(row)).collect()
+    }
+
     /// Fits a window by polynomials of a degree.
     pub(super) fn fit(&mut self, t: f64, h: f64, degree: usize, fit: &mut Fit) {
         let width = self.interpolate(t, h, false);

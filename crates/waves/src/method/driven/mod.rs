@@ -124,7 +124,7 @@ impl DrivenSeries {
             };
             if self.expand(&window, share.tail(window.h))? {
                 self.sigma = window.sigma;
-                self.keep(&window)?;
+                self.keep(&window, share.tail(window.h))?;
                 let mut parts = std::mem::take(&mut self.end.parts);
                 self.read(self.factors.len() - 1, &mut parts);
                 self.end.parts = parts;
@@ -138,11 +138,12 @@ impl DrivenSeries {
     }
 
     /// Leaves the window to a run that is to be differentiated.
-    fn keep(&mut self, window: &Window) -> Result<(), StepError> {
+    fn keep(&mut self, window: &Window, tail: f64) -> Result<(), StepError> {
         let Some(recorder) = self.terms.sweeper().recorder().cloned() else {
             return Ok(());
         };
         let count = self.terms.count();
+        let sizes = self.sampler.sizes(self.fit.degree).into_iter();
         let output = |factors: &Factors| Output {
             s: factors.s,
             factors: (0..count).map(|n| factors.of(window, n)).collect(),
@@ -152,6 +153,8 @@ impl DrivenSeries {
             phase: self.start.phase,
             window: *window,
             fit: self.fit.clone(),
+            sizes: sizes.map(|size| size * window.h.abs()).collect(),
+            tail,
             nodes: (nodes().iter().map(|y| self.start.t + window.h * y)).collect(),
             map: by_nodes(self.fit.degree),
             outputs: self.factors.iter().map(output).collect(),
