@@ -266,16 +266,22 @@ def test_what_has_no_derivative_is_refused():
     assert np.isfinite(many.tangents["params.g"].q[:, 1]).all()
 
 
-@pytest.mark.parametrize("method", [lv.Spark(2), lv.HHT()], ids=str)
-@pytest.mark.parametrize("kept", [{}, {"every": 2}, {"t_eval": np.linspace(0, 1.4, 29)}], ids=str)
+@pytest.mark.parametrize("method", [lv.Spark(2), lv.HHT(), lv.Spark(4)], ids=str)
+@pytest.mark.parametrize(
+    "kept",
+    [{}, {"every": 2}, {"t_eval": np.linspace(0, 1.4, 29)}],
+    ids=["steps", "every", "t_eval"],
+)
 def test_cotangents_before_hits_accumulate(method, kept):
     """They are those of a run that ends before, to the bit."""
     fall = lv.Lagrangian(lambda t, q, v, params: v[0] ** 2 / 2 - 9.81 * q[0], q=1,
                          params={"e": 0.5})  # fmt: skip
+    loss = lv.Impact(lambda t, q, v, lam, params: params.e)
 
     def ground(hits):
-        return {"ground": lv.Event(lambda t, q, v, lam, params: q[0], "down", terminal=hits,
-                                   reset=lv.Impact(lambda t, q, v, lam, params: params.e))}  # fmt: skip
+        return {
+            "ground": lv.Event(lambda t, q, v, lam, params: q[0], "down", terminal=hits, reset=loss)
+        }
 
     run = {"wrt": ["q", "params.e"], "t": (0, 6), "steps": 60, **kept}
     one = {"q": [1.0], "v": [0.0]}
@@ -297,6 +303,18 @@ def test_cotangents_before_hits_accumulate(method, kept):
     found = pulled(q=cotangents)["q"][:, 0]
     alone = lv.vjp(fall, method, **run, events=ground(False), q=[100.0], v=[0.0])[1]
     np.testing.assert_array_equal(found, [1.0, alone(q=cotangents[:, 1])["q"][0]])
+
+
+@pytest.mark.parametrize("times", [[0.1, 0.2, 0.9], [0.8, 0.9]], ids=str)
+def test_given_times_behind_the_end_of_a_run_have_no_cotangents(times):
+    fall = lv.Lagrangian(lambda t, q, v, params: v[0] ** 2 / 2 - params.g * q[0], q=1,
+                         params={"g": 9.81})  # fmt: skip
+    ground = lv.Event(lambda t, q, v, lam, params: q[0], "down", terminal=True)
+    run = {"t": (0, 1), "steps": 10, "t_eval": times, "events": {"ground": ground}}
+    solution, pullback = lv.vjp(fall, lv.Spark(4), wrt=["q"], **run, q=[1.0], v=[0.0])
+    hit = pullback(events={"ground": {"t": [1.0]}})["q"]
+    np.testing.assert_allclose(hit, solution.events["ground"].t / 2, rtol=1e-12)
+    np.testing.assert_allclose(pullback(q=np.ones_like(solution.q))["q"], len(solution.t))
 
 
 def several(name):

@@ -21,6 +21,10 @@ from liouville.solution import Solution
 #: Times within this part of a step of its end may be found in the next.
 BESIDE = 1e-9
 
+#: Where a motion begins, states within a step wait for so many more by methods of an order beyond
+#: that of polynomials on one step.
+AHEAD, ONE_STEP = 2, 4
+
 
 class ConstrainedAdjoint(Adjoint):
     """The transposed derivative of a run on constraints; see :class:`Adjoint`."""
@@ -67,7 +71,7 @@ class ConstrainedAdjoint(Adjoint):
             # between steps, where the core takes them to the ends of these
             over = runner.times.size - len(rows)  # behind the end of a run that an event ended
             core.give(np.ascontiguousarray(np.pad(rows, ((0, over), (0, 0)))))
-            kept, rows = np.zeros(1, int), np.zeros_like(rows[:1])
+            kept, rows = np.zeros(1, int), np.zeros((1, rows.shape[1]))
         for first, last, saved in checkpoints.reversed(steps):
             own = (first < kept) & (kept <= last)
             error = core.follow(saved, last, kept[own], np.ascontiguousarray(rows[own]))
@@ -86,23 +90,25 @@ class ConstrainedAdjoint(Adjoint):
         self, solution: Solution, cotangents: Mapping[str, np.ndarray], kept: np.ndarray
     ) -> int:
         """Return how many steps cotangents depend on: behind them hits may accumulate."""
-        steps, places, far = self.runner.steps, [0], 0.0
+        steps, records, far = self.runner.steps, [0], -1.0
         for name, x in cotangents.items():
             given = np.flatnonzero(x.any(axis=tuple(range(1, x.ndim))))
             event = name.removeprefix(EVENTS).rpartition(".")[0]
             if given.size and name.startswith(EVENTS):
                 far = max(far, abs(solution.events[event].t[given[-1]] - steps.t0))
             elif given.size:
-                places.append(int(given[-1]))
+                records.append(int(given[-1]))
         if self.runner.times is None:
             # an event at the end of a step may be found at the start of the next
-            after = np.searchsorted(np.abs(solution.t - steps.t0), far, side="right") if far else 0
-            return int(kept[min(max(*places, after), len(kept) - 1)])
+            after = np.searchsorted(np.abs(solution.t - steps.t0), far, side="right")
+            return int(kept[min(max(*records, int(after)), len(kept) - 1)])
         done = int(solution.stats["steps"])
         if steps.control is not None:
             return done
-        far = max(far, abs(solution.t[max(places)] - steps.t0))
-        return min(done, math.floor(far / abs(steps.t1 - steps.t0) * steps.count + BESIDE) + 1)
+        far = max([far, *np.abs(solution.t[np.array(records[1:], dtype=int)] - steps.t0)])
+        ahead = AHEAD if self.runner._order > ONE_STEP else 0
+        place = float(far / abs(steps.t1 - steps.t0) * steps.count)
+        return min(done, math.floor(place + BESIDE) + 1 + ahead) if far >= 0 else 0
 
     def _rows_of_events(
         self, solution: Solution, cotangents: Mapping[str, np.ndarray]
