@@ -304,10 +304,6 @@ BAD = [
         {"wrt": ["params.b"]}, {}, ValueError, "not smooth in time",
     ),
     (
-        lambda: in_well(still), {"method": lv.Chebyshev(), "wrt": ["params.w"]}, {},
-        ValueError, "nor the potential depends on 'params.w'",
-    ),
-    (
         lambda: in_well(lambda t, x, p: x**2 / 2 * ca.if_else(t > p.a, p.k, 0.0) + 0 * p.k),
         {"wrt": ["params.k"]}, {}, ValueError, "of the potential .* is not smooth in time",
     ),
@@ -329,6 +325,29 @@ def test_what_cannot_be_differentiated_is_refused(make, run, given, kind, says):
     arguments = {"method": "auto", "wrt": ["psi"], "t": TIMES, "psi": state(system.size), **run}
     with pytest.raises(kind, match=says):
         lv.vjp(system, **arguments)[1](**given)
+
+
+@pytest.mark.parametrize(("make", "method", "name", "used"), [
+    (lambda: in_well(still), lv.Chebyshev(), "w", "k"),
+    (lambda: in_well(still), lv.GrayManolopoulos(4), "w", "c"),
+    (lambda: in_well(well), lv.Magnus(4), "c", "w"),
+    (lambda: in_well(lambda t, x, p: x**2 / 2, more=FULL), "auto", "w", "a"),
+    (lambda: lv.Schrodinger(H, params={"b": 0.4}), "auto", "b", None),
+])  # fmt: skip
+def test_a_derivative_by_what_nothing_depends_on_is_zero(make, method, name, used):
+    """As for mechanisms, alone and beside what something depends on."""
+    system = make()
+    run = {"t": (0, 1), "psi": state(system.size)}
+    run |= {} if method in ("auto", lv.Chebyshev()) else {"steps": 200}
+    along, names = np.ones(np.shape(system.params[name])), [f"params.{name}"]
+    tangents = lv.integrate(system, method, tangents={names[0]: along}, **run).tangents
+    assert not tangents[names[0]].psi.any()
+    for wrt in (names, [*names, "psi", *([f"params.{used}"] if used else [])]):
+        solution, pullback = lv.vjp(system, method, wrt=wrt, **run)
+        found = pullback(psi=solution.psi)
+        assert np.shape(found[names[0]]) == np.shape(along)
+        assert not np.any(found[names[0]])
+        assert found.keys() == set(wrt)
 
 
 @pytest.mark.parametrize("threads", [1, 2])
