@@ -237,11 +237,19 @@ def _no_derivative(error: dict[str, Any]) -> Description:
             "event; from there on the motion stays on it, which another model describes",
             event,
         )
+    if error["is_grazing"] and error.get("jumps"):
+        return (
+            f"the function of event '{event}' jumps at t = {t:.6g} and is flat elsewhere, so its "
+            "time has no derivative",
+            "write what passes through zero there, such as q[0] - 1 in place of sign(q[0] - 1)",
+            event,
+        )
     if error["is_grazing"]:
         return (
-            f"event '{event}' is touched and not crossed at t = {t:.6g}, where its time has no "
-            "derivative",
-            "a small change of the motion makes it two events or none: start elsewhere",
+            f"the function of event '{event}' has no slope along the motion at t = {t:.6g}, where "
+            "its time has no derivative",
+            "write one with a slope where it is crossed, such as t - 1 in place of (t - 1)**3; one "
+            "that is only touched is met twice or never by motions nearby",
             event,
         )
     return (
