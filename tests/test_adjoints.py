@@ -243,6 +243,9 @@ def test_a_gradient_of_zero_is_right():
             assert lv.check_gradient(ball, method, **call) == lv.GradientCheck(0.0, 0.0)
     still = {"params": {"g": 0.0}, "wrt": ["params.e"], "q": [0.0], **run}
     assert lv.check_gradient(ball, lv.HHT(), **still) == lv.GradientCheck(0.0, 0.0)
+    top = lv.PolynomialField(lambda t, x, p: ca.vertcat(x[1], -x[0]), x=2, params={"z": [1.0, 2.0]})
+    call = {"wrt": ["params.z"], "t": (0, 1), "steps": 5, "x": [1.0, 0.0]}
+    assert lv.check_gradient(top, lv.VolumeSplitting(), **call) == lv.GradientCheck(0.0, 0.0)
     found = lv.check_gradient(well, "auto", wrt=["params.c"], t=(0, 1), psi=np.ones(16) / 4)
     assert found.dot < 1e-13
     assert found.differences < 1e-10

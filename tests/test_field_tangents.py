@@ -74,6 +74,11 @@ def test_determinants_are_those_of_the_tangents():
         ({"tangents": {"v": [1, 0, 0]}}, "no direction 'v'"),
         ({"tangents": {"x": [1, 0, 0]}, "states": False}, "leave out states=False"),
         ({"tangents": {"x": [1, 0, 0]}, "store": "here.zarr"}, "without store="),
+        ({"tangents": {"x": [1, 0, 0]}, "t_eval": [0.5]}, "t_eval=\nhint: a field has no deriv"),
+        (
+            {"tangents": {"x": [1, 0, 0]}, "events": {"a": lambda t, x, params: x[0]}},
+            "events=\nhint: a field has no derivatives between its steps, where events are",
+        ),
     ],
 )
 def test_bad_calls_are_refused(more, says):

@@ -358,13 +358,15 @@ def test_members_pickles_and_parts_have_the_bits_of_a_run():
     ({"tangents": {"h": 1.0}}, "steps are counted in whole numbers"),
     ({"tangents": {}}, "tangents is a mapping of directions"),
     ({"tangents": {"q": [1.0]}}, r"has shape \(1,\), wanted \(2,\) for one direction"),
+    ({"tangents": {"q": np.ones((0, 2))}}, r"shape \(0, 2\), which has no direction"),
+    ({"tangents": {"params.l": []}}, r"shape \(0,\), which has no direction"),
     ({"tangents": {"params.l": [[1.0]]}}, r"wanted \(\) for one direction or \(d,\)"),
     ({"tangents": {"q": [1.0, "x"]}}, "is an array of real numbers"),
     ({"tangents": {"q": {"z": 1.0}}}, "which is no coordinate"),
     ({"tangents": {"q": [1.0, np.nan]}}, "is not finite"),
     ({"tangents": {"t1": 1.0}, "steps": None, "rtol": 1e-6}, "where steps are controlled"),
     ({"method": lv.Spark(2, newton_tol=1e-6)}, "leave newton_tol out"),
-    ({"store": "nowhere.zarr"}, "tangents go without store="),
+    ({"store": "nowhere.zarr"}, "tangents go without store=\nhint: derivatives are kept in memory"),
     ({"states": False}, "leave out states=False"),
 ])  # fmt: skip
 def test_bad_input_is_refused_by_a_sentence(changes, sentence):

@@ -47,12 +47,12 @@ Place = tuple[int, tuple[int, ...]]
 #: The alpha family.
 ALPHA = HHT | GeneralizedAlpha | ArnoldBruls
 
-#: What has tangents.
-COVERED = (
-    "tangents are those of a mechanical or semi-explicit system by Spark, LobattoPair or a "
-    "Composition of them, of a mechanical one by the alpha family too, of a divergence-free field "
-    "without events and t_eval, and of a Schrodinger equation, without store"
-)
+#: Arguments that derivatives go without, and why.
+WITHOUT = {
+    "events": "a field has no derivatives between its steps, where events are: leave events= out",
+    "t_eval": "a field has no derivatives between its steps: every= keeps states at their ends",
+    "store": "derivatives are kept in memory: leave store= out, and keep fewer states",
+}
 
 
 def check_covered(system: Any, method: Any, request: Request) -> None:
@@ -68,11 +68,12 @@ def check_covered(system: Any, method: Any, request: Request) -> None:
     if request.is_ensemble and has_times:
         sentence = "tangents of an ensemble go without t_eval="
         raise TypeError(hinted(sentence, "make a run of each member"))
-    has_events = events and not isinstance(system, Constrained)
-    without = {"events": has_events, "store": request.is_stored}
-    without["t_eval"] = has_times and isinstance(system, Field)
+    is_field = isinstance(system, Field)
+    without = {"events": events and is_field, "t_eval": has_times and is_field}
+    without["store"] = request.is_stored
     if given := [name for name, is_given in without.items() if is_given]:
-        raise TypeError(hinted(f"tangents go without {given[0]}=", COVERED))
+        what = "gradients" if request.has_pullback else "tangents"
+        raise TypeError(hinted(f"{what} go without {given[0]}=", WITHOUT[given[0]]))
     if not request.states:
         raise ValueError("tangents are those of states: leave out states=False")
     if isinstance(system, Schrodinger):
@@ -359,6 +360,9 @@ def _direction(
         kind = "" if is_complex else "real "
         raise TypeError(f"tangents of '{name}' is an array of {kind}numbers, not {value!r}")
     inner = array.ndim - len(shape)
+    if array.shape == (0, *shape):
+        sentence = f"tangents of '{name}' has shape {array.shape}, which has no direction"
+        raise ValueError(hinted(sentence, f"leave '{name}' out, or give one of shape {shape}"))
     if inner not in (0, 1) or array.shape[inner:] != shape or 0 in array.shape:
         stacked = "d, " + ", ".join(map(str, shape)) if shape else "d,"
         raise ValueError(
