@@ -328,6 +328,37 @@ def test_given_times_behind_the_end_of_a_run_have_no_cotangents(times):
     np.testing.assert_allclose(pullback(q=np.ones_like(solution.q))["q"], len(solution.t))
 
 
+@pytest.mark.parametrize("name", ["ball", "general", "pendulum"])
+@pytest.mark.parametrize("method", [lv.Spark(2), lv.Spark(4), lv.LobattoPair(4)], ids=str)
+def test_each_row_of_cotangents_follows_the_steps_that_it_depends_on(name, method):
+    """Also given times within the first steps and behind resets, and each event by itself."""
+    if name == "general":
+        system, events, start = general()
+        directions, t = {"params.c": 1.0, "y": np.array([0.2, 0.4, -0.1])}, (0.2, 1.4)
+    elif name == "ball":
+        system, events, start, directions = ball()
+        t = (0.0, 3.1)
+    else:
+        (system, start, directions), events, t = pendulum(), walled("impact")["events"], (0.1, 2.3)
+    times = np.sort(np.random.default_rng(3).uniform(*t, 25))
+    for kept in ({"t_eval": times}, {"every": 3}):
+        run = {"t": t, "steps": 20, "events": events, **kept, **start}
+        tangents = lv.integrate(system, method, tangents=directions, **run).tangents
+        solution, pullback = lv.vjp(system, method, wrt=[*directions], **run)
+        state, rows = system.states[1], np.eye(len(solution.t))
+        each = [{state: np.outer(row, np.ones(len(start[state])))} for row in rows]
+        wanted = [{x: y.states[state][k].sum() for x, y in tangents.items()}
+                  for k in range(len(rows))]  # fmt: skip
+        for event, points in solution.events.items():
+            each += [{"events": {event: {"t": row}}} for row in np.eye(len(points))]
+            wanted += [{x: y.events[event].t[k] for x, y in tangents.items()}
+                       for k in range(len(points))]  # fmt: skip
+        for cotangents, own in zip(each, wanted, strict=True):
+            found = pullback(**cotangents)
+            for x, along in directions.items():
+                assert np.sum(found[x] * along) == pytest.approx(own[x], rel=1e-9, abs=1e-10)
+
+
 def several(name):
     """Return a system, a method, runs of members that meet events, their starts and directions."""
     rng = np.random.default_rng(6)
