@@ -136,3 +136,44 @@ def test_directions_need_terms_that_the_state_does_not():
     run = {"t": (0, 0.1), "psi": [0, 1, 0], "tangents": {"psi": [1, 0, 0]}}
     found = lv.integrate(system, "auto", **run).tangents["psi"].psi[-1]
     np.testing.assert_allclose(found, [np.exp(5j), 0, 0], atol=1e-8)
+
+
+def root(t, p):
+    return ca.sqrt(p.k) * ca.sin(t)
+
+
+def late(t, p):
+    return ca.sqrt((t - 0.5) ** 2 + p.k)
+
+
+@pytest.mark.parametrize(("drive", "where"), [(root, "0"), (late, "0.5")])
+@pytest.mark.parametrize(
+    ("method", "steps"), [("auto", {}), (lv.Chebyshev(), {}), (lv.Magnus(4), {"steps": 5})]
+)
+def test_a_drive_with_no_finite_derivative_is_refused(drive, where, method, steps):
+    system = lv.Schrodinger(LEVELS, drive=[(drive, X)], params={"k": 0.0})
+    run = {"t": (0, 1), "psi": [1, 0], **steps}
+    says = f"not finite near t = {where}\n"
+    with pytest.raises(ValueError, match=says):
+        lv.integrate(system, method, tangents={"params.k": 1.0}, **run)
+    with pytest.raises(ValueError, match=says):
+        lv.vjp(system, method, wrt=["params.k"], **run)
+
+
+def test_auto_of_many_drives_names_the_methods_that_have_tangents():
+    matrices = [np.roll(np.eye(16), k, 1) + np.roll(np.eye(16), k, 1).T for k in range(11)]
+    drive = [(lambda t, p, k=k: p.a * ca.sin(k * t), each) for k, each in enumerate(matrices, 1)]
+    system = lv.Schrodinger(np.diag(np.arange(16.0)), drive=drive, params={"a": 0.2})
+    with pytest.raises(TypeError, match=r"up to ten drives, Magnus\(...\) with h= or steps="):
+        lv.vjp(system, "auto", wrt=["params.a"], t=(0, 1), psi=np.eye(16)[0])
+
+
+@pytest.mark.parametrize("tol", [1e-2, 1e-3, 1e-5])
+def test_a_crude_magnus_method_is_crude_by_its_tolerance(tol):
+    n, hopping = 24, (np.eye(24, k=1) + np.eye(24, k=-1)) / 2
+    drive = [(lambda t, p: ca.cos(t), hopping)]
+    system = lv.Schrodinger(np.diag(np.linspace(0, 10, n)), bounds=(-5, 15), drive=drive)
+    run = {"t": (0, 2), "steps": 20, "psi": np.ones(n) / np.sqrt(n)}
+    found = lv.integrate(system, lv.Magnus(4, tol=tol), **run).psi[-1]
+    wanted = lv.integrate(system, lv.Magnus(4, tol=1e-12), **run).psi[-1]
+    assert np.linalg.norm(found - wanted) < tol

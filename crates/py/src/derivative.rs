@@ -125,14 +125,19 @@ impl WaveDerivative {
     }
 
     /// Takes as many terms in a piece as derivatives need, by changes of H at its nodes, columns in units of the largest of
-    /// each, or no rows; returns whether these are other terms than those of the run.
-    fn lengthen(&mut self, piece: usize, changes: PyReadonlyArray2<'_, f64>) -> PyResult<bool> {
+    /// each, or no rows, to a tolerance; returns whether these are other terms than those of the run.
+    fn lengthen(
+        &mut self,
+        piece: usize,
+        changes: PyReadonlyArray2<'_, f64>,
+        tolerance: f64,
+    ) -> PyResult<bool> {
         self.check(piece)?;
         let (nodes, rows) = (self.inner.piece(piece).1.len(), changes.shape()[0]);
         if rows != 0 && rows != nodes {
             return Err(refused("changes of H at each node"));
         }
-        let found = self.inner.lengthen(piece, changes.as_slice()?);
+        let found = self.inner.lengthen(piece, changes.as_slice()?, tolerance);
         found.ok_or_else(|| refused("derivatives of a window have no series that ends"))
     }
 

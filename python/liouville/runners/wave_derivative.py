@@ -39,15 +39,16 @@ Array = NDArray[Any]
 LEFT = (Series, Driven, SeriesExponentials, Exponentials)
 
 #: Terms of a window beyond its length in units of 1/beta, about.
-TERMS = 40
+TERMS = 60
 
 #: Arrays that a potential at the nodes of a window is in, at a time.
 COPIES = 3
 
 #: The methods whose runs leave pieces.
 COVERED = (
-    "methods that have: 'auto', Chebyshev, Magnus with h or steps, and for a real H "
-    "SchrodingerSplitting, GrayManolopoulos, and StabilitySplitting with processed=False"
+    "methods that have: 'auto' and Chebyshev with up to ten drives, Magnus(...) with h= or steps=, "
+    "and for a real H SchrodingerSplitting, GrayManolopoulos, and StabilitySplitting with "
+    "processed=False"
 )
 
 
@@ -129,7 +130,7 @@ class WaveDerivative:
         self._drive, self._potential = system.sensitivity, system.potential_sensitivity
         self._core = _core.WaveDerivative(system.hamiltonian, system.groups, record, threads)
         self._kept = [0, *np.cumsum([steps for _, steps in plan.stops]).tolist()]
-        self._is_split = isinstance(plan.core, Shears)
+        self._is_split, self._tol = isinstance(plan.core, Shears), getattr(plan.method, "tol", 1e-8)
         if isinstance(plan.core, Shears):  # one piece to each state kept
             self._kept = [*range(len(plan.times))]
             for t, (end, steps) in zip(plan.times, plan.stops, strict=False):
@@ -146,24 +147,30 @@ class WaveDerivative:
         largest = {what: np.full(1, 1e-300) for what in each}
         for k, (_, nodes) in enumerate(self._pieces):
             degree = CUBIC if drive.samples.keys() & each.keys() else 0
+            is_window = nodes.size == DEGREE + 7
             for what, slopes in each.items() if nodes.size else ():
+                if not is_window and what in drive.samples:
+                    continue
                 rows = at_times(what, slopes, nodes)
                 largest[what] = np.maximum(largest[what], np.abs(rows).max(axis=(0, 2)))
-                if nodes.size != DEGREE + 7 or what in drive.samples:
+                if not is_window or what in drive.samples:
                     continue
                 sizes = np.abs(series_of(rows.reshape(nodes.size, -1))).max(axis=1, initial=0.0)
                 rest = np.cumsum(sizes[::-1])[::-1]
                 above = np.flatnonzero(rest > LEFT_OUT * max(rest[0], 1e-300))
                 degree = max(degree, min(int(above.max(initial=0)), DEGREE))
-            if nodes.size == DEGREE + 7:
+            if is_window:
                 self._core.raise_degree(k, degree)
         is_other = False
         for k, (_, nodes) in enumerate(self._pieces):
-            columns = [np.zeros((nodes.size if each else 0, 0))]
-            for what, slopes in each.items() if nodes.size else ():
+            # H is constant elsewhere, and its changes are
+            columns = [np.ones((nodes.size, 1)) if each else np.zeros((0, 0))]
+            for what, slopes in each.items() if nodes.size == DEGREE + 7 else ():
                 rows = slopes(nodes) / largest[what][:, None]
                 columns.append(rows.reshape(nodes.size, -1))
-            is_other |= self._core.lengthen(k, np.ascontiguousarray(np.hstack(columns)))
+            columns = columns[1:] or columns
+            rows = np.ascontiguousarray(np.hstack(columns))
+            is_other |= self._core.lengthen(k, rows, self._tol)
         # derivatives by H are of the run by these terms
         if by and (is_other or (self._is_split and of_potential(self._system, by))):
             state = self._psi[None]

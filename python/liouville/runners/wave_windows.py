@@ -97,7 +97,7 @@ def at_times(what: str, slopes: Callable[[Array], Array], t: Array) -> Array:
     is_fine = np.isfinite(rows).all(axis=(1, 2))
     if not is_fine.all():
         sentence = f"derivatives of the {what} by its parameters are not finite near t = "
-        sentence += f"{t[np.argmin(is_fine)]:g}"
+        sentence += f"{t[~is_fine].min():g}"
         raise ValueError(hinted(sentence, "look for a root or a division by zero there"))
     return rows
 

@@ -48,6 +48,22 @@ impl TermBounds {
             && (self.axes.is_empty() && self.corners.is_empty() || has_corners && corners > 0)
     }
 
+    /// Norms of the parts at most: those of differences of corners, where these are smaller.
+    pub(super) fn norms(&self) -> Vec<f64> {
+        let of_part = |(low, high): &Interval| low.abs().max(high.abs());
+        let mut found: Vec<f64> = self.parts.iter().map(of_part).collect();
+        let mut stride = self.corners.len();
+        for (axis, norm) in self.axes.iter().zip(found.iter_mut().skip(1)) {
+            stride /= axis.len();
+            let (last, width) = (axis.len() - 1, axis[axis.len() - 1] - axis[0]);
+            if width > 0.0 {
+                let (a, b) = (self.corners[0], self.corners[last * stride]);
+                *norm = norm.min(of_part(&(b.0 - a.1, b.1 - a.0)) / width);
+            }
+        }
+        found
+    }
+
     /// The weights of the parts, by those of all terms.
     pub(super) fn weights<'a>(&'a self, terms: &'a [f64]) -> impl Iterator<Item = f64> + 'a {
         let mut next = 0;

@@ -36,8 +36,8 @@ PHASES = {(2, 1): 1.0, (4, 2): 1.0, (4, 3): 1.0, (6, 5): 1.19, (8, 8): 2.75}
 #: Beyond so many exponentials stable splittings make them, so that the norm does not drift.
 MANY = 10_000
 
-#: The norm may be off by so much, ...
-NORM = 1e-6
+#: The norm may be off by so much, or by so many tolerances of exponentials, ...
+NORM, TIMES = 1e-6, 10.0
 #: ... and by so many times it where a step is not close to unitary but only its powers are bounded.
 LOOSE = 10.0
 
@@ -101,17 +101,18 @@ def _magnus(system: Schrodinger, method: Magnus, t0: float, stops: Stops) -> Wav
     if system.is_real:
         shears = cheapest(np.array([theta]), method.tol / count, stable=count > MANY)
     core: Propagator
+    norm = max(TIMES * method.tol, NORM)
     if method.tol < count * ROUNDOFF:
         sentence = f"{method!r}: {count} exponentials have roundoff above a tol of {method.tol:g}"
         least = 10 ** np.ceil(np.log10(count * ROUNDOFF))
         raise ValueError(hinted(sentence, f"give a tol of {least:g} or more, or a larger h"))
     if shears is not None and (count > MANY or shears.shears / 2 < degree):
         rung = shears.rung
-        core = Exponentials(method.scheme, rung.coefficients, shears.x, NORM, found.parts)
+        core = Exponentials(method.scheme, rung.coefficients, shears.x, norm, found.parts)
         by, products = rung.name, count * shears.shears / 2
     else:
         rate = method.tol / abs(stops[-1][0] - t0)
-        core = SeriesExponentials(method.scheme, rate, NORM, found.parts)
+        core = SeriesExponentials(method.scheme, rate, norm, found.parts)
         times = NODES[method.scheme] if system.moving_product is not None else 1
         by, products = "Chebyshev series", float(count * degree * times)
     return WavePlan(

@@ -17,6 +17,7 @@ use crate::method::driven::choice::END;
 const MOST: usize = 1000;
 
 /// A window, and changes of H in it.
+#[derive(Clone)]
 pub(super) struct Majorant {
     /// β|h|
     pub(super) theta: f64,
@@ -24,8 +25,8 @@ pub(super) struct Majorant {
     pub(super) sizes: Vec<f64>,
     /// d_l, empty without a change.
     pub(super) changes: Vec<f64>,
-    /// What the terms that are left out may come to.
-    pub(super) tolerance: f64,
+    /// What the terms that are left out may come to, and what their changes may.
+    pub(super) tolerances: (f64, f64),
 }
 
 /// How many terms a window takes, and the largest of them, which roundings are in proportion to.
@@ -37,25 +38,28 @@ pub(super) struct Length {
 
 /// Watches terms until two in a row are small and fall by halves.
 struct Watch {
-    most: f64,
+    most: (f64, f64),
     largest: f64,
     before: f64,
     small: usize,
 }
 
 impl Watch {
-    fn new(tolerance: f64) -> Self {
+    fn new((of_terms, of_changes): (f64, f64)) -> Self {
+        let most = |tolerance: f64| END * tolerance.max(f64::EPSILON / 8.0);
         Self {
-            most: END * tolerance.max(f64::EPSILON / 8.0),
+            most: (most(of_terms), most(of_changes)),
             largest: 0.0,
             before: f64::INFINITY,
             small: 0,
         }
     }
 
-    /// Whether a term is the last one, where such terms fall from here on.
-    fn is_last(&mut self, size: f64, is_falling: bool) -> bool {
-        let is_small = is_falling && size <= self.most && 2.0 * size <= self.before;
+    /// Whether a term and its change are the last ones, where such terms fall from here on.
+    fn is_last(&mut self, (term, change): (f64, f64), is_falling: bool) -> bool {
+        let size = term.max(change);
+        let is_small =
+            is_falling && term <= self.most.0 && change <= self.most.1 && 2.0 * size <= self.before;
         self.small = if is_small { self.small + 1 } else { 0 };
         self.largest = self.largest.max(size);
         self.before = size.max(f64::MIN_POSITIVE);
@@ -74,7 +78,7 @@ impl Majorant {
     pub(super) fn powers(&self) -> Option<Length> {
         let all: f64 = self.theta + self.sizes.iter().sum::<f64>();
         let (mut terms, mut moved) = (vec![1.0], vec![0.0]);
-        let mut watch = Watch::new(self.tolerance);
+        let mut watch = Watch::new(self.tolerances);
         while terms.len() < self.most() {
             let n = terms.len() - 1;
             let next = (n + 1) as f64;
@@ -87,12 +91,11 @@ impl Majorant {
             let change = (product(&moved) + sum(&self.changes, &terms)) / next;
             terms.push(term);
             moved.push(change);
-            let size = term.max(change);
-            if !size.is_finite() {
+            if !term.max(change).is_finite() {
                 return None;
             }
             let is_falling = n >= self.changes.len() && 2.0 * all < next + 1.0;
-            if watch.is_last(size, is_falling) {
+            if watch.is_last((term, change), is_falling) {
                 return Some(Length {
                     count: terms.len(),
                     largest: watch.largest,
@@ -108,16 +111,16 @@ impl Majorant {
         let degree = self.sizes.len().max(self.changes.len().saturating_sub(1));
         let mut of = [Neumann::new(degree), Neumann::new(degree)];
         let mut sums = [[0.0; 2]; 2];
-        let mut watch = Watch::new(self.tolerance);
+        let mut watch = Watch::new(self.tolerances);
         let factor = 2.0 / self.theta;
         for (n, value) in bessel.iter().enumerate().take(self.most()) {
             let start = if n == 0 { 1.0 } else { 2.0 };
             let (term, change): (f64, f64) = (start + sums[0][1], sums[1][1]);
-            let size = term.max(change) * value.abs();
-            if !size.is_finite() {
+            let sizes = (term * value.abs(), change * value.abs());
+            if !sizes.0.max(sizes.1).is_finite() {
                 return None;
             }
-            if watch.is_last(size, n as f64 > self.theta) {
+            if watch.is_last(sizes, n as f64 > self.theta) {
                 return Some(Length {
                     count: n + 1,
                     largest: watch.largest,

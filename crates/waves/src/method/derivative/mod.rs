@@ -210,9 +210,9 @@ impl Derivative {
     /// Takes as many terms in a piece as its derivatives need, by any state and by changes of H at its nodes: as columns,
     /// each in units of the largest it has in the run. Returns whether these are other terms than those of the run, and
     /// none where there is no series.
-    pub fn lengthen(&mut self, piece: usize, changes: &[f64]) -> Option<bool> {
+    pub fn lengthen(&mut self, piece: usize, changes: &[f64], tolerance: f64) -> Option<bool> {
         match &mut self.pieces[piece] {
-            Piece::Series(piece) => piece.lengthen(changes),
+            Piece::Series(piece) => piece.lengthen(changes, tolerance),
             Piece::Shears(_) => Some(false), // as many as there are
         }
     }

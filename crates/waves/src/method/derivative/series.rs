@@ -94,7 +94,7 @@ impl SeriesPiece {
     }
 
     /// See [`super::Derivative::lengthen`].
-    pub(super) fn lengthen(&mut self, changes: &[f64]) -> Option<bool> {
+    pub(super) fn lengthen(&mut self, changes: &[f64], tolerance: f64) -> Option<bool> {
         let (degree, form) = (self.fit.degree, self.window.form);
         let width = changes.len() / self.nodes.len();
         if width == 0 && degree == 0 && form == Form::Bessel {
@@ -111,11 +111,18 @@ impl SeriesPiece {
             theta: self.window.beta * self.window.h.abs(),
             sizes: self.sizes.clone(),
             changes: sizes.collect(),
-            tolerance: self.tail,
+            tolerances: (self.tail, tolerance),
         };
         let powers = || Some((Form::Powers, majorant.powers()?));
         let own = match form {
             Form::Powers => powers(),
+            // bounds of the spectrum are for the terms of all states
+            Form::Bessel if degree == 0 => Majorant {
+                tolerances: (f64::INFINITY, tolerance),
+                ..majorant.clone()
+            }
+            .bessel()
+            .map(|length| (form, length)),
             Form::Bessel => majorant.bessel().map(|length| (form, length)),
         };
         let best = match own {

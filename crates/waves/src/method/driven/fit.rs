@@ -277,10 +277,14 @@ impl Sampler {
 
     /// Norms of the powers from the first on, in energies, of the window that was fitted last.
     pub(super) fn sizes(&self, degree: usize) -> Vec<f64> {
-        let width = self.samples.len() / NODES;
+        let (width, norms) = (self.samples.len() / NODES, self.bounds.norms());
         let powers = powers(&self.series, degree, width);
-        let rows = powers.chunks(width).skip(1);
-        rows.map(|row| self.size(row)).collect()
+        let of_row = |row: &[f64]| {
+            let (weights, potential) = row.split_at(norms.len());
+            let sum: f64 = weights.iter().zip(&norms).map(|(w, x)| w.abs() * x).sum();
+            sum + potential.iter().fold(0.0, |most: f64, v| most.max(v.abs()))
+        };
+        powers.chunks(width).skip(1).map(of_row).collect()
     }
 
     /// Fits a window by polynomials of a degree.
