@@ -70,7 +70,7 @@ def solver(
     TypeError, ValueError
         An argument is wrong, or what is asked for has no pullback. Where a run fails, or its start
         cannot be differentiated, CasADi's RuntimeError has the sentence; IPOPT takes a shorter
-        step there. CasADi prints the error to ``sys.stderr`` besides, whoever catches it;
+        step there. CasADi prints the error to ``sys.stderr`` too, even where it is caught;
         ``contextlib.redirect_stderr`` takes it from there.
 
     Examples
