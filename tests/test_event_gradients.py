@@ -1,7 +1,8 @@
 """Events move with what a run depends on: their times, the states there, and all behind a reset.
 
 Tangents are compared with differences of order six, of runs that meet the same events, and
-pullbacks with tangents.
+pullbacks with tangents. One file, since the events, systems and comparisons are those of all
+methods and of ensembles.
 """
 
 import casadi as ca
