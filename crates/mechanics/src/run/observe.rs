@@ -30,7 +30,9 @@ pub trait ObservePoint: Clone + Send + Sync + 'static {
         at: (f64, &impl Carried),
         row: &[f64],
         of: &mut Cotangents,
-    ) -> Result<(), StepError>;
+    ) -> Result<(), StepError> {
+        self.observe(at, row, of)
+    }
 
     /// Adds cotangents of what the knot at a state has.
     ///
@@ -54,15 +56,6 @@ impl ObservePoint for PointAdjoint {
     type Model = Model;
 
     fn observe(
-        &mut self,
-        at: (f64, &impl Carried),
-        row: &[f64],
-        of: &mut Cotangents,
-    ) -> Result<(), StepError> {
-        self.observe(at, row, of)
-    }
-
-    fn observe_between(
         &mut self,
         at: (f64, &impl Carried),
         row: &[f64],
