@@ -1,6 +1,6 @@
 //! Pullbacks of the α family.
 
-use super::pullback::{Pullback, Recording, StepAdjoint};
+use super::pullback::{Pullback, RecordedSteps, Recording, StepAdjoint};
 use super::{Job, Method, Problem, Starter, System};
 use liouville_alpha::{AlphaAdjoint, AlphaSlopes, AlphaState, AlphaTransposed};
 use liouville_base::error::StepError;
@@ -48,9 +48,7 @@ impl Pullback<AlphaAdjoint> {
         sensitivity: &Arc<Sensitivity>,
         (slopes, transposed): (AlphaSlopes, AlphaTransposed),
     ) -> Result<Self, StartError> {
-        let system = System::new(problem, method)?;
-        job.check(&system)?;
-        let starter = Starter { system, job };
+        let starter = Starter::new(problem, method, job)?;
         let System::Alpha(problem, weights, reactions) = &starter.system else {
             let sentence = "these are derivatives of a step of the α family";
             return Err(StartError::Invalid(sentence.into()));
@@ -80,11 +78,13 @@ impl Pullback<AlphaAdjoint> {
             reset,
             sizes,
             adjoint,
-            control,
-            copy,
-            whole,
-            partial,
-            parts: 1,
+            steps: RecordedSteps {
+                control,
+                copy,
+                whole,
+                partial,
+                parts: 1,
+            },
             member,
             start,
             is_given: starter.has_accelerations(),

@@ -4,7 +4,7 @@ use super::pullback::{Pullback, Recording, StepAdjoint};
 use super::{Job, Method, Problem, Starter, System};
 use crate::events::SemiExplicitReset;
 use liouville_base::error::StepError;
-use liouville_base::recorder::{Recorder, SharedRecords, StepRecord};
+use liouville_base::recorder::StepRecord;
 use liouville_base::run::StartError;
 use liouville_index2::Index2Adjoint;
 use liouville_index2::semi_explicit::{
@@ -52,9 +52,7 @@ impl Pullback<Index2Adjoint> {
         job: Job,
         sensitivity: &Arc<SemiExplicitSensitivity>,
     ) -> Result<Self, StartError> {
-        let system = System::new(problem, method)?;
-        job.check(&system)?;
-        let starter = Starter { system, job };
+        let starter = Starter::new(problem, method, job)?;
         let invalid = || {
             let sentence = "a pullback of an index-2 method is that of a single run of its system, of events with \
                             derivatives, without newton_tol";
@@ -70,30 +68,18 @@ impl Pullback<Index2Adjoint> {
             return Err(invalid());
         }
         let (stepper, start, sizes) = starter.index2_at((problem, &spark.tableau), 0)?;
-        let stages = stages.as_deref();
         let derivatives = SemiExplicitSensitivityModel::new(sensitivity.clone(), starter.params(0));
         let adjoint = Index2Adjoint::new(&stepper, derivatives.clone());
-        let (whole, partial) = (SharedRecords::default(), SharedRecords::default());
-        let part = Recorder::new(stepper.clone(), partial.clone());
-        let copy = starter.composed_copy((&part, stages));
-        let recorder = Recorder::new(stepper, whole.clone());
         let member = starter.semi_explicit_member(problem, 0);
         let model = member.model.clone();
         let monitor = starter.traced(0, || model.clone());
-        let control = match sizes {
-            None => starter.symmetric_control((recorder, stages), monitor, &start),
-            Some(sizes) => starter.adaptive_control(recorder, sizes),
-        };
+        let steps = starter.recorded_steps((stepper, stages.as_deref()), sizes, monitor, &start);
         let method = Recording {
             point: SemiExplicitPoint::new(model.clone(), derivatives.clone()),
             reset: Box::new(SemiExplicitReset::new(model, derivatives)),
             sizes: [problem.n, problem.l, 0],
             adjoint,
-            control,
-            copy,
-            whole,
-            partial,
-            parts: stages.map_or(1, <[f64]>::len),
+            steps,
             member,
             start,
             is_given: false,

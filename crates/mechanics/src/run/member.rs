@@ -15,8 +15,8 @@ use liouville_problem::{
 /// A stepper of any kind for a type of state.
 pub(super) type BoxedStepper<State> = Box<dyn Stepper<State = State>>;
 
-/// What steps follow, with the first step and the least; nothing where they are equal.
-type Followed<State> = Option<(Box<dyn Monitor<State>>, [f64; 2])>;
+/// The monitor that reversible steps follow, with the first step and the least; none where steps are equal.
+pub(super) type MonitoredSteps<State> = Option<(Box<dyn Monitor<State>>, [f64; 2])>;
 
 /// What is recorded of a member's states, and at given times of its path.
 pub(super) type Observed<State, M> = (Box<dyn Observe<State>>, Box<dyn Observe<Path<M>>>);
@@ -96,7 +96,7 @@ impl Starter {
 
     /// The monitor of a mechanical member, if its steps follow one: a function of the user's, or the time scale
     /// of the acceleration.
-    pub(super) fn monitor<S: Carried>(&self, member: usize) -> Followed<S> {
+    pub(super) fn monitor<S: Carried>(&self, member: usize) -> MonitoredSteps<S> {
         let traced = self.traced(member, || self.model(member));
         let Control::Reversible { first, least, .. } = self.job.control else {
             return None;
@@ -113,7 +113,7 @@ impl Starter {
         &self,
         member: usize,
         model: impl FnOnce() -> M,
-    ) -> Followed<S> {
+    ) -> MonitoredSteps<S> {
         let Control::Reversible {
             first,
             least,
@@ -183,7 +183,7 @@ impl Starter {
     pub(super) fn symmetric<S, M: Dynamics>(
         &self,
         (stepper, stages): (S, Option<&[f64]>),
-        monitor: Followed<S::State>,
+        monitor: MonitoredSteps<S::State>,
         of: Member<S::State, M>,
         state: S::State,
     ) -> Begun
@@ -200,7 +200,7 @@ impl Starter {
     pub(super) fn symmetric_control<S>(
         &self,
         (stepper, stages): (S, Option<&[f64]>),
-        monitor: Followed<S::State>,
+        monitor: MonitoredSteps<S::State>,
         state: &S::State,
     ) -> Box<dyn StepControl<S::State>>
     where
@@ -216,7 +216,7 @@ impl Starter {
     fn following<S: Symmetric + 'static>(
         &self,
         stepper: S,
-        monitor: Followed<S::State>,
+        monitor: MonitoredSteps<S::State>,
         state: &S::State,
     ) -> Box<dyn StepControl<S::State>> {
         let (span, stepper) = (self.job.span, Box::new(stepper));

@@ -44,9 +44,7 @@ use std::sync::Arc;
 /// # Errors
 /// The method does not step the system, the job does not fit them, or the start of a single run failed.
 pub fn start(problem: Problem, method: Method, job: Job) -> Result<Box<dyn Advance>, StartError> {
-    let system = System::new(problem, method)?;
-    job.check(&system)?;
-    let starter = Starter { system, job };
+    let starter = Starter::new(problem, method, job)?;
     match starter.job.members {
         None => Ok(starter.begin(&[0])?),
         Some(members) => Ok(Box::new(starter.ensemble(members)?)),
@@ -96,6 +94,16 @@ type Begun = Result<Box<dyn Advance>, StepError>;
 type MethodStart<M, S> = (M, S, Option<(f64, f64)>);
 
 impl Starter {
+    /// What begins the runs of a job by this method.
+    ///
+    /// # Errors
+    /// The method does not step the system, or the job does not fit them.
+    fn new(problem: Problem, method: Method, job: Job) -> Result<Self, StartError> {
+        let system = System::new(problem, method)?;
+        job.check(&system)?;
+        Ok(Self { system, job })
+    }
+
     /// All members, in blocks.
     fn ensemble(self, members: usize) -> Result<Ensemble, StepError> {
         let (span, threads) = (self.job.span, self.job.threads);

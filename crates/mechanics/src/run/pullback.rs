@@ -3,13 +3,14 @@
 use super::Starter;
 use super::at_times::{AtTimes, observing};
 use super::journal::{Entry, EventAdjoint, EventRecorder, Journal};
-use super::member::{BoxedStepper, Member};
+use super::member::{BoxedStepper, Member, MonitoredSteps};
 use super::observe::ObservePoint;
 use crate::events::{DenseDetector, LinearReset};
 use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch};
 use liouville_base::error::StepError;
 use liouville_base::linalg::{Matrix, add_scaled};
-use liouville_base::recorder::{SharedRecords, StepRecord};
+use liouville_base::method::{Estimating, Symmetric};
+use liouville_base::recorder::{Recordable, Recorder, SharedRecords, StepRecord};
 use liouville_base::run::{Advance, Status, StepControl};
 use liouville_problem::{Carried, Cotangents};
 use std::time::Duration;
@@ -97,17 +98,22 @@ pub struct Pullback<A: StepAdjoint> {
     held: f64,
 }
 
-/// What a method makes its recorded steps with.
-pub(super) struct Recording<A: StepAdjoint> {
-    pub(super) adjoint: A,
-    pub(super) control: Box<dyn StepControl<A::State>>,
+/// Steps that are recorded as they are made.
+pub(super) struct RecordedSteps<State: Checkpoint> {
+    pub(super) control: Box<dyn StepControl<State>>,
     /// Makes parts of steps for an event detector.
-    pub(super) copy: Option<BoxedStepper<A::State>>,
+    pub(super) copy: Option<BoxedStepper<State>>,
     /// What these two record.
-    pub(super) whole: SharedRecords<A::State>,
-    pub(super) partial: SharedRecords<A::State>,
+    pub(super) whole: SharedRecords<State>,
+    pub(super) partial: SharedRecords<State>,
     /// How many times the method is at work in a step.
     pub(super) parts: usize,
+}
+
+/// A run whose steps are recorded, and the adjoint of its method.
+pub(super) struct Recording<A: StepAdjoint> {
+    pub(super) adjoint: A,
+    pub(super) steps: RecordedSteps<A::State>,
     /// The model, with what makes states after resets.
     pub(super) member: Member<A::State, <A::Point as ObservePoint>::Model>,
     pub(super) point: A::Point,
@@ -118,6 +124,36 @@ pub(super) struct Recording<A: StepAdjoint> {
     pub(super) start: A::State,
     /// Whether all that the method carries was given at the start.
     pub(super) is_given: bool,
+}
+
+impl Starter {
+    /// The recorded steps of a method, alone or composed, from a start: controlled by its errors, or by a monitor if
+    /// there is one, or equal.
+    pub(super) fn recorded_steps<M>(
+        &self,
+        (stepper, stages): (M, Option<&[f64]>),
+        sizes: Option<(f64, f64)>,
+        monitor: MonitoredSteps<M::State>,
+        start: &M::State,
+    ) -> RecordedSteps<M::State>
+    where
+        M: Recordable + Estimating + Symmetric + Clone + 'static,
+        M::State: Clone + Send,
+    {
+        let (whole, partial) = (SharedRecords::default(), SharedRecords::default());
+        let part = Recorder::new(stepper.clone(), partial.clone());
+        let recorder = Recorder::new(stepper, whole.clone());
+        RecordedSteps {
+            copy: self.composed_copy((&part, stages)),
+            control: match sizes {
+                None => self.symmetric_control((recorder, stages), monitor, start),
+                Some(sizes) => self.adaptive_control(recorder, sizes),
+            },
+            whole,
+            partial,
+            parts: stages.map_or(1, <[f64]>::len),
+        }
+    }
 }
 
 impl<A> Pullback<A>
@@ -131,12 +167,19 @@ where
         width: usize,
         method: Recording<A>,
     ) -> Result<Self, StepError> {
-        let (of, parts, point) = (method.member, method.parts, method.point);
+        let RecordedSteps {
+            control,
+            copy,
+            whole,
+            partial,
+            parts,
+        } = method.steps;
+        let (of, point) = (method.member, method.point);
         let ([n, l, m], model) = (method.sizes, of.model.clone());
         let detection = starter.job.detection.as_ref();
         let times = detection.and_then(|detection| detection.times.clone());
         let times = times.map(|times| {
-            let records = method.whole.clone();
+            let records = whole.clone();
             let made = Box::new(move || records.lock().steps().len());
             let sizes = (method.sizes, width);
             AtTimes::new(times, sizes, point.clone(), (made, parts))
@@ -146,8 +189,8 @@ where
         let journal = Journal::default();
         let recorder = EventRecorder {
             journal: journal.clone(),
-            whole: method.whole.clone(),
-            partial: method.partial,
+            whole: whole.clone(),
+            partial,
             parts,
         };
         let reset = method.reset;
@@ -158,10 +201,7 @@ where
             rows: Vec::new(),
             sizes: [n + l, m, starter.system.multipliers()],
         });
-        let (observed, stepping) = (
-            (Box::new(inner) as _, at_times),
-            (method.control, method.copy),
-        );
+        let (observed, stepping) = ((Box::new(inner) as _, at_times), (control, copy));
         let has_events = events.is_some();
         let with = |detector: DenseDetector<A::State, _>| {
             if has_events {
@@ -178,7 +218,7 @@ where
             parts,
             start: (starter.job.span.t0, start, method.is_given),
             run,
-            records: method.whole,
+            records: whole,
             adjoint: method.adjoint,
             times,
             events,

@@ -4,7 +4,7 @@ use super::pullback::{Pullback, Recording, StepAdjoint};
 use super::{Job, Method, Problem, Starter, System};
 use crate::events::{LinearImpulse, LinearReset};
 use liouville_base::error::StepError;
-use liouville_base::recorder::{Recorder, SharedRecords, StepRecord};
+use liouville_base::recorder::StepRecord;
 use liouville_base::run::StartError;
 use liouville_problem::{Cotangents, PointAdjoint, Sensitivity, SensitivityModel, State};
 use liouville_spark::SparkAdjoint;
@@ -66,9 +66,7 @@ impl Pullback<SparkAdjoint> {
         job: Job,
         sensitivity: &Arc<Sensitivity>,
     ) -> Result<Self, StartError> {
-        let system = System::new(problem, method)?;
-        job.check(&system)?;
-        let starter = Starter { system, job };
+        let starter = Starter::new(problem, method, job)?;
         let System::Spark(problem, spark, stages) = &starter.system else {
             return Err(StartError::Invalid(
                 "a pullback is that of a SPARK method".into(),
@@ -80,28 +78,17 @@ impl Pullback<SparkAdjoint> {
             return Err(StartError::Invalid(sentence.into()));
         }
         let (stepper, start, sizes) = starter.spark_at((problem, spark), 0)?;
-        let stages = stages.as_deref();
         let derivatives = SensitivityModel::new(sensitivity.clone(), starter.params(0));
         let adjoint = SparkAdjoint::new(&stepper, derivatives);
-        let (whole, partial) = (SharedRecords::default(), SharedRecords::default());
-        let part = Recorder::new(stepper.clone(), partial.clone());
-        let copy = starter.composed_copy((&part, stages));
-        let recorder = Recorder::new(stepper, whole.clone());
-        let control = match sizes {
-            None => starter.symmetric_control((recorder, stages), starter.monitor(0), &start),
-            Some(sizes) => starter.adaptive_control(recorder, sizes),
-        };
+        let monitor = starter.monitor(0);
+        let steps = starter.recorded_steps((stepper, stages.as_deref()), sizes, monitor, &start);
         let (point, reset, sizes) = starter.mechanical_adjoints(sensitivity);
         let method = Recording {
             point,
             reset,
             sizes,
             adjoint,
-            control,
-            copy,
-            whole,
-            partial,
-            parts: stages.map_or(1, <[f64]>::len),
+            steps,
             member: starter.member(0),
             start,
             is_given: false,
