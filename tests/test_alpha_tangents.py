@@ -7,10 +7,10 @@ accelerations are moved along, and behind a reset they begin anew.
 import casadi as ca
 import numpy as np
 import pytest
+from event_cases import ENDS, ball, check, pendulum, walled
+from event_cases import paired as paired_with_events
 from registry import ALL, ALPHA
 from test_adjoints import paired
-from test_event_gradients import ENDS, ball, check, pendulum, walled
-from test_event_gradients import paired as paired_with_events
 from test_tangents import differences, directions_of, farthest, summed
 
 import liouville as lv

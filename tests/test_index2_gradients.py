@@ -3,10 +3,10 @@
 import casadi as ca
 import numpy as np
 import pytest
+from event_cases import check
+from event_cases import paired as paired_with_events
 from registry import ALL, INDEX2
 from test_adjoints import paired
-from test_event_gradients import check
-from test_event_gradients import paired as paired_with_events
 from test_tangents import differences, directions_of, farthest, summed
 
 import liouville as lv

@@ -4,9 +4,9 @@ Rows of the registry are in `test_tangents` and `test_adjoints`; here is what a 
 """
 
 import casadi as ca
+import event_cases as of_events
 import numpy as np
 import pytest
-import test_event_gradients as of_events
 from test_adjoints import paired
 from test_tangents import differences, directions_of, farthest
 
