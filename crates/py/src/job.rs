@@ -110,19 +110,19 @@ enum ControlOf<'py> {
 impl ControlOf<'_> {
     fn read(&self) -> PyResult<Control> {
         match self {
-            Self::Adaptive(rtol, atol, first, least) => Ok(Control::Adaptive {
+            Self::Adaptive(rtol, atol, h_first, h_min) => Ok(Control::Adaptive {
                 tolerance: Tolerance {
                     rtol: *rtol,
                     atol: atol.as_slice()?.to_vec(),
                 },
-                first: (*first > 0.0).then_some(*first),
-                least: *least,
+                h_first: (*h_first > 0.0).then_some(*h_first),
+                h_min: *h_min,
             }),
-            Self::Reversible(first, least, monitor) => {
+            Self::Reversible(h_first, h_min, monitor) => {
                 let monitor = monitor.as_ref();
                 Ok(Control::Reversible {
-                    first: *first,
-                    least: *least,
+                    h_first: *h_first,
+                    h_min: *h_min,
                     monitor: monitor.map(|(tape, of_z_dot)| (Tape::clone(&tape.0), *of_z_dot)),
                 })
             }

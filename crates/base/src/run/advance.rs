@@ -1,4 +1,4 @@
-//! A run of any kind, as its caller drives it.
+//! The interface of a run of any kind.
 
 use super::{Events, StepSizes};
 use crate::checkpoint::CheckpointMismatch;
@@ -19,7 +19,7 @@ pub enum Status {
         n: usize,
         /// Time at its start.
         t: f64,
-        /// Why.
+        /// The cause.
         error: StepError,
     },
 }
@@ -27,21 +27,21 @@ pub enum Status {
 /// A member of an ensemble that failed.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Failure {
-    /// Which one.
+    /// Its number.
     pub member: usize,
     /// The step that could not be made or recorded, and the time at its start; none where the start itself failed.
     pub step: Option<(usize, f64)>,
-    /// Why.
+    /// The cause.
     pub error: StepError,
 }
 
 /// A run of any kind.
 pub trait Advance: Send + Sync {
-    /// Makes steps for about this long, or until the end.
+    /// Makes steps until this time budget is spent, or the run is over.
     fn advance(&mut self, budget: Duration) -> Status {
         self.advance_to(usize::MAX, budget)
     }
-    /// Makes steps for about this long, or until so many are made in all, or until the end.
+    /// The same, or until `steps` are made in all.
     fn advance_to(&mut self, steps: usize, budget: Duration) -> Status;
     /// Number of steps made.
     fn done(&self) -> usize;
@@ -58,7 +58,7 @@ pub trait Advance: Send + Sync {
     /// Times of the records, one a row, and the rows one after another, the present state last. The
     /// run is over and keeps none.
     fn take(&mut self) -> (Vec<f64>, Vec<f64>);
-    /// The records so far, which the run keeps no longer; it goes on.
+    /// Takes the records so far out of the run, which goes on.
     fn collect(&mut self) -> (Vec<f64>, Vec<f64>) {
         (Vec::new(), Vec::new())
     }
@@ -89,7 +89,7 @@ pub trait Advance: Send + Sync {
     fn over(&self) -> usize {
         0
     }
-    /// The events found since this was last called; call it after the records were collected.
+    /// The events found since the last call; to be called after the records were collected.
     fn events(&mut self) -> Events {
         Events::default()
     }

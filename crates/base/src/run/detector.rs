@@ -1,4 +1,4 @@
-//! Event detectors: what a run consults between its steps.
+//! Event detectors, which a run calls before and after each step.
 
 use super::{Records, reserve};
 use crate::checkpoint::Checkpoint;
@@ -9,16 +9,17 @@ pub trait EventDetector<State>: Checkpoint {
     /// Whether the records are those at the detector's own times, instead of one state in so many.
     fn is_recording(&self) -> bool;
 
-    /// The run is about to begin here.
+    /// Called where the run begins.
     ///
     /// # Errors
     /// An event function is not finite, or needs multipliers that cannot be solved for.
     fn start(&mut self, t: f64, state: &State) -> Result<(), StepError>;
 
-    /// A step is about to be made from here.
+    /// Called before each step.
     fn before(&mut self, t: f64, state: &mut State);
 
-    /// A step led here. Where the run is to end or to go on anew within it, the state becomes that there.
+    /// Called after each step, which led to `state`. Where the run ends or restarts within the step, `state` becomes the
+    /// state there.
     ///
     /// # Errors
     /// An event function is not finite, or a state cannot be recorded.
@@ -29,7 +30,7 @@ pub trait EventDetector<State>: Checkpoint {
         records: &mut Records,
     ) -> Result<Outcome, StepError>;
 
-    /// The run is over: records that are still due.
+    /// Called at the end of the run; makes the records that are still due.
     fn finish(&mut self, records: &mut Records);
 
     /// The events found since this was last called, and how the run has ended.
@@ -49,16 +50,16 @@ pub enum Outcome {
     End(f64),
 }
 
-/// The events that a run, or each member of an ensemble, has met.
+/// The events of a run, or of each member of an ensemble.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Events {
-    /// For each kind of event where it was met.
+    /// Hits of each kind of event.
     pub found: Vec<Hits>,
-    /// What ended the run, or which members' runs.
+    /// The events that ended the run, or runs of members.
     pub ends: Vec<Ending>,
 }
 
-/// Where an event was met.
+/// The hits of one kind of event.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Hits {
     /// The times.

@@ -9,11 +9,11 @@ mod room;
 mod start;
 
 pub use advance::{Advance, Failure, Status};
-pub use control::{Adaptive, Fixed, Listed, Reversible, StepControl, StepSizes};
+pub use control::{Adaptive, BetweenTimes, Fixed, Reversible, StepControl, StepSizes};
 pub use detector::{Ending, EventDetector, Events, Hits, Outcome};
 pub use events::{
-    Crossing, EventRule, NOISE, PartDetector, PartialStep, SAMPLES, Scene, Search, Trust,
-    WatchedFunction,
+    Crossing, EventRule, FunctionInStep, InterpolationAccuracy, NOISE, SAMPLES, Search, Substep,
+    SubstepDetector, WatchedFunction,
 };
 pub use record::Records;
 pub use room::reserve;
@@ -46,7 +46,7 @@ pub struct Run<State: Checkpoint> {
 impl<State: Checkpoint> Run<State> {
     /// A run about to start; the start is recorded at once, and then one state in `every` and the last.
     ///
-    /// `expected` is how many records will be made, if that is known.
+    /// `expected` is the number of records, 0 if it is not known.
     ///
     /// # Errors
     /// The start cannot be recorded.
@@ -130,7 +130,7 @@ impl<State: Checkpoint> Run<State> {
                 }
             }
         }
-        // a run that ends where a step began has its last record
+        // a run that ends at the start of a step is recorded already
         let is_there = self.end.is_some() && self.end == self.records.last();
         if self.is_due() && !is_there {
             self.record()?;
@@ -241,7 +241,7 @@ impl<State: Checkpoint> Advance for Run<State> {
                 events.finish(&mut self.records);
             }
         } else if self.is_recordable && !self.is_due() {
-            // where it cannot be recorded, the records end before it
+            // on an error the records end before the present state
             let _ = self.record();
         }
         self.records.take()

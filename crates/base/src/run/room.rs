@@ -1,13 +1,13 @@
-//! Room for records: memory that may be much is asked for, and its lack is an error instead of an abort.
+//! Memory for records: reserved fallibly, so that a lack of it is an error instead of an abort.
 
 use crate::error::StepError;
 use std::hint::black_box;
 
-/// Bytes that must be left for all the rest of the program, which does not ask; or half of those of the array,
-/// of which results are made.
+/// Bytes that must remain for the rest of the program, which allocates without a check; at least half of those of the
+/// array, since results are copies of it.
 const SPARE: usize = 1 << 26;
 
-/// What takes fewer bytes than this needs no look at what is left.
+/// Arrays of fewer bytes are reserved without a check of what remains.
 const LITTLE: usize = 1 << 19;
 
 /// Where memory is short, an array grows by this part of its length instead of doubling.
@@ -35,7 +35,7 @@ fn has_grown(x: &mut Vec<f64>, more: usize) -> bool {
         return false;
     }
     let size = size_of::<f64>() * x.capacity();
-    let is_spare = size < LITTLE || can_have(SPARE.max(size / 2));
+    let is_spare = size < LITTLE || is_available(SPARE.max(size / 2));
     if !is_spare {
         x.shrink_to_fit();
     }
@@ -43,10 +43,10 @@ fn has_grown(x: &mut Vec<f64>, more: usize) -> bool {
 }
 
 /// Whether there is memory for so many bytes.
-fn can_have(bytes: usize) -> bool {
+fn is_available(bytes: usize) -> bool {
     let mut probe = Vec::<u8>::new();
     let is_there = probe.try_reserve_exact(bytes).is_ok();
-    // a compiler may leave out an allocation that nothing sees
+    // an unused allocation may be optimised away
     black_box(&mut probe);
     is_there
 }

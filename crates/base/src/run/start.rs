@@ -1,4 +1,4 @@
-//! How a run starts: its times, and why it may not.
+//! The times of a run by equal steps, and the errors of a start.
 
 use super::reserve;
 use crate::error::StepError;

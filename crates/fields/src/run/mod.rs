@@ -15,7 +15,9 @@ use liouville_base::error::StepError;
 use liouville_base::method::Stepper;
 use liouville_base::observe::Observe;
 use liouville_base::real::{Lanes, Real};
-use liouville_base::run::{Advance, Fixed, PartDetector, Run, Span, StartError, WatchedFunction};
+use liouville_base::run::{
+    Advance, Fixed, Run, Span, StartError, SubstepDetector, WatchedFunction,
+};
 use liouville_base::simd::Stored;
 use liouville_base::tableau::Scheme;
 use std::sync::Arc;
@@ -108,7 +110,7 @@ impl Starter {
         let expected = times.as_ref().map_or(span.records(), Vec::len);
         let recorded = (Box::new(observer.clone()) as _, times);
         let copy = Box::new(stepper.clone());
-        let events = Box::new(PartDetector::new(copy, &state, watched, recorded));
+        let events = Box::new(SubstepDetector::new(copy, &state, watched, recorded));
         let control = Fixed::new(Box::new(stepper), span.t0, span.h(), span.steps);
         let (control, observer) = (Box::new(control), Box::new(observer));
         let kept = (span.every, expected);

@@ -5,7 +5,7 @@ use liouville_base::error::StepError;
 use liouville_problem::{Carried, Dynamics, Path, Point};
 
 /// An event's function on the interpolated trajectory.
-pub(super) fn rough<M: Dynamics>(
+pub(super) fn interpolated<M: Dynamics>(
     path: &mut Path<M>,
     event: &mut Event,
     t: f64,

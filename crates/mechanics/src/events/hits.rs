@@ -2,7 +2,7 @@
 
 use super::reset::RATE;
 use super::slopes::Meeting;
-use super::{DenseDetector, at, rough};
+use super::{DenseDetector, at, interpolated};
 use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch, Numbers};
 use liouville_base::error::{Quantity, StepError};
 use liouville_base::run::{Crossing, Ending, NOISE, Outcome, Records, reserve};
@@ -54,7 +54,7 @@ impl<State: Carried + Checkpoint + Clone, M: Dynamics> DenseDetector<State, M> {
             }
             if let Some(noise) = self.recedes(k, state)? {
                 // roundoff of a function that touches zero, or of a hit that is not told apart from the last
-                let (t, h) = (self.partial.t + x * self.partial.h, self.partial.h);
+                let (t, h) = (self.substep.t + x * self.substep.h, self.substep.h);
                 let reset = self.events[index].reset.as_ref();
                 if reset.is_some_and(|reset| reset.intervals.is_short(t, h, noise)) {
                     if self.follower.is_some() {
@@ -66,7 +66,7 @@ impl<State: Carried + Checkpoint + Clone, M: Dynamics> DenseDetector<State, M> {
                         });
                     }
                     self.end(index, t, Some(t));
-                    state.clone_from(&self.partial.state);
+                    state.clone_from(&self.substep.state);
                     return Ok(Outcome::End(t));
                 }
                 continue;
@@ -75,7 +75,7 @@ impl<State: Carried + Checkpoint + Clone, M: Dynamics> DenseDetector<State, M> {
                 return self.cut(k, state, records);
             }
             if let Some(t) = self.keep_one(x, index, state)? {
-                state.clone_from(&self.partial.state);
+                state.clone_from(&self.substep.state);
                 return Ok(Outcome::End(t));
             }
         }
@@ -88,8 +88,8 @@ impl<State: Carried + Checkpoint + Clone, M: Dynamics> DenseDetector<State, M> {
         if self.events[index].reset.is_none() {
             return Ok(None);
         }
-        let t = self.partial.go(x, end)?;
-        let (state, way) = (&self.partial.state, self.partial.h.signum());
+        let t = self.substep.advance_to_fraction(x, end)?;
+        let (state, way) = (&self.substep.state, self.substep.h.signum());
         let reset = self.events[index].reset.as_mut();
         let rate = match reset {
             Some(reset) => reset.rate(t, (state.y(), state.z()), index)?,
@@ -103,7 +103,7 @@ impl<State: Carried + Checkpoint + Clone, M: Dynamics> DenseDetector<State, M> {
 
     /// Keeps an event that changes nothing; returns the time, if it ends the run.
     fn keep_one(&mut self, x: f64, index: usize, end: &State) -> Result<Option<f64>, StepError> {
-        let t = self.partial.go(x, end)?;
+        let t = self.substep.advance_to_fraction(x, end)?;
         self.follow(index, (x, t))?;
         self.keep_state(index, t)?;
         self.met.found[index].times.push(t);
@@ -121,7 +121,7 @@ impl<State: Carried + Checkpoint + Clone, M: Dynamics> DenseDetector<State, M> {
         let Some(follower) = &mut self.follower else {
             return Ok(());
         };
-        let (event, state) = (&self.events[index], &mut self.partial.state);
+        let (event, state) = (&self.events[index], &mut self.substep.state);
         self.path.solve(t, state)?;
         let size = |size: f64, x: &f64| size.max(x.abs());
         let met = Meeting {
@@ -129,7 +129,7 @@ impl<State: Carried + Checkpoint + Clone, M: Dynamics> DenseDetector<State, M> {
             hit: event.function.count,
             part,
             t,
-            h: self.partial.h,
+            h: self.substep.h,
             lam: self.path.lam(),
             needs_lam: event.needs_lam,
             height: event.function.samples.iter().fold(0.0, size),
@@ -140,7 +140,7 @@ impl<State: Carried + Checkpoint + Clone, M: Dynamics> DenseDetector<State, M> {
 
     /// Keeps the state that parts of a step have led to.
     fn keep_state(&mut self, index: usize, t: f64) -> Result<(), StepError> {
-        let state = &self.partial.state;
+        let state = &self.substep.state;
         self.path.solve(t, state)?;
         let hits = &mut self.met.found[index];
         let parts = [state.y(), state.z(), self.path.lam()];
@@ -170,8 +170,8 @@ impl<State: Carried + Checkpoint + Clone, M: Dynamics> DenseDetector<State, M> {
 
     /// A part of the step, at an end of it where it is there but for roundoff; and what roundoff is.
     fn snapped(&self, x: f64) -> (f64, f64) {
-        let partial = &self.partial;
-        let near = SAME * partial.t.abs().max(partial.end.abs()) / partial.h.abs();
+        let substep = &self.substep;
+        let near = SAME * substep.t.abs().max(substep.end.abs()) / substep.h.abs();
         let x = match x {
             x if x <= near => 0.0,
             x if 1.0 - x <= near => 1.0,
@@ -196,19 +196,19 @@ impl<State: Carried + Checkpoint + Clone, M: Dynamics> DenseDetector<State, M> {
                 continue;
             }
             if let Some(t) = self.keep_one(crossing.x, crossing.index, state)? {
-                state.clone_from(&self.partial.state);
+                state.clone_from(&self.substep.state);
                 return Ok(Outcome::End(t));
             }
         }
-        let t = self.partial.go(x, state)?;
+        let t = self.substep.advance_to_fraction(x, state)?;
         self.follow(index, (x, t))?;
-        self.path.end_at(t, &self.partial.state)?;
+        self.path.end_at(t, &self.substep.state)?;
         if self.events[index].is_switch {
-            state.clone_from(&self.partial.state);
+            state.clone_from(&self.substep.state);
             self.begin_piece((k, near), t, state)?;
             return Ok(Outcome::Shorten(t));
         }
-        self.emit(t, false, records)?;
+        self.record_times(t, false, records)?;
         self.reset_at((k, near), t, (state, records))
     }
 
@@ -229,9 +229,9 @@ impl<State: Carried + Checkpoint + Clone, M: Dynamics> DenseDetector<State, M> {
         let event = &mut self.events[index];
         event.function.count += 1;
         let is_last = event.function.count == event.function.rule.terminal;
-        let way = self.partial.h.signum();
+        let way = self.substep.h.signum();
         let mut limit = event.reset.as_mut().and_then(|reset| {
-            let limit = reset.intervals.hit(t, self.partial.h, noise);
+            let limit = reset.intervals.hit(t, self.substep.h, noise);
             reset.intervals.rate = rates.map_or(f64::NAN, |rates| rates[1]);
             limit
         });
@@ -241,8 +241,8 @@ impl<State: Carried + Checkpoint + Clone, M: Dynamics> DenseDetector<State, M> {
             None => 0.0,
             Some([before, after]) if after.abs() > RATE * before.abs() => way * after.signum(),
             Some(_) => {
-                let soon = t + SHORTLY * self.partial.h;
-                let value = rough(&mut self.path, &mut self.events[index], soon)?;
+                let soon = t + SHORTLY * self.substep.h;
+                let value = interpolated(&mut self.path, &mut self.events[index], soon)?;
                 if value * sign > 0.0 && self.events[index].function.last.abs() <= HOLDS * noise {
                     limit = limit.or(Some(t));
                 }
@@ -252,7 +252,7 @@ impl<State: Carried + Checkpoint + Clone, M: Dynamics> DenseDetector<State, M> {
         self.events[index].function.sign = after;
         if is_last || limit.is_some() {
             self.end(index, t, limit.filter(|_| !is_last));
-            self.emit(t, true, records)?;
+            self.record_times(t, true, records)?;
             return Ok(Outcome::End(t));
         }
         Ok(Outcome::Restart(t))
@@ -267,7 +267,7 @@ impl<State: Carried + Checkpoint + Clone, M: Dynamics> DenseDetector<State, M> {
         }
         let mut first = None;
         for part in [0.0, NOISE, -NOISE] {
-            self.path.move_near(t, &self.partial.state, [part, part]);
+            self.path.move_near(t, &self.substep.state, [part, part]);
             let Point { y, z, .. } = self.path.point();
             let value = event.at(t, (y, z), self.path.lam())?;
             noise = noise.max((value - *first.get_or_insert(value)).abs());
@@ -283,7 +283,7 @@ impl<State: Carried + Checkpoint + Clone, M: Dynamics> DenseDetector<State, M> {
         t: f64,
         state: &mut State,
     ) -> Result<Option<[f64; 2]>, StepError> {
-        let (event, before) = (&mut self.events[index], &self.partial.state);
+        let (event, before) = (&mut self.events[index], &self.substep.state);
         let (Some(reset), Some(restart)) = (&mut event.reset, &mut self.restart.0) else {
             return Ok(None);
         };

@@ -16,22 +16,22 @@ pub use semi_explicit::SemiExplicitReset;
 pub use slopes::{Before, EventSlopes, FollowEvents, LinearReset, Meeting, SlopesModel};
 pub use tangents::{MotionDerivatives, TangentEvents};
 
-use function::{at, rough};
+use function::{at, interpolated};
 use hits::Restarts;
 use liouville_base::checkpoint::Checkpoint;
 use liouville_base::error::StepError;
 use liouville_base::method::Stepper;
 use liouville_base::observe::Observe;
 use liouville_base::run::{
-    Crossing, Ending, EventDetector, Events, Hits, Outcome, PartialStep, Records, SAMPLES, Scene,
-    Search, Trust, WatchedFunction,
+    Crossing, Ending, EventDetector, Events, FunctionInStep, Hits, InterpolationAccuracy, Outcome,
+    Records, SAMPLES, Search, Substep, WatchedFunction,
 };
 use liouville_problem::{Carried, Dynamics, Model, Path, PathTangents, Point, Restart};
 
 /// Finds events, and records at given times, on the interpolated trajectory.
 pub struct DenseDetector<State: Checkpoint, M: Dynamics = Model> {
     path: Path<M>,
-    partial: PartialStep<State>,
+    substep: Substep<State>,
     events: Vec<Event>,
     search: Search,
     /// Zeros of all events in a step.
@@ -59,33 +59,33 @@ struct Met {
 /// An event's function in a step that is over.
 struct InStep<'a, State: Checkpoint, M: Dynamics> {
     path: &'a mut Path<M>,
-    partial: &'a mut PartialStep<State>,
+    substep: &'a mut Substep<State>,
     event: &'a mut Event,
     end: &'a State,
 }
 
-impl<State: Carried + Checkpoint + Clone, M: Dynamics> Scene for InStep<'_, State, M> {
+impl<State: Carried + Checkpoint + Clone, M: Dynamics> FunctionInStep for InStep<'_, State, M> {
     fn function(&mut self) -> &mut WatchedFunction {
         &mut self.event.function
     }
 
-    fn rough(&mut self, x: f64) -> Result<f64, StepError> {
-        rough(self.path, self.event, self.partial.t + x * self.partial.h)
+    fn interpolated(&mut self, x: f64) -> Result<f64, StepError> {
+        interpolated(self.path, self.event, self.substep.t + x * self.substep.h)
     }
 
     fn exact(&mut self, x: f64) -> Result<f64, StepError> {
-        let t = self.partial.go(x, self.end)?;
-        at(self.path, self.event, t, &self.partial.state)
+        let t = self.substep.advance_to_fraction(x, self.end)?;
+        at(self.path, self.event, t, &self.substep.state)
     }
 
-    fn near(&mut self, parts: [f64; 2]) -> Result<f64, StepError> {
+    fn near_start(&mut self, parts: [f64; 2]) -> Result<f64, StepError> {
         self.path
-            .move_near(self.partial.t, &self.partial.start, parts);
+            .move_near(self.substep.t, &self.substep.start, parts);
         if self.event.needs_lam {
             self.path.solve_there()?;
         }
         let Point { y, z, .. } = self.path.point();
-        self.event.at(self.partial.t, (y, z), self.path.lam())
+        self.event.at(self.substep.t, (y, z), self.path.lam())
     }
 }
 
@@ -106,7 +106,7 @@ impl<State: Carried + Checkpoint + Clone, M: Dynamics> DenseDetector<State, M> {
         };
         Self {
             path,
-            partial: PartialStep::new(stepper, state),
+            substep: Substep::new(stepper, state),
             events,
             search: Search::default(),
             found: Vec::new(),
@@ -155,10 +155,10 @@ impl<State: Carried + Checkpoint + Clone, M: Dynamics> DenseDetector<State, M> {
             event.function.samples.clear();
         }
         for k in 1..=SAMPLES + 1 {
-            let t = self.partial.t + k as f64 / SAMPLES as f64 * self.partial.h;
+            let t = self.substep.t + k as f64 / SAMPLES as f64 * self.substep.h;
             let is_beyond = k > SAMPLES;
             if k == SAMPLES {
-                self.path.move_near(self.partial.end, end, [0.0, 0.0]);
+                self.path.move_near(self.substep.end, end, [0.0, 0.0]);
             } else {
                 self.path.move_to(t);
             }
@@ -187,29 +187,34 @@ impl<State: Carried + Checkpoint + Clone, M: Dynamics> DenseDetector<State, M> {
 
     /// The zeros of one event in a step, appended to `found`.
     fn search(&mut self, index: usize, end: &State) -> Result<(), StepError> {
-        let trust = if self.path.is_rough() {
-            Trust::LOOSE
+        let accuracy = if self.path.is_coarse() {
+            InterpolationAccuracy::COARSE
         } else {
-            Trust::FIRM
+            InterpolationAccuracy::FINE
         };
-        let step = (self.partial.t, self.partial.h);
-        let mut scene = InStep {
+        let step = (self.substep.t, self.substep.h);
+        let mut function = InStep {
             path: &mut self.path,
-            partial: &mut self.partial,
+            substep: &mut self.substep,
             event: &mut self.events[index],
             end,
         };
         self.search
-            .find(&mut scene, index, step, trust, &mut self.found)
+            .find(&mut function, index, step, accuracy, &mut self.found)
     }
 
     /// Records at the wanted times up to `t`, that itself only if it `is_whole`.
-    fn emit(&mut self, t: f64, is_whole: bool, records: &mut Records) -> Result<(), StepError> {
+    fn record_times(
+        &mut self,
+        t: f64,
+        is_whole: bool,
+        records: &mut Records,
+    ) -> Result<(), StepError> {
         let Some(times) = &self.times else {
             return Ok(());
         };
         while let Some(wanted) = times.get(self.next) {
-            let after = (wanted - t) * self.partial.h;
+            let after = (wanted - t) * self.substep.h;
             if after > 0.0 || after == 0.0 && !is_whole {
                 break;
             }
@@ -231,7 +236,7 @@ impl<State: Carried + Checkpoint + Clone, M: Dynamics> EventDetector<State>
 
     fn start(&mut self, t: f64, state: &State) -> Result<(), StepError> {
         self.path.push(t, state)?;
-        self.partial.t = t;
+        self.substep.t = t;
         for event in &mut self.events {
             event.function.last = at(&mut self.path, event, t, state)?;
         }
@@ -239,11 +244,11 @@ impl<State: Carried + Checkpoint + Clone, M: Dynamics> EventDetector<State>
     }
 
     fn before(&mut self, t: f64, state: &mut State) {
-        self.partial.t = t;
+        self.substep.t = t;
         if let Some(follower) = &mut self.follower {
             follower.begin(state);
         }
-        self.partial.start.clone_from(state);
+        self.substep.start.clone_from(state);
     }
 
     fn after(
@@ -252,7 +257,7 @@ impl<State: Carried + Checkpoint + Clone, M: Dynamics> EventDetector<State>
         state: &mut State,
         records: &mut Records,
     ) -> Result<Outcome, StepError> {
-        (self.partial.end, self.partial.h) = (t, t - self.partial.t);
+        (self.substep.end, self.substep.h) = (t, t - self.substep.t);
         if let Some(follower) = &mut self.follower {
             follower.align(t, state);
         }
@@ -268,9 +273,11 @@ impl<State: Carried + Checkpoint + Clone, M: Dynamics> EventDetector<State>
         }
         // with fewer knots the polynomials would not be those of the whole run
         match outcome {
-            Outcome::End(end) => self.emit(end, true, records)?,
-            Outcome::Continue if self.path.is_full() => self.emit(t, true, records)?,
-            Outcome::Shorten(end) if self.path.is_full() => self.emit(end, true, records)?,
+            Outcome::End(end) => self.record_times(end, true, records)?,
+            Outcome::Continue if self.path.is_full() => self.record_times(t, true, records)?,
+            Outcome::Shorten(end) if self.path.is_full() => {
+                self.record_times(end, true, records)?
+            }
             _ => {}
         }
         Ok(outcome)
@@ -280,7 +287,7 @@ impl<State: Carried + Checkpoint + Clone, M: Dynamics> EventDetector<State>
         let last = self.path.end();
         if self.met.end.is_none() && !self.path.is_full() {
             // where one cannot be recorded, the records end before it
-            let _ = self.emit(last, true, records);
+            let _ = self.record_times(last, true, records);
         }
     }
 
@@ -294,7 +301,7 @@ impl<State: Carried + Checkpoint + Clone, M: Dynamics> EventDetector<State>
 
 // Events are not saved: they were taken before.
 liouville_base::checkpoint!(
-    [State: Checkpoint, M: Dynamics] DenseDetector<State, M> { path, partial.stepper, partial.h, events, met.end, restart, observer, next }
+    [State: Checkpoint, M: Dynamics] DenseDetector<State, M> { path, substep.stepper, substep.h, events, met.end, restart, observer, next }
     then |detector| {
         for hits in &mut detector.met.found {
             hits.times.clear();

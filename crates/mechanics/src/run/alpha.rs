@@ -46,16 +46,16 @@ impl Starter {
         let (tolerance, sizes) = match &self.job.control {
             Control::Adaptive {
                 tolerance,
-                first,
-                least,
-            } => (Some(tolerance.clone()), Some((*first, *least))),
+                h_first,
+                h_min,
+            } => (Some(tolerance.clone()), Some((*h_first, *h_min))),
             _ => (None, None),
         };
         let mut stepper = Alpha::new(model, weights, reactions, tolerance);
         let state = stepper.start(span.t0, y, z, a)?;
-        let sizes = sizes.map(|(first, least)| {
-            let first = first.unwrap_or_else(|| stepper.first_step(&state, span.t1 - span.t0));
-            (first, least)
+        let sizes = sizes.map(|(h_first, h_min)| {
+            let h_first = h_first.unwrap_or_else(|| stepper.first_step(&state, span.t1 - span.t0));
+            (h_first, h_min)
         });
         Ok((stepper, state, sizes))
     }

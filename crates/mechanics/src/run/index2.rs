@@ -23,18 +23,18 @@ impl Starter {
         let stepper = Index2::of(model, tableau.clone());
         let Control::Adaptive {
             tolerance,
-            first,
-            least,
+            h_first,
+            h_min,
         } = &self.job.control
         else {
             return Ok((stepper, state, None));
         };
         let mut stepper = stepper.estimating(tableau, tolerance.clone());
-        let first = match first {
-            Some(first) => *first,
+        let h_first = match h_first {
+            Some(h_first) => *h_first,
             None => stepper.first_step(span.t0, &state, span.t1 - span.t0)?,
         };
-        Ok((stepper, state, Some((first, *least))))
+        Ok((stepper, state, Some((h_first, *h_min))))
     }
 
     /// A member of a semi-explicit system.

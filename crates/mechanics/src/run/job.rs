@@ -56,16 +56,16 @@ pub enum Control {
         /// The tolerance of errors.
         tolerance: Tolerance,
         /// The first step; without one the method chooses it.
-        first: Option<f64>,
+        h_first: Option<f64>,
         /// The smallest step allowed.
-        least: f64,
+        h_min: f64,
     },
     /// Steps that follow a monitor of the state, by a symmetric rule.
     Reversible {
         /// About the first step.
-        first: f64,
+        h_first: f64,
         /// The smallest step allowed.
-        least: f64,
+        h_min: f64,
         /// A tape (t, y, z, z', params) → s, ds/dt with whether it depends on z'; without one, the time scale of the
         /// acceleration.
         monitor: Option<(Tape, bool)>,

@@ -98,13 +98,13 @@ impl Starter {
     /// of the acceleration.
     pub(super) fn monitor<S: Carried>(&self, member: usize) -> MonitoredSteps<S> {
         let traced = self.traced(member, || self.model(member));
-        let Control::Reversible { first, least, .. } = self.job.control else {
+        let Control::Reversible { h_first, h_min, .. } = self.job.control else {
             return None;
         };
         traced.or_else(|| {
             let at = (self.job.span.t0, self.part(0, member), self.part(1, member));
-            let scale = TimeScale::new(self.model(member), at, first);
-            Some((Box::new(scale) as Box<dyn Monitor<S>>, [first, least]))
+            let scale = TimeScale::new(self.model(member), at, h_first);
+            Some((Box::new(scale) as Box<dyn Monitor<S>>, [h_first, h_min]))
         })
     }
 
@@ -115,15 +115,15 @@ impl Starter {
         model: impl FnOnce() -> M,
     ) -> MonitoredSteps<S> {
         let Control::Reversible {
-            first,
-            least,
+            h_first,
+            h_min,
             monitor: Some((tape, of_z_dot)),
         } = &self.job.control
         else {
             return None;
         };
         let traced = Traced::new(model(), self.params(member), tape.clone(), *of_z_dot);
-        Some((Box::new(traced), [*first, *least]))
+        Some((Box::new(traced), [*h_first, *h_min]))
     }
 
     /// A copy of a stepper for the event detector, if there is to be one.
@@ -155,7 +155,7 @@ impl Starter {
     pub(super) fn adaptive<S, M: Dynamics>(
         &self,
         stepper: S,
-        (first, least): (f64, f64),
+        (h_first, h_min): (f64, f64),
         member: Member<S::State, M>,
         state: S::State,
     ) -> Begun
@@ -164,7 +164,7 @@ impl Starter {
         S::State: Carried + Clone,
     {
         let copy = self.copy(&stepper);
-        let control = self.adaptive_control(stepper, (first, least));
+        let control = self.adaptive_control(stepper, (h_first, h_min));
         self.launch(control, copy, member, state)
     }
 
@@ -172,10 +172,10 @@ impl Starter {
     pub(super) fn adaptive_control<S: Estimating + 'static>(
         &self,
         stepper: S,
-        (first, least): (f64, f64),
+        (h_first, h_min): (f64, f64),
     ) -> Box<dyn StepControl<S::State>> {
         let ends = (self.job.span.t0, self.job.span.t1);
-        Box::new(Adaptive::new(Box::new(stepper), ends, first, least))
+        Box::new(Adaptive::new(Box::new(stepper), ends, h_first, h_min))
     }
 
     /// A run of a symmetric method, alone or composed, by steps that follow a monitor, if there is one, or by equal
@@ -221,8 +221,8 @@ impl Starter {
     ) -> Box<dyn StepControl<S::State>> {
         let (span, stepper) = (self.job.span, Box::new(stepper));
         match monitor {
-            Some((monitor, [first, least])) => {
-                let (ends, sizes) = ((span.t0, span.t1), (first, least));
+            Some((monitor, [h_first, h_min])) => {
+                let (ends, sizes) = ((span.t0, span.t1), (h_first, h_min));
                 Box::new(Reversible::new(stepper, ends, sizes, monitor, state))
             }
             None => Box::new(Fixed::new(stepper, span.t0, span.h(), span.steps)),

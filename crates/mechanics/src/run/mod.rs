@@ -167,7 +167,7 @@ impl Starter {
         let span = self.job.span;
         let steps = match self.job.control {
             Control::Fixed => span.steps as f64,
-            Control::Reversible { first, .. } => ((span.t1 - span.t0) / first).abs(),
+            Control::Reversible { h_first, .. } => ((span.t1 - span.t0) / h_first).abs(),
             Control::Adaptive { .. } => 0.0, // their errors exceed what adds up
         };
         (spark.newton_tol).unwrap_or_else(|| Stop::of_run(steps).tolerance)
@@ -211,18 +211,18 @@ impl Starter {
             .to_tolerance(self.newton_tol(spark));
         let Control::Adaptive {
             tolerance,
-            first,
-            least,
+            h_first,
+            h_min,
         } = &self.job.control
         else {
             return Ok((stepper, state, None));
         };
         stepper = stepper.estimating(tolerance.clone());
-        let first = match first {
-            Some(first) => *first,
+        let h_first = match h_first {
+            Some(h_first) => *h_first,
             None => stepper.first_step(span.t0, &state, span.t1 - span.t0)?,
         };
-        Ok((stepper, state, Some((first, *least))))
+        Ok((stepper, state, Some((h_first, *h_min))))
     }
 
     fn spark(

@@ -7,7 +7,7 @@
 //! with z' from the acceleration-level solve. The polynomial that agrees with all three at k successive
 //! knots has degree 3k − 1 and is off by O(h^3k): degree 5 on a single step, 8 with the step before. z is its
 //! derivative where v = z, hence of one order less; elsewhere z has a polynomial of its own, through z and
-//! z', of degree 2k − 1, and so it has with methods of order 2, whose y is too rough for that. λ comes from
+//! z', of degree 2k − 1, and so it has with methods of order 2, whose y is not accurate enough for that. λ comes from
 //! the acceleration-level solve at the interpolated point: there the constraints hold to the order of all
 //! this, no better. Source: hairer1993, II.6, for k = 2; the polynomials are in Newton's form.
 
@@ -31,7 +31,7 @@ pub struct Path<M: Dynamics = Model> {
     model: M,
     solver: M::Solver,
     most: usize,
-    is_rough: bool,
+    is_coarse: bool,
     /// Whether z is interpolated by itself.
     has_own_z: bool,
     knots: Vec<Knot>,
@@ -68,7 +68,7 @@ impl<M: Dynamics> Path<M> {
         Self {
             solver: model.solver(),
             most,
-            is_rough: order <= 2,
+            is_coarse: order <= 2,
             has_own_z,
             knots: Vec::with_capacity(most),
             spare: vec![knot; most],
@@ -100,8 +100,8 @@ impl<M: Dynamics> Path<M> {
     }
 
     /// Whether the method is of so low an order that its steps tell from the polynomials at first sight.
-    pub fn is_rough(&self) -> bool {
-        self.is_rough
+    pub fn is_coarse(&self) -> bool {
+        self.is_coarse
     }
 
     /// Whether there are as many knots as the path takes into account.

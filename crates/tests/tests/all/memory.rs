@@ -6,7 +6,7 @@ use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch};
 use liouville_base::composition::Composed;
 use liouville_base::method::{Stepper, Tolerance};
 use liouville_base::run::{
-    Adaptive, Advance, EventRule, Fixed, Listed, Reversible, Run, Status, StepControl,
+    Adaptive, Advance, BetweenTimes, EventRule, Fixed, Reversible, Run, Status, StepControl,
 };
 use liouville_base::tableau::{self, Purpose, Scheme, Stable};
 use liouville_fields::problem::Split;
@@ -443,7 +443,7 @@ fn wave_functions_go_on() {
             let observables = vec![schrodinger::Observable::Start];
             let observer = Box::new(schrodinger::Observer::new(1, true, observables));
             let stops = vec![(0.3, 9), (1.0, 20), (1.1, 4)];
-            let control = Box::new(Listed::new(stepper(), 0.0, stops));
+            let control = Box::new(BetweenTimes::new(stepper(), 0.0, stops));
             Run::new(control, observer, start, (1, 0)).expect("a start")
         };
         goes_on(name, &[1, 8, 9, 17, 30], make);

@@ -7,7 +7,7 @@ use liouville_base::error::StepError;
 use liouville_base::method::Tolerance;
 use liouville_base::observe::Observe;
 use liouville_base::run::{
-    Adaptive, Advance, EventRule, Fixed, PartDetector, Run, WatchedFunction,
+    Adaptive, Advance, EventRule, Fixed, Run, SubstepDetector, WatchedFunction,
 };
 use liouville_base::tableau;
 use liouville_fields::problem::{Piece, Polynomials, Split};
@@ -100,7 +100,7 @@ fn detecting_events_of_a_field_takes_no_memory() {
         let tape = tape([1, 2, 0], &[input(1, 0) - c]);
         WatchedFunction::new(tape, &[], EventRule::default())
     });
-    let detector = PartDetector::new(
+    let detector = SubstepDetector::new(
         stepper.clone(),
         &state,
         (Box::new(reader.clone()), functions.to_vec()),

@@ -14,7 +14,7 @@ use liouville_base::ensemble::{Ensemble, Layout};
 use liouville_base::error::StepError;
 use liouville_base::method::Stepper;
 use liouville_base::real::{Lanes, WIDTH};
-use liouville_base::run::{Advance, Listed, Run, StartError};
+use liouville_base::run::{Advance, BetweenTimes, Run, StartError};
 use liouville_base::simd::Stored;
 use prepared::Prepared;
 use std::sync::Arc;
@@ -177,7 +177,7 @@ impl Starter {
         stepper: Box<dyn Stepper<State = Wave<S>>>,
         members: &[usize],
     ) -> Begun {
-        let control = Listed::new(stepper, self.job.t0, self.job.stops.clone());
+        let control = BetweenTimes::new(stepper, self.job.t0, self.job.stops.clone());
         let state = self.in_lanes(members);
         let state = state.with_phase(self.method.shift() * self.job.t0);
         let observer = Box::new(self.observer(members.len()));

@@ -6,16 +6,16 @@ use crate::checkpoint::Checkpoint;
 use crate::error::StepError;
 use crate::method::{Estimating, Stepper};
 
-/// The next step is this much smaller than the one whose error would just be the tolerance.
+/// Ratio of the next step to the one whose error would be the tolerance.
 const SAFETY: f64 = 0.9;
 /// Bounds of the ratio of successive steps.
 pub(super) const SHRINK: f64 = 0.2;
 const GROW: f64 = 4.0;
-/// A step is not lengthened by less than this: equal steps keep the factors of their Newton matrix.
-const WORTH_IT: f64 = 1.2;
-/// A step without a solution is tried again at this fraction.
+/// Steps are lengthened by at least this ratio: equal steps keep the factors of their Newton matrix.
+const LEAST_GROWTH: f64 = 1.2;
+/// Fraction at which a step without a solution is tried again.
 pub(super) const RETRY: f64 = 0.25;
-/// Errors below this say nothing about how much longer a step could be.
+/// Errors are counted as at least this: smaller ones do not tell how long a step may be.
 const LEAST_ERROR: f64 = 1e-8;
 
 /// Steps by a PI controller: with e the error in units of the tolerance, O(h^k),
@@ -27,26 +27,26 @@ pub struct Adaptive<State: Checkpoint> {
     stepper: Box<dyn Estimating<State = State>>,
     time: CompensatedTime,
     h: f64,
-    first: f64,
-    least: f64,
+    h_first: f64,
+    h_min: f64,
     last_error: f64,
     rejected: usize,
 }
 
 impl<State: Checkpoint> Adaptive<State> {
-    /// From `t0` to `t1` with a first step `h`, refusing steps below `least`; both positive.
+    /// From `t0` to `t1` with a first step `h`, refusing steps below `h_min`; both positive.
     pub fn new(
         stepper: Box<dyn Estimating<State = State>>,
         (t0, t1): (f64, f64),
         h: f64,
-        least: f64,
+        h_min: f64,
     ) -> Self {
         Self {
             stepper,
             time: CompensatedTime::new(t0, t1),
             h,
-            first: h,
-            least,
+            h_first: h,
+            h_min,
             last_error: 1.0,
             rejected: 0,
         }
@@ -57,8 +57,8 @@ impl<State: Checkpoint> Adaptive<State> {
         (self.stepper.error(), self.stepper.error_order())
     }
 
-    /// The step to try, signed: the last two share what is left.
-    fn fitted(&self) -> f64 {
+    /// The step to try, signed: the last two steps are of equal length.
+    fn next_step(&self) -> f64 {
         let left = self.time.left();
         let h = if self.h >= left.abs() {
             left.abs()
@@ -72,9 +72,9 @@ impl<State: Checkpoint> Adaptive<State> {
         self.time.advance(h);
         let error = error.max(LEAST_ERROR);
         let possible = SAFETY * error.powf(-1.0 / order);
-        if !(1.0..WORTH_IT).contains(&possible) {
+        if !(1.0..LEAST_GROWTH).contains(&possible) {
             let factor = SAFETY * error.powf(-0.7 / order) * self.last_error.powf(0.4 / order);
-            self.h = (factor.clamp(SHRINK, GROW) * h.abs()).max(self.least);
+            self.h = (factor.clamp(SHRINK, GROW) * h.abs()).max(self.h_min);
         }
         self.last_error = error;
     }
@@ -83,7 +83,7 @@ impl<State: Checkpoint> Adaptive<State> {
     fn reject(&mut self, h: f64, factor: f64, error: f64) -> Result<(), StepError> {
         self.rejected += 1;
         self.h = factor.max(SHRINK) * h.abs();
-        if self.h < self.least {
+        if self.h < self.h_min {
             return Err(StepError::StepTooSmall { h: self.h, error });
         }
         Ok(())
@@ -110,7 +110,7 @@ impl<State: Checkpoint> StepControl<State> for Adaptive<State> {
     fn step(&mut self, state: &mut State) -> Result<(), StepError> {
         let before = self.rejected;
         loop {
-            let h = self.fitted();
+            let h = self.next_step();
             let made = self.stepper.step(self.time.time(), h, state);
             let (error, order) = (self.stepper.error(), self.stepper.error_order());
             match made {
@@ -129,7 +129,7 @@ impl<State: Checkpoint> StepControl<State> for Adaptive<State> {
                 }
                 Err(error) => self
                     .reject(h, RETRY, f64::INFINITY)
-                    .map_err(|least| preferred(error, least))?,
+                    .map_err(|too_small| preferred(error, too_small))?,
             }
         }
     }
@@ -140,7 +140,7 @@ impl<State: Checkpoint> StepControl<State> for Adaptive<State> {
 
     fn shorten(&mut self, t: f64) {
         self.time.go_back(t);
-        self.h = self.first.min(self.h);
+        self.h = self.h_first.min(self.h);
         self.last_error = 1.0;
     }
 
@@ -153,12 +153,12 @@ impl<State: Checkpoint> StepControl<State> for Adaptive<State> {
     }
 }
 
-/// The error of a run whose shortest step has no solution: that of the model, if it is one.
-pub(super) fn preferred(error: StepError, least: StepError) -> StepError {
+/// The error of a run whose shortest step fails: the cause, where it lies in the model, else that the step is too small.
+pub(super) fn preferred(error: StepError, too_small: StepError) -> StepError {
     match error {
         StepError::NotConverged { .. }
         | StepError::StepTooLarge { .. }
-        | StepError::SingularNewton => least,
+        | StepError::SingularNewton => too_small,
         of_model => of_model,
     }
 }

@@ -2,15 +2,15 @@
 //! symmetric under time reversal.
 
 mod adaptive;
+mod between_times;
 mod fixed;
-mod listed;
 mod reversible;
 mod time;
 mod trial;
 
 pub use adaptive::Adaptive;
+pub use between_times::BetweenTimes;
 pub use fixed::Fixed;
-pub use listed::Listed;
 pub use reversible::Reversible;
 
 use crate::checkpoint::Checkpoint;
@@ -19,7 +19,7 @@ use crate::method::Stepper;
 
 /// The control of the steps of a run, and the stepper that makes them.
 ///
-/// A control owns its stepper, so that each can ask for the kind it needs: any, one with an error estimate, or a
+/// A control owns its stepper, so that each can require the kind it needs: any, one with an error estimate, or a
 /// symmetric one. Its checkpoint is that of the stepper, and then its own.
 pub trait StepControl<State: Checkpoint>: Checkpoint {
     /// The stepper.
@@ -39,7 +39,7 @@ pub trait StepControl<State: Checkpoint>: Checkpoint {
         n.is_multiple_of(every)
     }
 
-    /// Does a part of what comes before the first step, where there is any; says whether nothing is left of it.
+    /// Makes one step of the preparation before the first step, such as a trial run; returns whether it is complete.
     fn prepare(&mut self, _state: &State) -> bool {
         true
     }
@@ -50,12 +50,12 @@ pub trait StepControl<State: Checkpoint>: Checkpoint {
     /// Why it could not be made.
     fn step(&mut self, state: &mut State) -> Result<(), StepError>;
 
-    /// Goes on from this time within the last step, or at its end, with another state. Only controls of runs with
-    /// events are asked to.
+    /// Goes on from this time within the last step, or at its end, with another state. Called in
+    /// runs with events only.
     fn restart(&mut self, _t: f64, _state: &State) {}
 
-    /// Ends the last step earlier, at this time, from which the next one is as short as the first of a run. Only
-    /// controls by errors are asked to.
+    /// Ends the last step earlier, at this time, from which the next one is as short as the first of a run. Called
+    /// on controls by errors only.
     fn shorten(&mut self, _t: f64) {}
 
     /// How many steps were rejected.
@@ -76,6 +76,6 @@ pub struct StepSizes {
     pub smallest: f64,
     /// The largest made so far; zero before there is one.
     pub largest: f64,
-    /// The one to go on with from here, or back.
+    /// The next step from here, forwards or backwards.
     pub next: f64,
 }

@@ -22,47 +22,47 @@ use crate::observe::{Fitted, Monitor};
 
 /// Bound of the ratio of a half update; successive steps differ by its square at most.
 const BOUND: f64 = 1.5;
-/// A step that misses the end by less than this part of it is made to reach it.
-const NEARLY: f64 = 1e-3;
+/// A step that would miss the end by less than this fraction of itself is stretched to reach it.
+const STRETCH: f64 = 1e-3;
 
 /// A step whose error is more than this many tolerances is made again with a smaller scale.
 const MOST_ERROR: f64 = 2.0;
-/// The part of the allowed step that is tried then.
+/// The fraction of the allowed step that is tried then.
 const SAFETY: f64 = 0.9;
 
-/// What makes the steps.
-enum Maker<State> {
+/// The stepper, of a symmetric method or of one with an error estimate.
+enum StepMaker<State> {
     Symmetric(Box<dyn Symmetric<State = State>>),
     Estimating(Box<dyn Estimating<State = State>>),
 }
 
 /// Steps that follow a monitor.
 pub struct Reversible<State: Checkpoint> {
-    stepper: Maker<State>,
+    stepper: StepMaker<State>,
     time: CompensatedTime,
     /// The sign of the steps.
     sign: f64,
     /// The step size at the present state, and at the one before the last step.
     h: f64,
     before: f64,
-    least: f64,
-    /// What the steps follow; there is none before the end of the trial that fits it.
+    h_min: f64,
+    /// The monitor that the steps follow; none before the end of the trial that fits it.
     monitor: Option<Box<dyn Monitor<State>>>,
     trial: Option<Trial<State>>,
-    /// The step size that it has found at the start.
-    first: f64,
+    /// The step size at the start, as the trial has fitted it.
+    h_first: f64,
     /// ω at the present state, if it could be evaluated there.
     rate: Option<f64>,
     rejected: usize,
 }
 
 impl<State: Checkpoint> Reversible<State> {
-    /// From `t0` to `t1` with a step of about `h` at the start `state`, refusing steps below `least`; both
+    /// From `t0` to `t1` with a step of about `h` at the start `state`, refusing steps below `h_min`; both
     /// positive.
     pub fn new(
         stepper: Box<dyn Symmetric<State = State>>,
         (t0, t1): (f64, f64),
-        (h, least): (f64, f64),
+        (h, h_min): (f64, f64),
         mut monitor: Box<dyn Monitor<State>>,
         state: &State,
     ) -> Self {
@@ -70,42 +70,41 @@ impl<State: Checkpoint> Reversible<State> {
         Self {
             monitor: Some(monitor),
             rate,
-            ..Self::of(Maker::Symmetric(stepper), (t0, t1), (h, least))
+            ..Self::of(StepMaker::Symmetric(stepper), (t0, t1), (h, h_min))
         }
     }
 
-    /// With steps that meet the tolerance of a method, which need not be symmetric: they are as long as a `trial` of at
-    /// most so many steps with another stepper of the kind finds them allowed, and shorter from where they turn out
-    /// too long.
+    /// Steps that meet the tolerance of a method, which need not be symmetric. A `trial` of at most `most` steps with a
+    /// copy of the stepper fits their size; where a step turns out too long, the steps from there on are shorter.
     pub fn within_tolerance(
         [stepper, trial]: [Box<dyn Estimating<State = State>>; 2],
         most: usize,
         ends: (f64, f64),
-        (h, least): (f64, f64),
+        (h, h_min): (f64, f64),
         monitor: Box<dyn Fitted<State>>,
         state: &State,
     ) -> Self
     where
         State: Clone,
     {
-        let trial = Adaptive::new(trial, ends, h, least);
+        let trial = Adaptive::new(trial, ends, h, h_min);
         Self {
             trial: Some(Trial::new(trial, most, state.clone(), monitor)),
-            ..Self::of(Maker::Estimating(stepper), ends, (h, least))
+            ..Self::of(StepMaker::Estimating(stepper), ends, (h, h_min))
         }
     }
 
-    fn of(stepper: Maker<State>, (t0, t1): (f64, f64), (h, least): (f64, f64)) -> Self {
+    fn of(stepper: StepMaker<State>, (t0, t1): (f64, f64), (h, h_min): (f64, f64)) -> Self {
         Self {
             stepper,
             time: CompensatedTime::new(t0, t1),
             sign: (t1 - t0).signum(),
             h,
             before: h,
-            least,
+            h_min,
             monitor: None,
             trial: None,
-            first: h,
+            h_first: h,
             rate: None,
             rejected: 0,
         }
@@ -124,11 +123,11 @@ impl<State: Checkpoint> Reversible<State> {
         h / (1.0 - self.sign * rate * h / 2.0).clamp(1.0 / BOUND, BOUND)
     }
 
-    /// Makes a step of `h`; where an estimate refuses it, says which part of it to try.
+    /// Makes a step of `h`; where the error is too large, undoes it and returns the fraction to try instead.
     fn make(&mut self, h: f64, state: &mut State) -> Result<Option<f64>, StepError> {
         let t = self.time.time();
         let made = self.stepper_mut().step(t, h, state);
-        let Maker::Estimating(stepper) = &mut self.stepper else {
+        let StepMaker::Estimating(stepper) = &mut self.stepper else {
             return made.map(|()| None);
         };
         match made {
@@ -141,15 +140,15 @@ impl<State: Checkpoint> Reversible<State> {
             }
             Err(error) => {
                 let shorter = self.shorter(h, RETRY, f64::INFINITY).map(Some);
-                shorter.map_err(|least| preferred(error, least))
+                shorter.map_err(|too_small| preferred(error, too_small))
             }
         }
     }
 
-    /// The part of a step to try, unless that is too short.
+    /// The fraction of a step to try, unless that step is too short.
     fn shorter(&self, h: f64, part: f64, error: f64) -> Result<f64, StepError> {
         let h = part * h.abs();
-        if h < self.least {
+        if h < self.h_min {
             return Err(StepError::StepTooSmall { h, error });
         }
         Ok(part)
@@ -159,15 +158,15 @@ impl<State: Checkpoint> Reversible<State> {
 impl<State: Checkpoint> StepControl<State> for Reversible<State> {
     fn stepper(&self) -> &dyn Stepper<State = State> {
         match &self.stepper {
-            Maker::Symmetric(stepper) => &**stepper,
-            Maker::Estimating(stepper) => &**stepper,
+            StepMaker::Symmetric(stepper) => &**stepper,
+            StepMaker::Estimating(stepper) => &**stepper,
         }
     }
 
     fn stepper_mut(&mut self) -> &mut dyn Stepper<State = State> {
         match &mut self.stepper {
-            Maker::Symmetric(stepper) => &mut **stepper,
-            Maker::Estimating(stepper) => &mut **stepper,
+            StepMaker::Symmetric(stepper) => &mut **stepper,
+            StepMaker::Estimating(stepper) => &mut **stepper,
         }
     }
 
@@ -190,7 +189,7 @@ impl<State: Checkpoint> StepControl<State> for Reversible<State> {
         let (monitor, first) = trial.fit();
         self.monitor = Some(monitor);
         self.h = first.unwrap_or(self.h);
-        self.first = self.h;
+        self.h_first = self.h;
         self.rate = self.rate_at(state).ok();
         true
     }
@@ -205,11 +204,11 @@ impl<State: Checkpoint> StepControl<State> for Reversible<State> {
         let (mut wanted, mut h);
         loop {
             wanted = self.updated(self.h, rate);
-            if wanted < self.least {
+            if wanted < self.h_min {
                 let error = f64::NAN;
                 return Err(StepError::StepTooSmall { h: wanted, error });
             }
-            h = if wanted * (1.0 + NEARLY) < left.abs() {
+            h = if wanted * (1.0 + STRETCH) < left.abs() {
                 self.sign * wanted
             } else {
                 left
@@ -246,7 +245,7 @@ impl<State: Checkpoint> StepControl<State> for Reversible<State> {
     }
 }
 
-impl<State: Checkpoint> Checkpoint for Maker<State> {
+impl<State: Checkpoint> Checkpoint for StepMaker<State> {
     fn save(&self, member: usize, out: &mut dyn Numbers) {
         match self {
             Self::Symmetric(stepper) => stepper.save(member, out),
@@ -262,7 +261,8 @@ impl<State: Checkpoint> Checkpoint for Maker<State> {
     }
 }
 
-/// A run saved before the end of its trial makes it again, unless it goes back there: what the trial found is known then.
+/// A run saved before the end of its trial repeats the trial; one that is restored to such a time after its trial keeps
+/// the result.
 impl<State: Checkpoint> Checkpoint for Reversible<State> {
     fn save(&self, member: usize, out: &mut dyn Numbers) {
         self.stepper.save(member, out);
@@ -271,7 +271,7 @@ impl<State: Checkpoint> Checkpoint for Reversible<State> {
         self.monitor.is_some().save(member, out);
         if let Some(monitor) = &self.monitor {
             monitor.save(member, out);
-            self.first.save(member, out);
+            self.h_first.save(member, out);
         }
         self.rate.save(member, out);
         self.rejected.save(member, out);
@@ -289,12 +289,12 @@ impl<State: Checkpoint> Checkpoint for Reversible<State> {
             }
             let monitor = self.monitor.as_mut().ok_or(CheckpointMismatch)?;
             monitor.restore(member, saved)?;
-            self.first.restore(member, saved)?;
+            self.h_first.restore(member, saved)?;
         }
         self.rate.restore(member, saved)?;
         self.rejected.restore(member, saved)?;
         if !is_fitted && self.trial.is_none() {
-            self.h = self.first;
+            self.h = self.h_first;
             self.rate = None;
         }
         Ok(())

@@ -37,7 +37,7 @@ impl CompensatedTime {
         (self.t1 - self.t) - self.low
     }
 
-    /// Goes on by a signed step, the end reached where it is as long as what is left.
+    /// Goes on by a signed step; a step at least as long as the time left reaches the end.
     pub(super) fn advance(&mut self, h: f64) {
         self.smallest = self.smallest.min(h.abs());
         self.largest = self.largest.max(h.abs());

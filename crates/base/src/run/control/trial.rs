@@ -1,40 +1,40 @@
-//! Reversible steps that meet a tolerance: their monitor is fitted to a trial stretch.
+//! Reversible steps that meet a tolerance: their monitor is fitted to a trial run.
 //!
-//! A trial by the PI controller tells at each of its steps which step the tolerance allows there, h e^(−1/k). With x̄
-//! the mean in time of the monitor's quantity x, c = x̄. For each p, the scale ε(p) of the steps ε (c + x)^(−p) is the
-//! largest that all steps of the trial allow, and Σ h (c + x)^p / ε(p) is the number of steps that the stretch takes.
-//! The least p is taken that takes few steps: equal steps, p = 0, where others would save little.
+//! A trial run by the PI controller gives at each of its steps the step that the tolerance allows there, h e^(−1/k).
+//! c is the mean in time of the monitor's quantity x. For each p, the scale ε(p) of the steps ε (c + x)^(−p) is the
+//! largest that all steps of the trial allow, and Σ h (c + x)^p / ε(p) is the number of steps over the trial. The least
+//! p is taken whose number is at most 1.2 times the least one: equal steps, p = 0, where others would save little.
 
 use super::{Adaptive, StepControl};
 use crate::checkpoint::Checkpoint;
 use crate::observe::Fitted;
 
-/// The part of the allowed step that is taken.
+/// The fraction of the allowed step that is taken.
 const SAFETY: f64 = 0.9;
-/// Errors below this, in units of the tolerance, say too little about the step allowed.
-const TELLING: f64 = 1e-3;
+/// Steps whose error is below this, in units of the tolerance, do not bound the step allowed.
+const LEAST_ERROR: f64 = 1e-3;
 /// The powers p, in eighths: up to that of a passage by a centre of gravity, where steps are r^(3/2).
 const EIGHTHS: std::ops::RangeInclusive<u8> = 0..=12;
-/// How many times as many steps as at best may be taken.
-const FEW: f64 = 1.2;
+/// Largest ratio of the number of steps to the least one over all p.
+const MOST_STEPS_RATIO: f64 = 1.2;
 
 /// A step of the trial.
-struct Tried {
+struct TrialStep {
     h: f64,
-    /// The step that the tolerance allows, if the error says it.
+    /// The step that the tolerance allows, if the error is large enough to give it.
     allowed: Option<f64>,
     x: f64,
 }
 
-/// A trial stretch from a state, made step by step.
+/// A trial run from a state, made step by step.
 pub(super) struct Trial<State: Checkpoint> {
     control: Adaptive<State>,
     state: State,
     monitor: Box<dyn Fitted<State>>,
     most: usize,
-    /// The monitor's quantity at the start, and where the stretch ends so far.
+    /// The monitor's quantity at the start and at the present end.
     ends: [f64; 2],
-    tried: Vec<Tried>,
+    tried: Vec<TrialStep>,
     is_over: bool,
 }
 
@@ -71,15 +71,15 @@ impl<State: Checkpoint> Trial<State> {
         self.is_over
     }
 
-    /// Keeps what the step just made from `t` tells.
+    /// Keeps the allowed step and the quantity of the step just made from `t`.
     fn keep(&mut self, t: f64) {
         let now = self.control.time();
         let after = self.monitor.quantity(now, &self.state);
         let h = (now - t).abs();
         let (error, order) = self.control.error();
-        let allowed = (error >= TELLING).then(|| SAFETY * h * error.powf(-1.0 / order));
+        let allowed = (error >= LEAST_ERROR).then(|| SAFETY * h * error.powf(-1.0 / order));
         let x = f64::midpoint(self.ends[1], after);
-        self.tried.push(Tried { h, allowed, x });
+        self.tried.push(TrialStep { h, allowed, x });
         self.ends[1] = after;
     }
 
@@ -95,7 +95,7 @@ impl<State: Checkpoint> Trial<State> {
 }
 
 /// c, p and ε(p).
-fn fit(tried: &[Tried]) -> Option<(f64, f64, f64)> {
+fn fit(tried: &[TrialStep]) -> Option<(f64, f64, f64)> {
     let time: f64 = tried.iter().map(|step| step.h).sum();
     let offset = tried.iter().map(|step| step.h * step.x).sum::<f64>() / time;
     let is_usable = offset.is_finite() && offset > 0.0;
@@ -113,12 +113,14 @@ fn fit(tried: &[Tried]) -> Option<(f64, f64, f64)> {
         .iter()
         .map(|cost| cost.2)
         .fold(f64::INFINITY, f64::min);
-    let (power, scale, _) = costs.into_iter().find(|cost| cost.2 <= FEW * least)?;
+    let (power, scale, _) = costs
+        .into_iter()
+        .find(|cost| cost.2 <= MOST_STEPS_RATIO * least)?;
     Some((offset, power, scale))
 }
 
-/// The largest scale that the tolerance allows in all steps; where no error tells, that of the longest.
-fn scale(tried: &[Tried], offset: f64, power: f64) -> Option<f64> {
+/// The largest scale that the tolerance allows in all steps; without an allowed step, that of the longest step made.
+fn scale(tried: &[TrialStep], offset: f64, power: f64) -> Option<f64> {
     let allowed = tried
         .iter()
         .filter_map(|step| Some(step.allowed? / step.density(offset, power)));
@@ -135,7 +137,7 @@ fn density(x: f64, power: f64) -> f64 {
     if power == 0.0 { 1.0 } else { x.powf(-power) }
 }
 
-impl Tried {
+impl TrialStep {
     /// (c + x)^(−p)
     fn density(&self, offset: f64, power: f64) -> f64 {
         density(offset + self.x, power)

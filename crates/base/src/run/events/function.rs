@@ -15,7 +15,7 @@ pub struct EventRule {
     pub terminal: usize,
 }
 
-/// A function e of time and state, and what is known of it so far.
+/// A function e of time and state, and its signs and values so far.
 #[derive(Clone, Debug)]
 pub struct WatchedFunction {
     tape: Tape,
@@ -35,7 +35,7 @@ pub struct WatchedFunction {
 }
 
 impl WatchedFunction {
-    /// The function that a tape has, whose last input are the parameters.
+    /// The function of a tape, whose last input is the parameters.
     pub fn new(tape: Tape, params: &[f64], rule: EventRule) -> Self {
         Self {
             registers: tape.bind(params),
@@ -69,7 +69,7 @@ impl WatchedFunction {
     }
 
     /// Whether a zero counts where the sign becomes this one.
-    pub fn wants(&self, sign: f64) -> bool {
+    pub fn counts(&self, sign: f64) -> bool {
         f64::from(self.rule.direction) * sign >= 0.0
     }
 }

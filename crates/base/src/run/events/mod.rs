@@ -1,17 +1,17 @@
 //! Events: zeros of functions within steps, of which the exact value takes a part of the step.
 
 mod function;
-mod partial;
-mod parts;
+mod interpolant;
 mod search;
 mod step;
-mod trail;
+mod substep;
+mod substep_detector;
 
 pub use function::{EventRule, WatchedFunction};
-pub use partial::PartialStep;
-pub use parts::PartDetector;
-pub use search::{Scene, Trust};
+pub use search::{FunctionInStep, InterpolationAccuracy};
 pub use step::{Crossing, Search};
+pub use substep::Substep;
+pub use substep_detector::SubstepDetector;
 
 /// Samples of an event's function in a step.
 pub const SAMPLES: usize = 8;

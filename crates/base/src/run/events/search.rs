@@ -1,18 +1,18 @@
-//! Zeros of a function within a step, of which a rough copy is cheap.
+//! Zeros of a function e within a step.
 //!
-//! With θ from 0 to 1 over the step, the rough function is e on the interpolated trajectory, and the exact one
-//! e after one step of θ h from the start of this one: of the method's own accuracy, and continuous from step
-//! to step. The rough one is known at equal samples, one of them beyond each end of the step. Between two of
-//! opposite sign there is a zero; where |e| has a local minimum without a change of sign, it is followed
-//! there, by parabolas, until the sign changes after all or it is seen not to. Whatever comes close to zero is decided by
-//! the exact function, and so is where the zero is: by the iteration of [`crate::bracket`], to roundoff in t.
+//! With θ from 0 to 1 over the step, the interpolated function is e on the interpolated trajectory, and the exact one
+//! is e after one step of θ h from the start of this one: of the method's own accuracy, and continuous from step
+//! to step. The interpolated function is sampled at equal distances, once beyond each end of the step. Between two
+//! samples of opposite sign there is a zero. Where |e| has a local minimum without a change of sign, parabolas locate
+//! the minimum, until the sign changes or the minimum is found not to reach zero. Values near zero are replaced by
+//! those of the exact function, on which the zero is located by the iteration of [`crate::bracket`], to roundoff in t.
 
 use super::WatchedFunction;
 use crate::bracket::Bracket;
 use crate::error::StepError;
 
-/// An event's function in a step that is over, as a function of θ, rough and exact.
-pub trait Scene {
+/// An event's function e in a finished step, as a function of θ, interpolated and exact.
+pub trait FunctionInStep {
     /// The function.
     fn function(&mut self) -> &mut WatchedFunction;
 
@@ -20,19 +20,19 @@ pub trait Scene {
     ///
     /// # Errors
     /// It is not finite.
-    fn rough(&mut self, x: f64) -> Result<f64, StepError>;
+    fn interpolated(&mut self, x: f64) -> Result<f64, StepError>;
 
-    /// e after a step of this part.
+    /// e after a substep of this fraction.
     ///
     /// # Errors
     /// It is not finite, or the step cannot be made.
     fn exact(&mut self, x: f64) -> Result<f64, StepError>;
 
-    /// e at the start of the step, from numbers of the state changed by these parts of them in turn.
+    /// e at the start of the step, each number of the state changed by a fraction of itself, by these two in turn.
     ///
     /// # Errors
     /// It is not finite.
-    fn near(&mut self, parts: [f64; 2]) -> Result<f64, StepError>;
+    fn near_start(&mut self, parts: [f64; 2]) -> Result<f64, StepError>;
 }
 
 /// A value of the function, and whether it is that of the exact one.
@@ -50,61 +50,63 @@ pub(super) struct Zero {
     pub(super) sign: f64,
 }
 
-/// How far the rough function may be from the exact one.
+/// How far the interpolated function may be from the exact one.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Trust {
-    /// A minimum is decided by the exact function where it is closer to zero than so many times what the
-    /// samples around it bend.
-    close: f64,
-    /// And then between the samples around it, or so far beyond them.
-    aside: f64,
+pub struct InterpolationAccuracy {
+    /// A minimum is located on the exact function where it is closer to zero than so many second differences of the
+    /// samples around it.
+    near_zero: f64,
+    /// The range of that search beyond the samples around the minimum.
+    margin: f64,
 }
 
-impl Trust {
-    /// Of an interpolation whose error is far below what a step bends.
-    pub const FIRM: Self = Self {
-        close: 0.5,
-        aside: 0.0,
+impl InterpolationAccuracy {
+    /// Of an interpolation whose error is far below the second differences of its samples.
+    pub const FINE: Self = Self {
+        near_zero: 0.5,
+        margin: 0.0,
     };
     /// Of one whose error is of the same size, as with a method of order 2.
-    pub const LOOSE: Self = Self {
-        close: 8.0,
-        aside: 0.25,
+    pub const COARSE: Self = Self {
+        near_zero: 8.0,
+        margin: 0.25,
     };
 }
 
-/// A sample is, where it is smaller than this part of the difference to its neighbours.
-const SMALL: f64 = 0.05;
-/// So far beyond the ends of a step may a minimum lie that is looked at as one of it.
+/// A sample is evaluated exactly where it is smaller than this fraction of the difference to its neighbours.
+const NEAR_ZERO: f64 = 0.05;
+/// Minima beyond an end of the step by this fraction of it still count as those of the step.
 const BEYOND: f64 = 0.02;
-/// Values that following a minimum may take.
+/// Evaluations that locating a minimum may take.
 const MOST_VALUES: usize = 16;
-/// A minimum is found to this.
+/// Resolution of a minimum, in θ.
 const RESOLUTION: f64 = 1e-9;
-/// It is not followed further where that gains less than this part of it twice in turn.
+/// The search for a minimum ends where two steps in a row lower it by less than this fraction.
 const GAIN: f64 = 0.01;
-/// Zeros of the rough function are found to this.
-const ROUGHLY: f64 = 1e-7;
+/// Resolution of the zeros of the interpolated function, in θ.
+const INTERPOLATED_RESOLUTION: f64 = 1e-7;
 
 /// Appends the zeros within the step to `zeros`; `nodes` are its samples, those beyond its ends included,
 /// and `sign` that of the last clear value before.
-pub(super) fn look(
-    scene: &mut impl Scene,
+pub(super) fn find_zeros(
+    in_step: &mut impl FunctionInStep,
     nodes: &mut Vec<Node>,
     sign: &mut f64,
-    (trust, resolution): (Trust, f64),
+    (accuracy, resolution): (InterpolationAccuracy, f64),
     zeros: &mut Vec<Zero>,
 ) -> Result<(), StepError> {
     for k in 1..nodes.len() - 1 {
         let [before, node, after] = [nodes[k - 1].value, nodes[k].value, nodes[k + 1].value];
         let change = (before - node).abs().max((after - node).abs());
-        let bend = (before + after - 2.0 * node).abs();
-        if node.abs() < (SMALL * change).max(trust.close * bend) {
-            decide(scene, &mut nodes[k])?;
+        let curvature = (before + after - 2.0 * node).abs();
+        if node.abs() < (NEAR_ZERO * change).max(accuracy.near_zero * curvature) {
+            make_exact(in_step, &mut nodes[k])?;
         }
     }
     for k in (1..nodes.len() - 1).rev() {
-        if let Some(node) = dip(scene, [nodes[k - 1], nodes[k], nodes[k + 1]], trust)? {
+        if let Some(node) =
+            turning_point(in_step, [nodes[k - 1], nodes[k], nodes[k + 1]], accuracy)?
+        {
             let at = nodes.partition_point(|other| other.x <= node.x);
             nodes.insert(at, node);
         }
@@ -117,10 +119,10 @@ pub(super) fn look(
             *sign = now.signum();
         }
         if now * *sign < 0.0 {
-            let Some(x) = zero(scene, nodes[k - 1], nodes[k], resolution)? else {
-                // the rough signs were wrong: once more with the exact ones
+            let Some(x) = zero(in_step, nodes[k - 1], nodes[k], resolution)? else {
+                // the interpolated signs were wrong: repeat with the exact ones
                 for node in &mut nodes[k - 1..=k] {
-                    decide(scene, node)?;
+                    make_exact(in_step, node)?;
                 }
                 k -= 1;
                 continue;
@@ -134,56 +136,58 @@ pub(super) fn look(
 }
 
 /// Gives a node the exact value.
-fn decide(scene: &mut impl Scene, node: &mut Node) -> Result<(), StepError> {
+fn make_exact(in_step: &mut impl FunctionInStep, node: &mut Node) -> Result<(), StepError> {
     if !node.is_exact {
-        node.value = scene.exact(node.x)?;
+        node.value = in_step.exact(node.x)?;
         node.is_exact = true;
     }
     Ok(())
 }
 
-/// A node of another sign than that of three samples, if |e| has a minimum around the middle one that comes
-/// so far.
-fn dip(
-    scene: &mut impl Scene,
+/// A node whose sign is not that of three samples, if |e| has a minimum around the middle one that crosses zero.
+fn turning_point(
+    in_step: &mut impl FunctionInStep,
     samples: [Node; 3],
-    trust: Trust,
+    accuracy: InterpolationAccuracy,
 ) -> Result<Option<Node>, StepError> {
     let sign = samples[2].value.signum();
-    let rough = samples.map(|node| (node.x, sign * node.value));
-    let [(from, left), (_, middle), (to, right)] = rough;
-    let bend = left + right - 2.0 * middle;
-    let is_dip = left > 0.0 && right > 0.0 && (0.0..=left.min(right)).contains(&middle);
-    if !is_dip || middle > bend.max(trust.close * bend) {
+    let points = samples.map(|node| (node.x, sign * node.value));
+    let [(from, left), (_, middle), (to, right)] = points;
+    let curvature = left + right - 2.0 * middle;
+    let is_minimum = left > 0.0 && right > 0.0 && (0.0..=left.min(right)).contains(&middle);
+    if !is_minimum || middle > curvature.max(accuracy.near_zero * curvature) {
         return Ok(None);
     }
     if samples.iter().all(|node| node.is_exact) {
-        return turned(scene, sign, rough);
+        return negative_point(in_step, sign, points);
     }
-    let (x, value) = lowest(|x| Ok(sign * scene.rough(x)?), rough)?;
-    let beyond = trust.aside.max(BEYOND);
-    if value > trust.close * bend || !(-beyond..=1.0 + beyond).contains(&x) {
+    let (x, value) = minimize(|x| Ok(sign * in_step.interpolated(x)?), points)?;
+    let beyond = accuracy.margin.max(BEYOND);
+    if value > accuracy.near_zero * curvature || !(-beyond..=1.0 + beyond).contains(&x) {
         return Ok(None);
     }
-    let (from, to) = ((from - trust.aside).max(0.0), (to + trust.aside).min(1.0));
+    let (from, to) = (
+        (from - accuracy.margin).max(0.0),
+        (to + accuracy.margin).min(1.0),
+    );
     let margin = BEYOND * (to - from);
     let mut exact = [from, x.clamp(from + margin, to - margin), to].map(|x| (x, 0.0));
     for (x, value) in &mut exact {
-        *value = sign * scene.exact(*x)?;
+        *value = sign * in_step.exact(*x)?;
     }
-    turned(scene, sign, exact)
+    negative_point(in_step, sign, exact)
 }
 
-/// A point of the exact function, times `sign`, that is negative, if parabolas from three lead to one.
-fn turned(
-    scene: &mut impl Scene,
+/// A point where `sign` times the exact function is negative, if parabolas through three points lead to one.
+fn negative_point(
+    in_step: &mut impl FunctionInStep,
     sign: f64,
     points: [(f64, f64); 3],
 ) -> Result<Option<Node>, StepError> {
     let first = points.into_iter().find(|(_, value)| *value < 0.0);
     let (x, value) = match first {
         Some(found) => found,
-        None => lowest(|x| Ok(sign * scene.exact(x)?), points)?,
+        None => minimize(|x| Ok(sign * in_step.exact(x)?), points)?,
     };
     Ok((value < 0.0).then_some(Node {
         x,
@@ -192,8 +196,8 @@ fn turned(
     }))
 }
 
-/// The lowest point that parabolas lead to from three, or the first that is negative.
-fn lowest(
+/// The minimum that parabolas through three points lead to, or the first negative point.
+fn minimize(
     mut f: impl FnMut(f64) -> Result<f64, StepError>,
     [mut left, mut middle, mut right]: [(f64, f64); 3],
 ) -> Result<(f64, f64), StepError> {
@@ -228,9 +232,9 @@ fn lowest(
 fn vertex(left: (f64, f64), middle: (f64, f64), right: (f64, f64)) -> f64 {
     let (to_left, to_right) = (middle.0 - left.0, middle.0 - right.0);
     let (over_left, over_right) = (middle.1 - left.1, middle.1 - right.1);
-    let bend = to_left * over_right - to_right * over_left;
+    let curvature = to_left * over_right - to_right * over_left;
     let x = middle.0
-        - (to_left * to_left * over_right - to_right * to_right * over_left) / (2.0 * bend);
+        - (to_left * to_left * over_right - to_right * to_right * over_left) / (2.0 * curvature);
     if left.0 < x && x < right.0 {
         x
     } else if to_left > -to_right {
@@ -242,7 +246,7 @@ fn vertex(left: (f64, f64), middle: (f64, f64), right: (f64, f64)) -> f64 {
 
 /// The zero between two nodes of opposite sign, if the exact function has one.
 fn zero(
-    scene: &mut impl Scene,
+    in_step: &mut impl FunctionInStep,
     a: Node,
     b: Node,
     resolution: f64,
@@ -254,13 +258,13 @@ fn zero(
         a: (a.x, a.value),
         b: (b.x, b.value),
     };
-    let (mut x, slope) = roughly(scene, exact)?;
-    // the rough slope may be that of the rough function's way to an exact end
+    let (mut x, slope) = interpolated_zero(in_step, exact)?;
+    // between an interpolated node and an exact one the slope may be that of their difference
     let steep = slope.abs().min((b.value - a.value).abs() / exact.width());
     let mut best = (x, f64::INFINITY);
     let most = halvings(exact.width(), resolution) + 2;
     for left in (0..=most).rev() {
-        let value = scene.exact(x)?;
+        let value = in_step.exact(x)?;
         if value.abs() < best.1 {
             best = (x, value.abs());
         }
@@ -271,7 +275,7 @@ fn zero(
         if exact.width() <= 2.0 * resolution {
             break;
         }
-        // from the first value twice as far as it says: then the zero is between the two
+        // twice the first Newton step, so that the zero is bracketed
         let beyond = x - 2.0 * value / slope;
         let is_between = exact.a.0 < beyond && beyond < exact.b.0;
         x = if left == most && is_between {
@@ -280,28 +284,31 @@ fn zero(
             exact.estimate(left, resolution)
         };
     }
-    // an end that was never reached may have a sign that only the rough function has
+    // an end of the bracket may have a sign that only the interpolated function has
     for (end, node, other) in [(exact.a, a, b), (exact.b, b, a)] {
         let is_unseen = end.0.to_bits() == node.x.to_bits() && !node.is_exact;
-        if is_unseen && scene.exact(node.x)? * other.value > 0.0 {
+        if is_unseen && in_step.exact(node.x)? * other.value > 0.0 {
             return Ok(None);
         }
     }
     Ok(Some(best.0))
 }
 
-/// The zero of the rough function, and its slope there.
-fn roughly(scene: &mut impl Scene, ends: Bracket) -> Result<(f64, f64), StepError> {
-    let mut rough = ends;
-    for left in (0..=halvings(ends.width(), ROUGHLY) + 1).rev() {
-        if rough.width() <= 2.0 * ROUGHLY {
+/// The zero of the interpolated function, and its slope there.
+fn interpolated_zero(
+    in_step: &mut impl FunctionInStep,
+    ends: Bracket,
+) -> Result<(f64, f64), StepError> {
+    let mut bracket = ends;
+    for left in (0..=halvings(ends.width(), INTERPOLATED_RESOLUTION) + 1).rev() {
+        if bracket.width() <= 2.0 * INTERPOLATED_RESOLUTION {
             break;
         }
-        let x = rough.estimate(left, ROUGHLY);
-        rough.tighten(x, scene.rough(x)?);
+        let x = bracket.estimate(left, INTERPOLATED_RESOLUTION);
+        bracket.tighten(x, in_step.interpolated(x)?);
     }
-    let slope = (rough.b.1 - rough.a.1) / rough.width();
-    Ok((rough.a.0 - rough.a.1 / slope, slope))
+    let slope = (bracket.b.1 - bracket.a.1) / bracket.width();
+    Ok((bracket.a.0 - bracket.a.1 / slope, slope))
 }
 
 /// How many halvings lead from a width to twice a tolerance.

@@ -1,11 +1,11 @@
 //! The events of a step: the zeros of a function, from what the step before has left.
 
-use super::search::{Node, Scene, Trust, Zero, look};
+use super::search::{FunctionInStep, InterpolationAccuracy, Node, Zero, find_zeros};
 use super::{NOISE, SAMPLES};
 use crate::error::StepError;
 
-/// A start on an event is left for this part of the first step, as a power of 2, or more.
-const LEAVING: i32 = -24;
+/// Where a run starts on an event, the sign of e is that after this fraction of a sample, a power of 2, or later.
+const FIRST_PART: i32 = -24;
 
 /// A zero of an event's function in a step.
 #[derive(Clone, Copy, Debug)]
@@ -28,24 +28,24 @@ pub struct Search {
 }
 
 impl Search {
-    /// Appends the zeros of the event number `index` in a step of length h from t, and remembers what the next
-    /// step has to know.
+    /// Appends the zeros of the event number `index` in a step of length h from t, and keeps what the search in the
+    /// next step starts from.
     ///
     /// # Errors
     /// A value that has to be known is not finite, or a part of the step cannot be made.
     pub fn find(
         &mut self,
-        scene: &mut impl Scene,
+        in_step: &mut impl FunctionInStep,
         index: usize,
         (t, h): (f64, f64),
-        trust: Trust,
+        accuracy: InterpolationAccuracy,
         found: &mut Vec<Crossing>,
     ) -> Result<(), StepError> {
         let Self { nodes, zeros } = self;
         nodes.clear();
         zeros.clear();
         let (last, earlier, mut sign) = {
-            let function = scene.function();
+            let function = in_step.function();
             (function.last, function.earlier, function.sign)
         };
         let mut first = Node {
@@ -63,8 +63,8 @@ impl Search {
             (before.x, before.value) = (-earlier / h.abs(), value);
         } else {
             // before the start the function may not exist
-            before.value = scene.rough(before.x).unwrap_or(f64::NAN);
-            first = leaving(scene, (t, h), first)?;
+            before.value = in_step.interpolated(before.x).unwrap_or(f64::NAN);
+            first = after_start(in_step, (t, h), first)?;
             let is_on_it = first.x > 0.0 || first.value == 0.0;
             if is_on_it && sign != 0.0 && first.value * sign <= 0.0 {
                 // a piece of the run that begins on the event, on a known side of it
@@ -81,7 +81,7 @@ impl Search {
         if side.is_none() || first.value != 0.0 {
             nodes.push(first);
         }
-        let function = scene.function();
+        let function = in_step.function();
         nodes.extend(
             (function.samples.iter().zip(1_usize..)).map(|(value, k)| Node {
                 x: k as f64 / SAMPLES as f64,
@@ -92,32 +92,36 @@ impl Search {
         function.earlier = Some((h.abs() / SAMPLES as f64, function.samples[SAMPLES - 2]));
         function.last = function.samples[SAMPLES - 1];
         let resolution = f64::EPSILON / 2.0 * (t / h).abs().max(1.0);
-        look(scene, nodes, &mut sign, (trust, resolution), zeros)?;
-        let function = scene.function();
+        find_zeros(in_step, nodes, &mut sign, (accuracy, resolution), zeros)?;
+        let function = in_step.function();
         function.sign = sign;
         found.extend(zeros.iter().map(|zero| Crossing {
             x: zero.x,
             index,
             sign: zero.sign,
-            counts: function.wants(zero.sign),
+            counts: function.counts(zero.sign),
         }));
         Ok(())
     }
 }
 
-/// The start of a run for an event: where its function is nothing but roundoff, shortly after it.
-fn leaving(scene: &mut impl Scene, (t, h): (f64, f64), start: Node) -> Result<Node, StepError> {
-    let slope = (scene.function().samples[0] - start.value).abs() * SAMPLES as f64;
+/// The first point of a run where an event's function exceeds its roundoff.
+fn after_start(
+    in_step: &mut impl FunctionInStep,
+    (t, h): (f64, f64),
+    start: Node,
+) -> Result<Node, StepError> {
+    let slope = (in_step.function().samples[0] - start.value).abs() * SAMPLES as f64;
     let mut noise = NOISE * slope * (t / h).abs().max(1.0);
     for parts in [[NOISE, NOISE], [NOISE, -NOISE]] {
-        noise = noise.max((scene.near(parts)? - start.value).abs());
+        noise = noise.max((in_step.near_start(parts)? - start.value).abs());
     }
     if start.value.abs() > noise {
         return Ok(start);
     }
-    for power in LEAVING..0 {
+    for power in FIRST_PART..0 {
         let x = f64::from(power).exp2() / SAMPLES as f64;
-        let value = scene.rough(x)?;
+        let value = in_step.interpolated(x)?;
         if value.abs() > 2.0 * noise {
             return Ok(Node {
                 x,

@@ -1,11 +1,11 @@
-//! Parts of a step, repeated from its start.
+//! Substeps: parts of a step, made from its start.
 
 use crate::checkpoint::Checkpoint;
 use crate::error::StepError;
 use crate::method::Stepper;
 
-/// A stepper that repeats parts of a step, and the states before and after.
-pub struct PartialStep<State: Checkpoint> {
+/// A stepper that makes parts of a step again, and the states before and after.
+pub struct Substep<State: Checkpoint> {
     /// Makes the same steps as the run.
     pub stepper: Box<dyn Stepper<State = State>>,
     /// Where the step begins.
@@ -16,11 +16,11 @@ pub struct PartialStep<State: Checkpoint> {
     pub end: f64,
     /// The state where it begins.
     pub start: State,
-    /// The state that a part of it has led to.
+    /// The state at the end of the last substep.
     pub state: State,
 }
 
-impl<State: Checkpoint + Clone> PartialStep<State> {
+impl<State: Checkpoint + Clone> Substep<State> {
     /// Parts of the steps of `stepper`, whose states have the size of `state`.
     pub fn new(stepper: Box<dyn Stepper<State = State>>, state: &State) -> Self {
         Self {
@@ -33,17 +33,17 @@ impl<State: Checkpoint + Clone> PartialStep<State> {
         }
     }
 
-    /// Makes this part of the step, all of which leads to `end`; returns the time.
+    /// Makes this fraction of the step, which ends at `end` as a whole; returns the time.
     ///
     /// # Errors
     /// The part cannot be made.
     #[allow(clippy::float_cmp)] // 0 and 1 are the ends of the step
-    pub fn go(&mut self, part: f64, end: &State) -> Result<f64, StepError> {
+    pub fn advance_to_fraction(&mut self, part: f64, end: &State) -> Result<f64, StepError> {
         if part == 1.0 {
             self.state.clone_from(end);
             return Ok(self.end);
         }
-        self.by(part * self.h)?;
+        self.advance_by(part * self.h)?;
         Ok(self.t + part * self.h)
     }
 
@@ -51,7 +51,7 @@ impl<State: Checkpoint + Clone> PartialStep<State> {
     ///
     /// # Errors
     /// It cannot be made.
-    pub fn by(&mut self, length: f64) -> Result<(), StepError> {
+    pub fn advance_by(&mut self, length: f64) -> Result<(), StepError> {
         self.state.clone_from(&self.start);
         if length == 0.0 {
             return Ok(());

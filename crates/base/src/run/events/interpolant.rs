@@ -1,4 +1,4 @@
-//! The last ends of steps, and the polynomial through them: a trajectory between steps, where nothing but states is known.
+//! The polynomial through the last ends of steps: a trajectory between steps of methods without a dense output.
 
 use crate::checkpoint::{Checkpoint, CheckpointMismatch, Numbers};
 use crate::error::StepError;
@@ -8,7 +8,7 @@ use crate::observe::Observe;
 pub(super) const KNOTS: usize = 6;
 
 /// The last points of a trajectory, as an observer reads them from its states.
-pub(super) struct Trail<State> {
+pub(super) struct Interpolant<State> {
     reader: Box<dyn Observe<State>>,
     /// Times and rows, the last one last.
     knots: Vec<(f64, Vec<f64>)>,
@@ -18,8 +18,8 @@ pub(super) struct Trail<State> {
     point: Vec<f64>,
 }
 
-impl<State> Trail<State> {
-    /// A trail of what `reader` reads from states of the size of `state`.
+impl<State> Interpolant<State> {
+    /// A interpolant of what `reader` reads from states of the size of `state`.
     pub(super) fn new(reader: Box<dyn Observe<State>>, state: &State) -> Self {
         let row = || Vec::with_capacity(reader.width(state));
         Self {
@@ -49,11 +49,11 @@ impl<State> Trail<State> {
         knot.1.clear();
         self.reader.observe(t, state, &mut knot.1)?;
         self.knots.push(knot);
-        self.weigh();
+        self.update_weights();
         Ok(())
     }
 
-    fn weigh(&mut self) {
+    fn update_weights(&mut self) {
         let Self { knots, weights, .. } = self;
         for (k, weight) in weights.iter_mut().take(knots.len()).enumerate() {
             *weight = 1.0 / product(knots, k, knots[k].0);
@@ -61,7 +61,7 @@ impl<State> Trail<State> {
     }
 
     /// Goes to the value of the polynomial at `t`.
-    pub(super) fn move_to(&mut self, t: f64) {
+    pub(super) fn interpolate(&mut self, t: f64) {
         let Self {
             knots,
             point,
@@ -82,13 +82,13 @@ impl<State> Trail<State> {
     ///
     /// # Errors
     /// The state cannot be read.
-    pub(super) fn move_on(&mut self, t: f64, state: &State) -> Result<(), StepError> {
+    pub(super) fn read(&mut self, t: f64, state: &State) -> Result<(), StepError> {
         self.point.clear();
         self.reader.observe(t, state, &mut self.point)
     }
 
     /// Changes the numbers where it has gone to by these parts of them, in turn.
-    pub(super) fn change(&mut self, parts: [f64; 2]) {
+    pub(super) fn perturb(&mut self, parts: [f64; 2]) {
         for (value, part) in self.point.iter_mut().zip(parts.into_iter().cycle()) {
             *value += part * *value;
         }
@@ -106,7 +106,7 @@ fn product(knots: &[(f64, Vec<f64>)], but: usize, t: f64) -> f64 {
     others.map(|(_, (at, _))| t - at).product()
 }
 
-impl<State> Checkpoint for Trail<State> {
+impl<State> Checkpoint for Interpolant<State> {
     fn save(&self, member: usize, out: &mut dyn Numbers) {
         self.knots.len().save(member, out);
         for (t, row) in &self.knots {
@@ -131,7 +131,7 @@ impl<State> Checkpoint for Trail<State> {
             row.extend_from_slice(crate::checkpoint::split_front(saved, width)?);
             self.knots.push((t, row));
         }
-        self.weigh();
+        self.update_weights();
         Ok(())
     }
 }

@@ -6,7 +6,7 @@ use crate::error::StepError;
 use crate::method::Stepper;
 
 /// Equal steps from each of several times to the next, at which the states are recorded.
-pub struct Listed<State: Checkpoint> {
+pub struct BetweenTimes<State: Checkpoint> {
     stepper: Box<dyn Stepper<State = State>>,
     start: f64,
     stops: Vec<(f64, usize)>,
@@ -14,7 +14,7 @@ pub struct Listed<State: Checkpoint> {
     n: usize,
 }
 
-impl<State: Checkpoint> Listed<State> {
+impl<State: Checkpoint> BetweenTimes<State> {
     /// From `t0` to each of these times in turn, by so many steps.
     pub fn new(
         stepper: Box<dyn Stepper<State = State>>,
@@ -43,7 +43,7 @@ impl<State: Checkpoint> Listed<State> {
     }
 }
 
-impl<State: Checkpoint> StepControl<State> for Listed<State> {
+impl<State: Checkpoint> StepControl<State> for BetweenTimes<State> {
     fn stepper(&self) -> &dyn Stepper<State = State> {
         &*self.stepper
     }
@@ -76,4 +76,4 @@ impl<State: Checkpoint> StepControl<State> for Listed<State> {
     }
 }
 
-crate::checkpoint!([State: Checkpoint] Listed<State> { stepper, start, stop, n });
+crate::checkpoint!([State: Checkpoint] BetweenTimes<State> { stepper, start, stop, n });

@@ -1,11 +1,14 @@
-//! Events, and states at given times, as ends of steps of their own from the end of the last whole step before.
+//! Detection of events, and states at given times, by substeps: shorter steps of the same method from the last end of a
+//! step.
 //!
-//! A shorter step by the same method keeps what the method keeps, as no interpolation does, and has its order. Where zeros
-//! of events may be is seen on the polynomial through the last ends of steps.
+//! A substep has the order of the method and keeps its invariants, which an interpolation does not. Zeros are first
+//! located on the polynomial through the last ends of steps.
 
 use super::super::{Ending, EventDetector, Events, Hits, Outcome, Records, reserve};
-use super::trail::{KNOTS, Trail};
-use super::{Crossing, PartialStep, SAMPLES, Scene, Search, Trust, WatchedFunction};
+use super::interpolant::{Interpolant, KNOTS};
+use super::{
+    Crossing, FunctionInStep, InterpolationAccuracy, SAMPLES, Search, Substep, WatchedFunction,
+};
 use crate::checkpoint::Checkpoint;
 use crate::error::StepError;
 use crate::method::Stepper;
@@ -15,12 +18,12 @@ use crate::observe::Observe;
 const ROUNDOFF: f64 = 1e-9;
 
 /// Finds events, and records a run at given times, in the order of the run.
-pub struct PartDetector<State: Checkpoint> {
-    partial: PartialStep<State>,
+pub struct SubstepDetector<State: Checkpoint> {
+    substep: Substep<State>,
     observer: Box<dyn Observe<State>>,
     times: Option<Vec<f64>>,
     next: usize,
-    trail: Trail<State>,
+    interpolant: Interpolant<State>,
     functions: Vec<WatchedFunction>,
     search: Search,
     found: Vec<Crossing>,
@@ -30,38 +33,38 @@ pub struct PartDetector<State: Checkpoint> {
 
 /// An event's function in a step that is over.
 struct InStep<'a, State: Checkpoint> {
-    partial: &'a mut PartialStep<State>,
-    trail: &'a mut Trail<State>,
+    substep: &'a mut Substep<State>,
+    interpolant: &'a mut Interpolant<State>,
     function: &'a mut WatchedFunction,
     end: &'a State,
 }
 
-impl<State: Checkpoint + Clone> Scene for InStep<'_, State> {
+impl<State: Checkpoint + Clone> FunctionInStep for InStep<'_, State> {
     fn function(&mut self) -> &mut WatchedFunction {
         self.function
     }
 
-    fn rough(&mut self, x: f64) -> Result<f64, StepError> {
-        let t = self.partial.t + x * self.partial.h;
-        self.trail.move_to(t);
-        self.function.at([&[t], self.trail.point()])
+    fn interpolated(&mut self, x: f64) -> Result<f64, StepError> {
+        let t = self.substep.t + x * self.substep.h;
+        self.interpolant.interpolate(t);
+        self.function.at([&[t], self.interpolant.point()])
     }
 
     fn exact(&mut self, x: f64) -> Result<f64, StepError> {
-        let t = self.partial.go(x, self.end)?;
-        self.trail.move_on(t, &self.partial.state)?;
-        self.function.at([&[t], self.trail.point()])
+        let t = self.substep.advance_to_fraction(x, self.end)?;
+        self.interpolant.read(t, &self.substep.state)?;
+        self.function.at([&[t], self.interpolant.point()])
     }
 
-    fn near(&mut self, parts: [f64; 2]) -> Result<f64, StepError> {
-        let t = self.partial.t;
-        self.trail.move_on(t, &self.partial.start)?;
-        self.trail.change(parts);
-        self.function.at([&[t], self.trail.point()])
+    fn near_start(&mut self, parts: [f64; 2]) -> Result<f64, StepError> {
+        let t = self.substep.t;
+        self.interpolant.read(t, &self.substep.start)?;
+        self.interpolant.perturb(parts);
+        self.function.at([&[t], self.interpolant.point()])
     }
 }
 
-impl<State: Checkpoint + Clone> PartDetector<State> {
+impl<State: Checkpoint + Clone> SubstepDetector<State> {
     /// Finds events of functions (t, x) of what `reader` reads from a state, and records by `observer` at `times` if they
     /// are given; steps are made by `stepper`, a copy of the run's.
     pub fn new(
@@ -71,11 +74,11 @@ impl<State: Checkpoint + Clone> PartDetector<State> {
         (observer, times): (Box<dyn Observe<State>>, Option<Vec<f64>>),
     ) -> Self {
         Self {
-            partial: PartialStep::new(stepper, state),
+            substep: Substep::new(stepper, state),
             observer,
             times,
             next: 0,
-            trail: Trail::new(reader, state),
+            interpolant: Interpolant::new(reader, state),
             search: Search::default(),
             found: Vec::new(),
             hits: vec![Hits::default(); functions.len()],
@@ -86,24 +89,35 @@ impl<State: Checkpoint + Clone> PartDetector<State> {
 
     /// The zeros of all functions in a step that led to `end`, in the order of time.
     fn find(&mut self, end: &State) -> Result<(), StepError> {
-        let (t, h) = (self.partial.t, self.partial.h);
+        let (t, h) = (self.substep.t, self.substep.h);
         // of the first step there are no ends before
-        for part in 1..if self.trail.len() == 1 { KNOTS - 1 } else { 1 } {
-            let t = self.partial.go(part as f64 / (KNOTS - 1) as f64, end)?;
-            self.trail.push(t, &self.partial.state)?;
+        for part in 1..if self.interpolant.len() == 1 {
+            KNOTS - 1
+        } else {
+            1
+        } {
+            let t = self
+                .substep
+                .advance_to_fraction(part as f64 / (KNOTS - 1) as f64, end)?;
+            self.interpolant.push(t, &self.substep.state)?;
         }
-        self.trail.push(self.partial.end, end)?;
+        self.interpolant.push(self.substep.end, end)?;
         self.sample(end)?;
         self.found.clear();
         for index in 0..self.functions.len() {
-            let mut scene = InStep {
-                partial: &mut self.partial,
-                trail: &mut self.trail,
+            let mut function = InStep {
+                substep: &mut self.substep,
+                interpolant: &mut self.interpolant,
                 function: &mut self.functions[index],
                 end,
             };
-            self.search
-                .find(&mut scene, index, (t, h), Trust::LOOSE, &mut self.found)?;
+            self.search.find(
+                &mut function,
+                index,
+                (t, h),
+                InterpolationAccuracy::COARSE,
+                &mut self.found,
+            )?;
         }
         self.found.sort_by(|a, b| a.x.total_cmp(&b.x));
         Ok(())
@@ -115,15 +129,15 @@ impl<State: Checkpoint + Clone> PartDetector<State> {
             function.samples.clear();
         }
         for k in 1..=SAMPLES + 1 {
-            let mut t = self.partial.t + k as f64 / SAMPLES as f64 * self.partial.h;
+            let mut t = self.substep.t + k as f64 / SAMPLES as f64 * self.substep.h;
             if k == SAMPLES {
-                t = self.partial.end;
-                self.trail.move_on(t, end)?;
+                t = self.substep.end;
+                self.interpolant.read(t, end)?;
             } else {
-                self.trail.move_to(t);
+                self.interpolant.interpolate(t);
             }
             for function in &mut self.functions {
-                let value = match function.at([&[t], self.trail.point()]) {
+                let value = match function.at([&[t], self.interpolant.point()]) {
                     // beyond the step a value only shows whether the function has turned
                     Err(_) if k > SAMPLES => f64::NAN,
                     value => value?,
@@ -143,13 +157,13 @@ impl<State: Checkpoint + Clone> PartDetector<State> {
             if !counts {
                 continue;
             }
-            let t = self.partial.go(x, state)?;
-            self.trail.move_on(t, &self.partial.state)?;
+            let t = self.substep.advance_to_fraction(x, state)?;
+            self.interpolant.read(t, &self.substep.state)?;
             let hits = &mut self.hits[index];
             reserve(&mut hits.times, 1)?;
-            reserve(&mut hits.rows, self.trail.point().len())?;
+            reserve(&mut hits.rows, self.interpolant.point().len())?;
             hits.times.push(t);
-            hits.rows.extend_from_slice(self.trail.point());
+            hits.rows.extend_from_slice(self.interpolant.point());
             let function = &mut self.functions[index];
             function.count += 1;
             if function.count == function.rule.terminal {
@@ -159,7 +173,7 @@ impl<State: Checkpoint + Clone> PartDetector<State> {
                     limit: None,
                     member: 0,
                 });
-                state.clone_from(&self.partial.state);
+                state.clone_from(&self.substep.state);
                 return Ok(Outcome::End(t));
             }
         }
@@ -167,22 +181,22 @@ impl<State: Checkpoint + Clone> PartDetector<State> {
     }
 
     /// Records at the given times up to `end`.
-    fn emit(&mut self, end: f64, records: &mut Records) -> Result<(), StepError> {
-        let (t, h) = (self.partial.t, self.partial.h);
+    fn record_times(&mut self, end: f64, records: &mut Records) -> Result<(), StepError> {
+        let (t, h) = (self.substep.t, self.substep.h);
         let times = self.times.as_deref().unwrap_or_default();
         while let Some(&wanted) = times.get(self.next) {
             if (wanted - end) / h > ROUNDOFF {
                 break;
             }
-            self.partial.by(wanted - t)?;
-            records.push(&mut *self.observer, wanted, &self.partial.state)?;
+            self.substep.advance_by(wanted - t)?;
+            records.push(&mut *self.observer, wanted, &self.substep.state)?;
             self.next += 1;
         }
         Ok(())
     }
 }
 
-impl<State: Checkpoint + Clone> EventDetector<State> for PartDetector<State> {
+impl<State: Checkpoint + Clone> EventDetector<State> for SubstepDetector<State> {
     fn is_recording(&self) -> bool {
         self.times.is_some()
     }
@@ -191,17 +205,17 @@ impl<State: Checkpoint + Clone> EventDetector<State> for PartDetector<State> {
         if self.functions.is_empty() {
             return Ok(());
         }
-        self.trail.push(t, state)?;
-        self.trail.move_on(t, state)?;
+        self.interpolant.push(t, state)?;
+        self.interpolant.read(t, state)?;
         for function in &mut self.functions {
-            function.last = function.at([&[t], self.trail.point()])?;
+            function.last = function.at([&[t], self.interpolant.point()])?;
         }
         Ok(())
     }
 
     fn before(&mut self, t: f64, state: &mut State) {
-        self.partial.t = t;
-        self.partial.start.clone_from(state);
+        self.substep.t = t;
+        self.substep.start.clone_from(state);
     }
 
     fn after(
@@ -210,7 +224,7 @@ impl<State: Checkpoint + Clone> EventDetector<State> for PartDetector<State> {
         state: &mut State,
         records: &mut Records,
     ) -> Result<Outcome, StepError> {
-        (self.partial.end, self.partial.h) = (t, t - self.partial.t);
+        (self.substep.end, self.substep.h) = (t, t - self.substep.t);
         let mut outcome = Outcome::Continue;
         if !self.functions.is_empty() {
             self.find(state)?;
@@ -220,7 +234,7 @@ impl<State: Checkpoint + Clone> EventDetector<State> for PartDetector<State> {
             Outcome::End(end) => end,
             _ => t,
         };
-        self.emit(end, records)?;
+        self.record_times(end, records)?;
         Ok(outcome)
     }
 
@@ -236,7 +250,7 @@ impl<State: Checkpoint + Clone> EventDetector<State> for PartDetector<State> {
 
 // Events are not saved: they were taken before.
 crate::checkpoint!(
-    [State: Checkpoint] PartDetector<State> { partial.stepper, trail, functions, end, observer, next }
+    [State: Checkpoint] SubstepDetector<State> { substep.stepper, interpolant, functions, end, observer, next }
     then |detector| {
         for hits in &mut detector.hits {
             hits.times.clear();
