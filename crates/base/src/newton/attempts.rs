@@ -1,49 +1,50 @@
-//! The ladder of attempts at the equations of a step, and whether a solution is the step's own.
+//! The sequence of attempts at the equations of a step, and the choice of the solution's branch.
 //!
-//! A step is attempted from the step before with the matrix at hand, from there with a new matrix, and cold.
-//! The solution of a step is the one on the branch that begins at the present state as h grows from 0. What
-//! an attempt finds near its start is taken; anything else is confirmed. It is followed to shorter steps, until
-//! one is near its start. Where that is not to be had the step is solved from the still start with a matrix for
-//! each correction, and, where that moves far too, by continuation through longer and longer steps.
+//! A step is attempted from the extrapolated start with the matrix at hand, from there with a new matrix, and from the
+//! cold start. The solution of a step is the one on the branch that begins at the present state as h grows from 0. A
+//! solution near its start is accepted; any other is confirmed by path following: it is continued to shorter steps,
+//! until one is near its start. Where that fails, the step is solved by full Newton from the still start, and, where
+//! the solution is far from there too, by continuation through longer and longer steps.
+//! Source: docs/theory/newton.md.
 
 use super::Rest;
 use crate::error::StepError;
 
-/// Where the unknowns of a step start.
+/// The start values of the unknowns of a step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Start {
-    /// On what was found in the step before.
+    /// Extrapolated from the step before.
     Extrapolated,
-    /// At the present state and its accelerations.
+    /// Motion with the present velocities and accelerations.
     Cold,
-    /// Without accelerations.
+    /// Uniform motion: the present velocities, without accelerations.
     Still,
-    /// Where the solution in [`Slot::Part`], of a shorter or longer step from the same state, leads.
+    /// The extrapolation of the solution in [`Slot::Part`], of a shorter or longer step from the same state.
     Continued,
-    /// At that solution: of stiff forces, what it leads to is nonsense.
+    /// That solution itself: for stiff forces the extrapolation is far off.
     Part,
 }
 
-/// Solutions of a step that are kept beside the present one.
+/// Places where solutions of a step are kept beside the present one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Slot {
-    /// What is to be confirmed.
+    /// The solution to be confirmed.
     First,
-    /// The last part of the step that is solved.
+    /// The solution of the last part of the step.
     Part,
-    /// Where another part starts.
+    /// The start values of the next part.
     Start,
 }
 
-/// A method in the middle of a step, whose equations are attempted from several starts.
+/// The equations of a step, which are attempted from several starts.
 pub trait Attempts {
-    /// Writes a start for a step of `h`; says whether there is such a one.
+    /// Writes start values for a step of `h`; returns whether there are such.
     ///
     /// # Errors
-    /// A value that it needs is not finite.
+    /// A value of the model is not finite.
     fn start(&mut self, h: f64, start: Start) -> Result<bool, StepError>;
 
-    /// Whether a matrix is at hand that an earlier step of `h` has left.
+    /// Whether there is a matrix of an earlier step of `h`.
     fn is_reusable(&self, _h: f64) -> bool {
         false
     }
@@ -51,20 +52,20 @@ pub trait Attempts {
     /// Discards that matrix.
     fn discard(&mut self) {}
 
-    /// Iterates with one matrix from the unknowns as they are, for a step of `h`; says whether the solution is
-    /// near its start.
+    /// Solves a step of `h` by modified Newton from the present unknowns; returns whether the solution is near its
+    /// start.
     ///
     /// # Errors
     /// The equations are not solved.
     fn iterate(&mut self, h: f64) -> Result<bool, StepError>;
 
-    /// Counts a step whose extrapolated start has failed.
+    /// Counts a failure of the extrapolated start.
     fn count_cold_start(&mut self);
 }
 
-/// A method whose solutions can be confirmed.
+/// The equations of a step whose solutions can be followed along their branch.
 pub trait Confirms: Attempts {
-    /// Iterates with a matrix for each correction; says whether the solution is near its start.
+    /// Solves a step of `h` by full Newton; returns whether the solution is near its start.
     ///
     /// # Errors
     /// The equations are not solved.
@@ -76,37 +77,37 @@ pub trait Confirms: Attempts {
     /// Puts kept unknowns, of a step of `h`, back.
     fn put_back(&mut self, h: f64, slot: Slot);
 
-    /// How far kept unknowns place the coordinates from where the present ones, of a step of `h`, do, relative to
-    /// their size, and the coordinate that is the furthest.
+    /// The largest distance between coordinates of the kept unknowns and of the present ones, of a step of `h`,
+    /// relative to their size, and in which coordinate.
     fn distance(&mut self, h: f64, slot: Slot) -> (f64, usize);
 
-    /// How long the modified iteration rests after steps that only full Newton has solved.
+    /// The rest of the modified iteration after steps that only full Newton has solved.
     fn rest(&mut self) -> &mut Rest;
 }
 
-/// Solutions that differ by less are the same.
+/// Solutions at a smaller distance are the same.
 const SAME: f64 = 1e-6;
-/// Continuation begins with this part of the step, or else with its square.
+/// Continuation begins with this fraction of the step, or where that fails with its square.
 const FIRST_PART: f64 = 0.125;
-/// The next part is longer by this factor at most, and by less where its solution is not where the last one leads.
+/// Largest ratio of successive parts; it is lowered where a solution is off the extrapolation of the last one.
 const LONGER: f64 = 2.0;
-/// A branch that cannot be followed to a part longer by this factor ends.
+/// The branch ends where no part longer by this ratio can be solved.
 const LEAST_LONGER: f64 = 1.001;
-/// Each part that a solution is followed down to is so much of the last, and they are so many at most.
+/// Ratio of successive parts where a solution is followed to shorter steps, and how many there are at most.
 const SHORTER: f64 = 0.5;
 const MOST_SHORTER: i32 = 3;
-/// A solution further from where the last one leads need not be on its branch.
+/// A solution further from the extrapolation of the last one need not be on its branch.
 const OFF: f64 = 0.01;
-/// Nor need one that is further from the last one itself.
+/// The same of its distance from the last solution itself.
 const APART: f64 = 0.1;
-/// Parts that are tried.
+/// The most parts of a continuation.
 const MOST_PARTS: usize = 60;
 
-/// Solves the equations of a step of `h` with one matrix: from the step before, and cold; says whether the solution
-/// is near its start.
+/// Solves the equations of a step of `h` by modified Newton, from the extrapolated start, then from the cold one;
+/// returns whether the solution is near its start.
 ///
 /// # Errors
-/// That of the cold attempt, or of an earlier one that met a value of the model that is not finite.
+/// That of the cold attempt, or of an earlier one where a value of the model is not finite.
 pub fn attempt_modified(step: &mut impl Attempts, h: f64) -> Result<bool, StepError> {
     let mut failed = None;
     if step.start(h, Start::Extrapolated)? {
@@ -155,7 +156,7 @@ pub fn attempt(step: &mut impl Confirms, h: f64) -> Result<(), StepError> {
     }
 }
 
-/// Makes sure of the present solution, which is kept as it was found, or finds the step's own.
+/// Confirms the present solution, which is then kept to the bit, or finds the one on the branch of the present state.
 #[cold]
 fn confirm(step: &mut impl Confirms, h: f64) -> Result<(), StepError> {
     if is_own(step, h)? {
@@ -170,7 +171,7 @@ fn confirm(step: &mut impl Confirms, h: f64) -> Result<(), StepError> {
     Ok(())
 }
 
-/// Solves with a matrix for each correction from the still start, and by continuation where that leads far.
+/// Solves by full Newton from the still start, and by continuation where that solution is far.
 #[cold]
 fn from_still(step: &mut impl Confirms, h: f64) -> Result<(), StepError> {
     match full_from_still(step, h)? {
@@ -180,14 +181,14 @@ fn from_still(step: &mut impl Confirms, h: f64) -> Result<(), StepError> {
     }
 }
 
-/// What a matrix for each correction finds from the still start: whether it is near.
+/// The outcome of full Newton from the still start: whether the solution is near.
 fn full_from_still(step: &mut impl Confirms, h: f64) -> Result<Result<bool, StepError>, StepError> {
     step.discard();
     step.start(h, Start::Still)?;
     Ok(step.iterate_full(h))
 }
 
-/// Solves for a part of the step, and by continuation for all of it.
+/// Solves for a part of the step, and continues from there to the whole step.
 fn by_parts(step: &mut impl Confirms, h: f64) -> Result<(), StepError> {
     if full_from_still(step, FIRST_PART * h)?.is_ok() {
         return continuation(step, h, FIRST_PART);
@@ -197,7 +198,8 @@ fn by_parts(step: &mut impl Confirms, h: f64) -> Result<(), StepError> {
     continuation(step, h, part)
 }
 
-/// Whether the present solution is the step's own by where it leads in shorter ones; it is kept as it was found.
+/// Whether the present solution is on the branch of the present state, by following it to shorter steps; it is kept to
+/// the bit.
 fn is_own(step: &mut impl Confirms, h: f64) -> Result<bool, StepError> {
     step.keep(h, Slot::First);
     let is_own = follows_down(step, h)?;
@@ -208,7 +210,7 @@ fn is_own(step: &mut impl Confirms, h: f64) -> Result<bool, StepError> {
     Ok(is_own)
 }
 
-/// Whether the present solution, of a step of `h`, leads to those of shorter steps, down to one near its start.
+/// Follows the present solution, of a step of `h`, to shorter steps; returns whether one near its start is reached.
 fn follows_down(step: &mut impl Confirms, h: f64) -> Result<bool, StepError> {
     step.keep(h, Slot::Part);
     for halvings in 1..=MOST_SHORTER {
@@ -222,17 +224,17 @@ fn follows_down(step: &mut impl Confirms, h: f64) -> Result<bool, StepError> {
     Ok(false)
 }
 
-/// What is found next to the last part of a step.
+/// The outcome of following a branch to another part of the step.
 enum Followed {
-    /// A solution on its branch, near the still start.
+    /// A solution on the branch, near the still start.
     Near,
-    /// One on its branch.
+    /// A solution on the branch.
     Far,
-    /// None, or one off the branch by this coordinate most.
+    /// No solution, or one off the branch, by the most in this coordinate.
     Lost { coordinate: usize },
 }
 
-/// Solves for a step of `h` from the last part, or from where it leads.
+/// Solves for a step of `h` from the solution of the last part, or from its extrapolation.
 fn follow(step: &mut impl Confirms, h: f64, start: Start) -> Result<Followed, StepError> {
     step.discard();
     step.start(h, start)?;
@@ -247,8 +249,8 @@ fn follow(step: &mut impl Confirms, h: f64, start: Start) -> Result<Followed, St
     })
 }
 
-/// Solves for longer and longer parts of the step, each near where the one before leads, or near that one; `part` of
-/// it is solved.
+/// Solves for longer and longer parts of the step, each from the extrapolation of the one before, or from that one;
+/// `part` of it is solved already.
 fn continuation(step: &mut impl Confirms, h: f64, part: f64) -> Result<(), StepError> {
     let (mut solved, mut longer, mut furthest) = (part, LONGER, 0);
     let mut start = Start::Continued;

@@ -1,4 +1,4 @@
-//! The matrix of a Newton iteration, put together from blocks.
+//! The matrix of a Newton iteration, assembled from blocks.
 
 use super::condensed::Condensed;
 use crate::linalg::{Assembly, Factor, Matrix, Pattern, Singular, SparseOf, prefers_sparse};
@@ -23,7 +23,7 @@ impl BlockGrid {
     }
 }
 
-/// The places of all blocks, found before the matrix is made. Blocks may overlap: they are added.
+/// The places of all blocks of a matrix. Blocks may overlap: they are added.
 #[derive(Debug, Default)]
 pub struct BlockLayout<'a> {
     blocks: Vec<(&'a Pattern, usize, usize)>,
@@ -66,8 +66,8 @@ impl<'a> BlockLayout<'a> {
         BlockGrid { first, cols: 1 }
     }
 
-    /// The square matrix of these blocks: `order` unknowns and behind them `condensed` ones, which a dense
-    /// elimination takes first, by the equations behind the others.
+    /// The square matrix of these blocks, of `order` unknowns followed by `condensed` ones, which a dense elimination
+    /// takes first (static condensation).
     ///
     /// # Panics
     /// When a block does not lie inside the matrix.
@@ -95,9 +95,9 @@ impl<'a> BlockLayout<'a> {
 /// How the matrix is factored; chosen by its pattern.
 #[derive(Clone, Debug)]
 enum BlockFactors<R> {
-    /// As it stands.
+    /// The whole matrix at once.
     Direct(Factor<R>),
-    /// By its last unknowns first.
+    /// The last unknowns first.
     Condensed(Box<Condensed<R>>),
 }
 

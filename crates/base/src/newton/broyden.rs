@@ -1,18 +1,17 @@
-//! Broyden's update: corrections by a frozen matrix, improved by what the last ones achieved.
+//! Broyden's update of corrections by one matrix.
 //!
-//! With δ the correction by the frozen matrix and s_0, …, s_k those already made,
+//! With δ the correction by the matrix and s_0, …, s_k those already made,
 //!
 //!     δ ← δ + s_{j+1} (s_j, δ)/(s_j, s_j)   for j < k,      s_{k+1} = δ / (1 − (s_k, δ)/(s_k, s_k))
 //!
-//! so that errors the frozen matrix leaves at a fixed rate die faster and faster. Source: kelley1995,
-//! algorithm 7.3.1.
+//! which converges superlinearly where the matrix alone converges linearly. Source: kelley1995, algorithm 7.3.1.
 
 use crate::linalg::{add_scaled, copy, dot};
 
 /// Corrections remembered; then the memory starts anew.
 const DEPTH: usize = 8;
-/// A correction is not stretched by more than this.
-const MOST: f64 = 4.0;
+/// Largest factor 1 / (1 − (s_k, δ)/(s_k, s_k)).
+const MOST_STRETCH: f64 = 4.0;
 
 /// The corrections of one iteration.
 #[derive(Clone, Debug)]
@@ -20,7 +19,7 @@ pub struct Broyden {
     made: Vec<Vec<f64>>,
     squares: [f64; DEPTH],
     count: usize,
-    /// How many leading elements tell the size of a correction.
+    /// The number of leading elements in inner products.
     width: usize,
 }
 
@@ -35,7 +34,7 @@ impl Broyden {
         }
     }
 
-    /// Forgets everything: another iteration begins.
+    /// Forgets all corrections, where another iteration begins.
     pub fn restart(&mut self) {
         self.count = 0;
     }
@@ -55,7 +54,7 @@ impl Broyden {
                 add_scaled(correction, along, &self.made[j + 1]);
             }
             let stretch = 1.0 / (1.0 - share(&self.made[last], self.squares[last], correction));
-            if stretch > 0.0 && stretch < MOST {
+            if stretch > 0.0 && stretch < MOST_STRETCH {
                 for x in correction.iter_mut() {
                     *x *= stretch;
                 }

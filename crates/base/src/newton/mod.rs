@@ -1,16 +1,17 @@
-//! Newton's iteration: with one matrix, or with one for each correction.
+//! Newton's method: modified, with one matrix for all corrections, or full, with a matrix for each.
 //!
-//! The equations make one correction at a time; this module decides when to stop. With θ the ratio of
-//! successive corrections δ (relative to the size of the solution), the iteration ends when what is still to
-//! come, θ δ / (1 − θ), is below the tolerance of its [`Stop`]. Below the noise of its own evaluation δ carries
-//! no information: where corrections fall evenly, θ is that of those above the noise; where they do not, what
-//! falls no more is roundoff. Corrections that stall above the noise are compared with the floor that
-//! roundoff and the condition of the matrix make, which is measured. Sizes in a yardstick fixed for the step
-//! tell whether the solution is near its start: if not, it is to be confirmed, see [`attempt`].
+//! A type that implements [`Equations`] makes one correction at a time; this module decides when to stop. With θ the
+//! ratio of successive corrections δ (relative to the size of the solution), the iteration ends when the sum of all
+//! further corrections, at most θ δ / (1 − θ), is below the tolerance of its [`Stop`]. Corrections below the noise of
+//! the evaluation carry no information. Where the rate of convergence is steady, θ is taken from corrections above the
+//! noise; otherwise corrections that no longer shrink there are taken for roundoff. Corrections that stall above the
+//! noise are compared with their roundoff floor, which depends on the condition of the matrix and is measured. Sizes
+//! in a yardstick fixed for the step decide whether the solution is near its start: if not, [`attempt`] checks that it
+//! lies on the branch of the present state.
 //! Source: hairer1996, IV.8; deuflhard2004, 2.1; docs/theory/newton.md.
-#![allow(clippy::needless_bitwise_bool)] // a way out would end the loop over members
-#![allow(clippy::inline_always)] // what is not inlined is compiled without the registers it is for
-#![allow(clippy::float_cmp)] // verdicts are whole numbers
+#![allow(clippy::needless_bitwise_bool)] // short-circuiting would end the loop over members
+#![allow(clippy::inline_always)] // other functions are compiled without the caller's instruction set
+#![allow(clippy::float_cmp)] // verdicts are small integers
 
 mod attempts;
 mod block_matrix;
@@ -35,7 +36,7 @@ use crate::real::Real;
 use crate::simd::dispatch_simd;
 use progress::{CONVERGED, HOPELESS, OPEN, Progress};
 
-/// A system of equations in the middle of being solved: one, or those of several members in lock-step.
+/// A system of equations with its present unknowns: of one trajectory, or of several members in lock-step.
 pub trait Equations<R: Real = f64> {
     /// Evaluates the residual, solves for a correction, applies it, and returns its relative size.
     ///
@@ -43,25 +44,25 @@ pub trait Equations<R: Real = f64> {
     /// A value is not finite, or a matrix is singular.
     fn correct(&mut self) -> Result<R, StepError>;
 
-    /// When to stop.
+    /// The stopping rule.
     fn stop(&self) -> Stop {
         Stop::default()
     }
 
-    /// The size of the last correction in a yardstick fixed for the step, of which `size` is the relative one.
+    /// The last correction, whose relative size is `size`, in the yardstick of the step.
     fn reach(&self, _size: R) -> R {
         R::splat(0.0)
     }
 
-    /// How far the unknowns last evaluated place the coordinates from the still start, in that yardstick.
+    /// Distance of the coordinates at the last evaluation from uniform motion, in the yardstick of the step.
     fn moved(&self) -> R {
         R::splat(0.0)
     }
 
-    /// Lets the next correction have a matrix of its own.
+    /// Discards the matrix: the next correction makes its own.
     fn refresh(&mut self) {}
 
-    /// Whether the residual is within what a few ε in the data make of it.
+    /// Whether the residual is no larger than its change by a few ε in the data.
     ///
     /// # Errors
     /// A value is not finite.
@@ -77,36 +78,36 @@ pub trait Equations<R: Real = f64> {
         Ok(0.0)
     }
 
-    /// Keeps what has been found for members, those where this is not zero, that take no further corrections.
+    /// Keeps the unknowns of members, those where `members` is not zero, that take no further corrections.
     fn keep(&mut self, _members: R) {}
 
-    /// Puts back what was kept for members.
+    /// Puts the kept unknowns of these members back.
     fn put_back(&mut self, _members: R) {}
 }
 
-/// A correction of more than this part of the yardstick is no small one: its ratio to others says nothing.
+/// Corrections above this fraction of the yardstick are large: their ratios do not bound the rate.
 const FAR: f64 = 0.1;
-/// Coordinates that are moved by more than this part of the yardstick may be on another branch.
+/// Coordinates further from uniform motion than this fraction of the yardstick may be on another branch.
 const MOVED: f64 = 0.5;
-/// One ratio of corrections is not believed where the first is larger than this.
+/// A single ratio of corrections is not sufficient where the first correction is larger than this.
 const DOUBTFUL: f64 = 1e-3;
-/// Corrections below this are small enough for the residual to be looked at, and for the floor to be measured.
+/// Corrections below this are small enough for the residual to be checked, and for the floor to be measured.
 const SMALL: f64 = 1e-6;
-/// Corrections of this many floors, when they fall no more, are roundoff.
+/// Corrections below this many floors are roundoff, where they no longer shrink.
 const FLOORS: f64 = 8.0;
-/// Matrices that full Newton makes, and corrections.
+/// The most matrices that full Newton makes, and the most corrections.
 const MOST_MATRICES: usize = 12;
 const MOST_FULL: usize = 40;
-/// Newton's method comes to a double root by halves: ratios of corrections between these, so many in a row.
+/// Newton's method converges to a double root with ratio 1/2: ratios in this range, so many in a row, are refused.
 const HALF: std::ops::Range<f64> = 0.4..0.6;
 const HALVES: usize = 4;
 
-/// Units of ε that unknowns are moved by to see what residuals roundoff leaves.
+/// Perturbation of the unknowns, in ε, that measures the roundoff of residuals.
 pub const SHAKE: f64 = 4.0;
-/// How many times that a residual may be.
+/// Ratio up to which a residual is roundoff by that measure.
 pub const MARGIN: f64 = 16.0;
 
-/// Signs that follow no pattern, the same in every run: what roundoff does is seen by moving unknowns with them.
+/// Pseudo-random signs, the same in every run, by which unknowns are perturbed.
 pub fn signs(seed: u64) -> impl FnMut() -> f64 {
     let mut state = seed;
     move || {
@@ -116,20 +117,20 @@ pub fn signs(seed: u64) -> impl FnMut() -> f64 {
     }
 }
 
-/// What an iteration that converged has found.
+/// The outcome of an iteration that converged.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Solved {
     /// Corrections made.
     pub iterations: usize,
-    /// Whether all corrections were small, and the solution is near the still start.
+    /// Whether all corrections were small, and the solution is near uniform motion.
     pub is_near: bool,
 }
 
-/// How far an iteration has gone, of each member.
+/// The path length of an iteration, of each member.
 #[derive(Clone, Copy, Debug)]
 struct Reach<R> {
     largest: R,
-    /// A bound of the distance from the still start.
+    /// A bound of the distance from uniform motion.
     moved: R,
 }
 
@@ -139,7 +140,7 @@ impl<R: Real> Reach<R> {
         Self { largest, moved }
     }
 
-    /// What another correction adds; the first one has evaluated the start.
+    /// Adds a correction; the first one has evaluated the start.
     #[inline(always)]
     fn add(&mut self, equations: &impl Equations<R>, size: R, iterations: usize) {
         let reach = equations.reach(size);
@@ -160,7 +161,7 @@ impl<R: Real> Reach<R> {
         )
     }
 
-    /// 1 where one ratio of corrections says too little.
+    /// 1 where a single ratio of corrections is not sufficient.
     #[inline(always)]
     fn is_doubtful(&self, iterations: usize) -> R {
         if iterations != 2 {
@@ -173,11 +174,11 @@ impl<R: Real> Reach<R> {
     }
 }
 
-/// Corrects with one matrix until converged.
+/// Modified Newton: corrects with one matrix until converged.
 ///
 /// # Errors
-/// [`StepError::NotConverged`] as soon as `most` corrections will not be enough, or where the residual shows
-/// that they only seemed to converge.
+/// [`StepError::NotConverged`] as soon as `most` corrections will not be enough at the present rate, or where the
+/// corrections vanish and the residual does not.
 pub fn solve(equations: &mut impl Equations, most: usize) -> Result<Solved, StepError> {
     let mut progress = Progress::new(equations.stop());
     let mut reach = Reach::new();
@@ -208,17 +209,17 @@ pub fn solve(equations: &mut impl Equations, most: usize) -> Result<Solved, Step
     })
 }
 
-/// Whether corrections that fall no more are what roundoff makes of them.
+/// Whether corrections that no longer shrink are at their roundoff floor.
 #[cold]
 fn is_at_floor(equations: &mut impl Equations, size: f64) -> Result<bool, StepError> {
     Ok(size < SMALL && size <= FLOORS * equations.floor()?.min(SMALL))
 }
 
-/// Corrects with a matrix for each correction, until the residual is roundoff. Corrections may grow in between:
-/// a stretched spring first loses its tension.
+/// Full Newton: corrects with a matrix for each correction, until the residual is roundoff. Corrections may grow in
+/// between: the first one releases the tension of a stretched spring, and the next tangent is softer.
 ///
 /// # Errors
-/// [`StepError::NotConverged`] where that takes too many, or goes to a double root: there branches meet.
+/// [`StepError::NotConverged`] after too many corrections, or at a double root, where branches meet.
 pub fn solve_full(equations: &mut impl Equations) -> Result<Solved, StepError> {
     let (mut largest, mut size, mut halves) = (0.0_f64, f64::INFINITY, 0);
     for iterations in 1..=MOST_FULL {
@@ -249,17 +250,17 @@ pub fn solve_full(equations: &mut impl Equations) -> Result<Solved, StepError> {
     })
 }
 
-/// How a member of several stands.
+/// The state of a member in the iteration of several.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Member {
-    /// It is not looked at.
+    /// It takes no part.
     #[default]
     Out,
     /// It needs further corrections.
     Open,
     /// It took so many corrections.
     Converged(usize),
-    /// It does not converge, or is not taken on trust.
+    /// It does not converge, or its solution has to be confirmed.
     Hopeless {
         /// Corrections made.
         iterations: usize,
@@ -268,11 +269,11 @@ pub enum Member {
     },
 }
 
-/// Corrects several members, those that are [`Member::Open`], until each has converged or will not: by its own
-/// corrections, so that it takes as many as it would alone. There is a place for each.
+/// Corrects several members in lock-step, those that are [`Member::Open`], until each has converged or failed by its own
+/// corrections: it takes as many as it would alone. `members` has a place for each lane.
 ///
 /// # Errors
-/// A correction could not be made: that may be the error of any of them.
+/// A correction could not be made; the error does not say for which member.
 pub fn solve_each<R: Real>(
     equations: &mut impl Equations<R>,
     most: usize,
@@ -328,13 +329,13 @@ pub fn solve_each<R: Real>(
     Ok(())
 }
 
-/// Never more in lock-step.
+/// The most members in lock-step.
 const MOST_MEMBERS: usize = 16;
 
 /// Corrects all members until each has converged.
 ///
 /// # Errors
-/// [`StepError::NotConverged`] as soon as one of them will not.
+/// [`StepError::NotConverged`] as soon as one of them has failed.
 pub fn solve_all<R: Real>(equations: &mut impl Equations<R>, most: usize) -> Result<(), StepError> {
     const { assert!(R::MEMBERS <= MOST_MEMBERS, "a place for each member") };
     let mut members = [Member::Open; MOST_MEMBERS];

@@ -73,7 +73,7 @@ impl<R: Real> Polynomial<R> {
         self.knots.extend(0..count);
     }
 
-    /// Makes the weights for steps that are `ratio` times as long, and begin at `begin` of the one held.
+    /// Makes the weights for steps that are `ratio` times as long as the one held, and begin at its fraction `begin`.
     fn weigh(&mut self, begin: f64, ratio: f64) {
         let (nodes, knots) = (&self.nodes, &self.knots);
         let place = |x: &f64| begin + ratio * x;
@@ -97,15 +97,15 @@ impl<R: Real> Polynomial<R> {
     }
 }
 
-/// The polynomials of the last step, and where the next one begins on them.
+/// The polynomials of the last step, by which the start values of the next one are extrapolated.
 #[derive(Clone, Debug)]
 pub struct Predictor<R = f64> {
     /// The size of the step held, and the ratio the weights were made for.
     h: Option<f64>,
     ratio: f64,
-    /// Where the next step begins on what is held: at its end, 1, or once more at its start, 0.
+    /// Where the next step begins: at the end of the one held, 1, or after a rejected step at its start, 0.
     begin: f64,
-    /// What is extrapolated.
+    /// The polynomials.
     pub curves: Vec<Polynomial<R>>,
 }
 
@@ -120,7 +120,7 @@ impl<R: Real> Predictor<R> {
         }
     }
 
-    /// Makes the weights for a step of `h`, unless they are there; false without a step to extrapolate.
+    /// Makes the weights for a step of `h`, unless they are up to date; returns false without a step to extrapolate.
     pub fn weigh(&mut self, h: f64) -> bool {
         let Some(last) = self.h else { return false };
         let ratio = h / last;
@@ -133,7 +133,7 @@ impl<R: Real> Predictor<R> {
         true
     }
 
-    /// What the weights there are were made for: where the step begins, and how long it is.
+    /// The start and the length of the step that the weights are for, in units of the step held.
     pub fn place(&self) -> [f64; 2] {
         [self.begin, self.ratio]
     }
@@ -171,14 +171,14 @@ impl<R: Real> Predictor<R> {
         self.h = None;
     }
 
-    /// Lets the next step begin where the one held began, which says where it goes.
+    /// Lets the next step begin where the one held began, which was rejected.
     pub fn undo(&mut self) {
         (self.begin, self.ratio) = (0.0, f64::NAN);
     }
 }
 
-/// The polynomial through values at the start of a step and at its stages, which says what the stages of a longer or
-/// shorter step from there are near.
+/// The polynomial through values at the start of a step and at its stages, by which those of a longer or shorter step
+/// from the same state are extrapolated.
 #[derive(Clone, Debug)]
 pub struct Continuation {
     held: Predictor,
@@ -212,7 +212,7 @@ impl Continuation {
     }
 }
 
-/// The curves; their weights are made again, to the same bits.
+/// Saves the curves; weights are made again, to the same bits.
 impl<R: Real> Checkpoint for Predictor<R> {
     fn save(&self, member: usize, out: &mut dyn Numbers) {
         (self.h, self.begin).save(member, out);

@@ -1,28 +1,28 @@
-//! What the sizes of corrections say: whether to go on, and whether a member has converged or will not.
-#![allow(clippy::needless_bitwise_bool)] // a way out would end the loop over members
-#![allow(clippy::inline_always)] // what is not inlined is compiled without the registers it is for
+//! Convergence test by the sizes of corrections, of each member.
+#![allow(clippy::needless_bitwise_bool)] // short-circuiting would end the loop over members
+#![allow(clippy::inline_always)] // other functions are compiled without the caller's instruction set
 
 use super::{SMALL, Stop};
 use crate::real::Real;
 
-/// Corrections below this fraction may be nothing but roundoff.
+/// Corrections below this fraction of the solution may be roundoff alone.
 const NOISE: f64 = 1e3 * f64::EPSILON;
-/// There a ratio that has grown by less than this, and is no larger than that, is still the iteration's own, whose rates
-/// need not be all the same: noise makes it leap.
+/// A ratio below the noise is taken for a rate where it is at most this multiple of the last rate, and at most
+/// [`LARGEST_RATE`]: rates may vary, and ratios of roundoff are larger.
 const GROWTH: f64 = 2.0;
-const LARGEST_BELIEVED: f64 = 0.5;
-/// A first ratio of corrections above this says that the solution found need not be the nearby one.
+const LARGEST_RATE: f64 = 0.5;
+/// Above this first ratio of corrections the iteration may converge to a distant solution.
 const NEARBY: f64 = 0.5;
 
-/// How far corrections have come, of each member.
+/// The ratios of corrections so far, of each member.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Progress<R> {
     stop: Stop,
     last: R,
     expected: R,
-    /// NaN before there is one.
+    /// The rate of convergence, NaN before the second correction.
     rate: R,
-    /// The least ratio of corrections: roundoff does not make a ratio smaller than the rate.
+    /// The least ratio of corrections: roundoff makes ratios larger than the rate, not smaller.
     least: R,
 }
 
@@ -42,7 +42,7 @@ impl<R: Real> Progress<R> {
         }
     }
 
-    /// What another correction, of this size, says.
+    /// The verdict after another correction of this size.
     #[inline(always)]
     pub(super) fn judge(&mut self, size: R, iterations: usize, most: usize) -> R {
         let Stop {
@@ -54,12 +54,12 @@ impl<R: Real> Progress<R> {
         if iterations > 1 {
             self.least = self.least.zip(theta, f64::min);
         }
-        // noise hides what is still converging: the rate seen above it is believed
+        // below the noise, the rate measured above it holds
         let rate = R::each(
             [size, theta, self.rate],
             #[inline(always)]
             |[size, theta, rate]| {
-                let is_believed = theta <= (GROWTH * rate).min(LARGEST_BELIEVED);
+                let is_believed = theta <= (GROWTH * rate).min(LARGEST_RATE);
                 if !(is_even & (size < NOISE)) {
                     theta.max(least_rate)
                 } else if is_believed & !rate.is_nan() {
@@ -92,14 +92,14 @@ impl<R: Real> Progress<R> {
         )
     }
 
-    /// Whether a correction size, θ, the least θ, the rate, what is expected, and whether it is too slow are those of a
-    /// member that has converged or will not.
+    /// The verdict on one member, by the size of its correction, θ, the least θ, the rate, the expected size, and whether
+    /// it is too slow.
     #[inline(always)]
     fn verdict(&self, iterations: usize, most: usize) -> impl Fn([f64; 6]) -> f64 + use<R> {
         let Stop {
             tolerance, is_even, ..
         } = self.stop;
-        // growing, at its present rate too slow, or started too far away
+        // the ratio at which the iteration has failed, and whether a low rate is a failure
         let (worst, minds_slow) = match iterations {
             1 => (f64::INFINITY, false),
             2 => (NEARBY.next_up(), false),
@@ -128,7 +128,7 @@ impl<R: Real> Progress<R> {
         }
     }
 
-    /// 1 where the corrections left are not enough at the present rate, where that is asked for.
+    /// 1 where the remaining corrections are not enough at the present rate, if that is steady.
     #[inline(always)]
     fn too_slow(&self, size: R, theta: R, iterations: usize, most: usize) -> R {
         let Stop {

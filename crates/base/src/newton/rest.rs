@@ -1,9 +1,9 @@
-//! How long a cheaper way rests after it has failed: each failure in a row doubles the rest.
+//! Exponential back-off: a cheaper solver is left out after a failure, for twice as many steps with each further one.
 
-/// Steps a way rests at most.
+/// The most steps for which a solver is left out.
 const LONGEST: usize = 1023;
 
-/// The rest of one way of solving.
+/// The back-off of one solver.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Rest {
     left: usize,
@@ -11,25 +11,25 @@ pub struct Rest {
 }
 
 impl Rest {
-    /// Whether the way is resting.
+    /// Whether the solver is left out.
     pub fn is_on(self) -> bool {
         self.left > 0
     }
 
-    /// Whether the way is resting now, which takes one from the rest.
+    /// Whether the solver is left out in this step, which is counted.
     pub fn take(&mut self) -> bool {
         let is_on = self.is_on();
         self.left = self.left.saturating_sub(1);
         is_on
     }
 
-    /// Begins another rest, after a failure.
+    /// Records a failure: the solver is left out for twice as many steps as last time.
     pub fn begin(&mut self) {
         self.last = (2 * self.last + 1).min(LONGEST);
         self.left = self.last;
     }
 
-    /// Ends the row of failures.
+    /// Records a success: the next failure is again the first.
     pub fn end_row(&mut self) {
         self.last = 0;
     }

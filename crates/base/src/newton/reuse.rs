@@ -1,34 +1,34 @@
-//! A modified-Newton matrix: how long its factors are kept.
+//! The policy by which factors of a modified-Newton matrix are kept from step to step.
 
 use super::BlockMatrix;
 use crate::real::Real;
 
-/// What factors of a sparse matrix cost, in corrections.
+/// Cost of the factors of a sparse matrix, in corrections.
 const SPARSE_COST: f64 = 10.0;
 /// The same of a dense one, for each row.
 const DENSE_COST: f64 = 1.0 / 6.0;
-/// Corrections with the same factors that a step may take in any case.
-const LEAST_PATIENCE: f64 = 10.0;
-/// Steps that differ by less share the factors of a sparse matrix.
+/// Corrections with the same factors that a step may take, beside the cost of new ones.
+const LEAST_ITERATIONS: f64 = 10.0;
+/// Steps whose sizes differ by a smaller fraction share the factors of a sparse matrix.
 const SIMILAR: f64 = 0.25;
 
-/// When factors have become too old, though the iteration still converges with them.
+/// The number of corrections at which factors are renewed, though the iteration still converges with them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Renewal {
-    /// When a step takes more corrections than the average since they were made, their own cost counted in.
+    /// More than the average of a step since the factors were made, their own cost included.
     AboveAverage,
-    /// When a step takes so many corrections more than the first one with them: for corrections that an update
-    /// formula improves, whose number varies from step to step.
+    /// So many more than in the first step with them: for corrections by Broyden's update, whose number varies from
+    /// step to step.
     AboveFirst(usize),
 }
 
-/// What the factors of a matrix were made for, and what they have cost since.
+/// The step size that factors were made for, and their cost since.
 #[derive(Clone, Debug)]
 pub struct Reuse {
     renewal: Renewal,
     factor_cost: f64,
     is_sparse: bool,
-    /// The step they are for; 0 when there are none.
+    /// The step size they are for; 0 without factors.
     h: f64,
     /// Corrections since they were made, with their own cost, and steps.
     cost: f64,
@@ -56,7 +56,7 @@ impl Reuse {
         }
     }
 
-    /// The step the factors were made for; 0 when there are none.
+    /// The step size the factors were made for; 0 without factors.
     pub fn h(&self) -> f64 {
         self.h
     }
@@ -73,20 +73,20 @@ impl Reuse {
 
     /// Corrections in a step after which new factors are worth their cost.
     pub fn max_iterations(&self) -> f64 {
-        LEAST_PATIENCE + self.factor_cost
+        LEAST_ITERATIONS + self.factor_cost
     }
 
-    /// The factors are of no use any more.
+    /// Discards the factors.
     pub fn discard(&mut self) {
         self.h = 0.0;
     }
 
-    /// New factors, for steps of this size.
+    /// Records new factors, for steps of this size.
     pub fn renew(&mut self, h: f64) {
         (self.h, self.cost, self.steps) = (h, self.factor_cost, 0.0);
     }
 
-    /// A step took so many corrections.
+    /// Records the corrections of a step; slow factors are discarded.
     pub fn record(&mut self, iterations: usize) {
         if self.steps == 0.0 {
             self.first = iterations;

@@ -1,32 +1,32 @@
-//! When an iteration ends, and in which units its corrections are measured.
+//! The stopping rule of an iteration, and the units of its corrections.
 
 use crate::real::Real;
 
-/// A run of fewer steps may be one of many, each of which begins where another ends.
+/// Bounds of the number of steps: a run of fewer may be one of many that continue each other.
 const FEW_STEPS: f64 = 1e4;
 const MANY_STEPS: f64 = 1e8;
 
-/// What ends an iteration, as fractions of the solution.
+/// The stopping rule of an iteration; sizes are fractions of the solution.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Stop {
-    /// Corrections still expected below this are not made.
+    /// The iteration ends where the sum of all further corrections is expected below this.
     pub tolerance: f64,
-    /// Whether corrections fall at an even rate, so that the one seen above the noise holds below it.
+    /// Whether the rate of convergence is steady, so that the one measured above the noise holds below it.
     pub is_even: bool,
-    /// No rate below this is believed.
+    /// Lower bound of the measured rates.
     pub least_rate: f64,
 }
 
 impl Default for Stop {
-    /// For steps whose number is not known, but may be large.
+    /// For an unknown number of steps, which may be large.
     fn default() -> Self {
         Self::of_run(1e7)
     }
 }
 
 impl Stop {
-    /// What a symplectic method needs in a run of so many steps: what is not corrected is of one sign step after step
-    /// and grows with their number, roundoff with its root. At the end it is a quarter of that, as measured.
+    /// For a symplectic method in a run of so many steps: the remaining errors of the iteration have one sign and grow
+    /// with the number of steps, roundoff with its square root. At the end they are a quarter of roundoff, as measured.
     pub fn of_run(steps: f64) -> Self {
         let steps = steps.clamp(FEW_STEPS, MANY_STEPS);
         Self {
@@ -36,13 +36,13 @@ impl Stop {
         }
     }
 
-    /// Whether no more than roundoff is left out.
+    /// Whether the equations are solved to roundoff.
     pub fn is_roundoff(&self) -> bool {
         self.tolerance < f64::EPSILON
     }
 
-    /// How many corrections with one matrix move y1 onto the constraints, each by a factor of about the tolerance; the
-    /// same for all members.
+    /// The number of corrections with one matrix that project y1 onto the constraints, each by a factor of about the
+    /// tolerance; it is the same for all members.
     pub fn projections(&self) -> usize {
         if self.is_roundoff() {
             return 0;
@@ -54,7 +54,7 @@ impl Stop {
 
 /// A size relative to a speed, in a yardstick; 0 where there is none.
 #[inline(always)]
-#[allow(clippy::inline_always)] // what is not inlined is compiled without the registers it is for
+#[allow(clippy::inline_always)] // other functions are compiled without the caller's instruction set
 pub fn reach<R: Real>(size: R, speed: R, yardstick: R) -> R {
     R::each(
         [size, speed, yardstick],
