@@ -1,4 +1,4 @@
-//! What roundoff does to the equations of a step: seen by moving the unknowns by a few ε.
+//! Roundoff of the equations of a step, measured by perturbing the unknowns by a few ε.
 
 use super::solve::{AlphaEquations, AlphaStep};
 use liouville_base::error::StepError;

@@ -34,5 +34,5 @@ impl Restart<AlphaState> for AlphaRestart {
     }
 }
 
-// What reactions that are nonlinear in their multipliers start from.
+// Start values of reactions that are nonlinear in their multipliers.
 liouville_base::checkpoint!(AlphaRestart { alpha });

@@ -1,8 +1,8 @@
-//! What a step of the α family begins with.
+//! The state of the α family.
 
 use liouville_problem::Carried;
 
-/// What is carried from step to step.
+/// The state that is carried from step to step.
 #[derive(Debug, PartialEq)]
 pub struct AlphaState {
     /// Coordinates.
@@ -15,7 +15,7 @@ pub struct AlphaState {
     pub phi: Vec<f64>,
     /// The last step, 0 before there is one.
     pub h: f64,
-    /// What forces without a potential have put in, by the trapezoidal rule.
+    /// Work of the forces without a potential, by the trapezoidal rule.
     pub work: f64,
     pub(super) power: f64,
 }

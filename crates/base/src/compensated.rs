@@ -15,7 +15,7 @@ use std::ops::{Add, Div, Mul, Neg, Sub};
 pub struct Compensated<R> {
     /// The value.
     pub high: R,
-    /// What roundings took from it.
+    /// Its rounding error.
     pub low: R,
 }
 

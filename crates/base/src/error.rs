@@ -143,7 +143,7 @@ impl StepError {
         }
     }
 
-    /// The error itself, by whomever.
+    /// The error without its member.
     #[must_use]
     pub fn itself(self) -> Self {
         match self {

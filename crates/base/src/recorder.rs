@@ -1,5 +1,5 @@
-//! Recorded steps: what follows a run back makes its steps again by a stepper that keeps each of them, with the
-//! unknowns that solved its equations.
+//! Recorded steps: a pullback repeats the steps of a run by a stepper that keeps each of them, with the unknowns that
+//! solve its equations.
 
 use crate::error::StepError;
 use crate::method::{Estimating, Stats, Stepper, Symmetric};
@@ -7,7 +7,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// A method whose steps can be followed back.
 pub trait Recordable: Stepper {
-    /// Writes what solved the equations of the step that has just led to this state.
+    /// Writes the unknowns that solve the equations of the last step, which led to this state.
     fn write_unknowns(&self, state: &Self::State, out: &mut Vec<f64>);
 }
 
@@ -22,7 +22,7 @@ pub struct StepRecord<S> {
     pub before: S,
     /// The state that it led to.
     pub end: S,
-    /// What solved its equations.
+    /// The unknowns that solve its equations.
     pub unknowns: Vec<f64>,
 }
 
@@ -52,7 +52,7 @@ impl<S> StepRecords<S> {
     }
 }
 
-/// Records that a stepper shares with what follows its steps back.
+/// Records that a stepper shares with the adjoint of its method.
 #[derive(Debug)]
 pub struct SharedRecords<S>(Arc<Mutex<StepRecords<S>>>);
 
@@ -70,7 +70,7 @@ impl<S> Default for SharedRecords<S> {
 }
 
 impl<S> SharedRecords<S> {
-    /// The records, for as long as nothing else wants them.
+    /// The records, locked.
     pub fn lock(&self) -> MutexGuard<'_, StepRecords<S>> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -147,5 +147,5 @@ where
     }
 }
 
-// What is recorded is made again with the steps.
+// Records are made again with the steps.
 crate::checkpoint!([M: Stepper] Recorder<M> { method });

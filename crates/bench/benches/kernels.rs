@@ -1,4 +1,4 @@
-//! What a step is made of, timed: tape evaluation, small factorisations, one step of each method.
+//! Times of the parts of a step: tape evaluation, small factorisations, one step of each method.
 //!
 //! Throughputs count instructions of a tape, and for lanes instructions times trajectories.
 

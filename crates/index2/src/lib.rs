@@ -55,7 +55,7 @@ pub struct Index2 {
     /// Solutions to be compared.
     kept: [Option<Box<KeptCollocation>>; 3],
     continuation: Option<Box<Continuation>>,
-    /// What tells errors, where they are wanted.
+    /// The error estimate, where steps are controlled by errors.
     estimate: Option<Box<EndVelocities>>,
     y: Vec<f64>,
     y_low: Vec<f64>,
@@ -170,7 +170,7 @@ impl Index2 {
         }
     }
 
-    /// What a singular matrix comes from, where that can be seen at the start of the step.
+    /// The cause of a singular matrix, where it is found at the start of the step.
     fn diagnose_rank(&mut self, step: CollocationStep, error: StepError) -> StepError {
         if error != StepError::SingularNewton {
             return error;

@@ -1,4 +1,4 @@
-//! What roundoff does to the stage equations: seen by moving the unknowns by a few ε.
+//! Roundoff of the stage equations, measured by perturbing the unknowns by a few ε.
 
 use super::CollocationEquations;
 use super::attempt::KeptCollocation;

@@ -168,7 +168,7 @@ impl CollocationStages {
         correction / self.speed(step)
     }
 
-    /// What corrections are relative to.
+    /// The speed that corrections are relative to.
     fn speed(&self, step: CollocationStep) -> f64 {
         max_norm(self.v.flat()) + max_norm(&step.state.y) / step.h.abs()
     }

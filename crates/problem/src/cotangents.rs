@@ -50,7 +50,7 @@ impl Cotangents {
     }
 }
 
-/// What is observed of a point, transposed: y, z and the multipliers of the accelerations there.
+/// The adjoint of the values at a point: y, z and the multipliers of the accelerations there.
 #[derive(Clone, Debug)]
 pub struct PointAdjoint {
     /// The model.

@@ -135,7 +135,7 @@ impl EnergyWatch {
         }
     }
 
-    /// Leaves out of the changes one by a reset at a time, to be told of in their order and before the records after
+    /// Excludes the change by a reset at a time; to be called in their order and before the records after
     /// them.
     pub fn reset(&mut self, t: f64, change: f64) {
         self.resets.push_back((t, change));
@@ -183,7 +183,7 @@ impl EnergyWatch {
         first.abs() + self.kinetic / self.records as f64
     }
 
-    /// What is to be said of the records so far; one alone shows nothing.
+    /// The change to report of the records so far; a single record has none.
     pub fn found(&self) -> Option<EnergyChange> {
         let first = self.start.filter(|_| self.records > 1)?;
         if let Some((record, (t, energy))) = self.large {

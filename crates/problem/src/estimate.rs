@@ -16,7 +16,7 @@ use liouville_base::linalg::Matrix;
 use liouville_base::method::Tolerance;
 use liouville_base::tableau;
 
-/// What an estimate is made of, and what is kept to undo a step.
+/// The embedded error estimate, and the state before the step, to undo it.
 #[derive(Clone, Debug)]
 pub struct Estimate<S = State> {
     /// The tolerance that errors are measured in.

@@ -102,7 +102,7 @@ pub struct Mechanical {
     pub patterns: Patterns,
     /// Constraints on velocities, and their reactions.
     pub nonholonomic: Option<Box<Nonholonomic>>,
-    /// Constraints that those above imply; nothing but multipliers knows of them.
+    /// Constraints that those above imply; they add multipliers to the records only.
     pub redundant: Option<Box<Redundant>>,
     /// How constraints are eliminated where they are many, found at the first run.
     pub schur_plan: OnceLock<Option<Arc<SchurPlan>>>,
@@ -276,9 +276,9 @@ pub struct State<R = f64> {
     pub z: Vec<R>,
     /// p(t, y, z), summed up from its increments.
     pub p: Vec<R>,
-    /// What `y` has lost to rounding.
+    /// The rounding error of `y`.
     pub y_low: Vec<R>,
-    /// What `p` has lost to rounding.
+    /// The rounding error of `p`.
     pub p_low: Vec<R>,
 }
 

@@ -53,7 +53,7 @@ pub struct TimeScale {
     metric: Metric,
 }
 
-/// What ‖x‖² is made of: v_z x and p_z x.
+/// The factors of ‖x‖² = (v_z x)ᵀ p_z x.
 #[derive(Clone, Debug)]
 pub(super) struct Metric {
     velocity: Vec<f64>,

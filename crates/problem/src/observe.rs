@@ -1,4 +1,4 @@
-//! What is recorded of a mechanical or semi-explicit system at an output point.
+//! Records of a mechanical or semi-explicit system at an output point.
 
 use super::{Dynamics, Model, State, TangentView, model::finite};
 use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch, Numbers};
@@ -7,7 +7,7 @@ use liouville_base::observe::Observe;
 use liouville_base::real::Real;
 use liouville_base::tape::{Registers, Tape};
 
-/// What a method carries from step to step.
+/// The state that a method carries from step to step.
 pub trait Carried {
     /// Coordinates.
     fn y(&self) -> &[f64];
@@ -68,12 +68,12 @@ impl<M: Dynamics> Observer<M> {
         }
     }
 
-    /// What is observed.
+    /// The observed model.
     pub fn model(&self) -> &M {
         &self.model
     }
 
-    /// What solved for multipliers last, where states are recorded.
+    /// The solver of the multipliers, where states are recorded.
     pub fn solved(&self) -> Option<&M::Solver> {
         self.states.as_ref()
     }

@@ -39,7 +39,7 @@ const CUTOFF: f64 = 1e-10;
 const SPREAD: f64 = 4.0;
 /// More than this is always a gradient's own.
 const LARGEST_CUTOFF: f64 = 0.1;
-/// What equations that are left out may miss, in the size of x, where the others hold.
+/// Largest residual of dependent equations, relative to x, where the independent ones hold.
 const CONTRADICTION: f64 = 1e-9;
 
 struct ConstraintEquations<'a> {
@@ -221,7 +221,7 @@ impl<'a> ConstraintEquations<'a> {
         })
     }
 
-    /// Takes the rows that do not depend on others, as far as that can be told here.
+    /// Takes the rows that are independent, as far as roundoff allows to decide.
     fn leave_out(&mut self) {
         let at = &self.projection.pattern;
         let mut gradients = Matrix::zeros(at.shape().0, at.shape().1);

@@ -8,7 +8,7 @@ use std::fmt::Debug;
 /// A point of a motion: t, y and z.
 pub type MotionPoint<'a> = (f64, &'a [f64], &'a [f64]);
 
-/// What finds the tangents of rates and multipliers at a point, from those of y, z and time there.
+/// Tangents of rates and multipliers at a point, from those of y, z and time there.
 pub trait RateTangents: Debug + Send + Sync {
     /// Writes y' and z'.
     ///

@@ -52,7 +52,7 @@ impl From<StepError> for Refused {
     }
 }
 
-/// What a motion goes on with from a state with other coordinates and velocities.
+/// Starts a method anew from other coordinates and velocities.
 pub trait Restart<S>: Checkpoint {
     /// Moves (y, z) to the constraints at t, y only if they have jumped, and makes `state` that there; what else a
     /// method carries is that of `before`.
@@ -93,7 +93,7 @@ pub struct Impulse {
     unit: [Vec<f64>; 2],
 }
 
-// What it finds depends on its arguments alone.
+// The solution depends on the arguments alone.
 impl Checkpoint for Impulse {}
 
 impl Impulse {
@@ -367,7 +367,7 @@ impl Sizes {
 }
 
 impl Violation {
-    /// What is violated, as errors have it: a nonholonomic constraint comes after the m holonomic ones.
+    /// The violated quantity, as in errors; nonholonomic constraints are counted after the m holonomic ones.
     pub fn quantity(&self) -> Quantity {
         match self.kind {
             Kind::Holonomic => Quantity::Constraint,

@@ -46,7 +46,7 @@ impl<S: Carried> Carried for TangentState<S> {
     }
 }
 
-/// What a motion goes on with whose state carries tangents: these are those of an event's reset.
+/// Restarts a state that carries tangents; these are the tangents of the event's reset.
 pub struct TangentRestart<S>(pub Box<dyn Restart<S>>);
 
 impl<S> Checkpoint for TangentRestart<S> {

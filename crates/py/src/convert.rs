@@ -294,7 +294,7 @@ pub(crate) fn tape_of(tapes: &Bound<'_, PyDict>, name: &str) -> PyResult<tape::T
     Ok(tape::Tape::clone(&found))
 }
 
-/// What `read` makes of a name, where the dictionary has it.
+/// The entry of a dictionary by this name as `read` converts it, if there is one.
 pub(crate) fn optional<T>(
     dict: &Bound<'_, PyDict>,
     name: &str,

@@ -37,7 +37,7 @@ impl PyEnergyWatch {
         }
     }
 
-    /// Leaves a change by a reset out, told of before the records after it.
+    /// Excludes a change by a reset; to be called before the records after it are added.
     fn reset(&mut self, t: f64, change: f64) {
         self.inner.reset(t, change);
     }

@@ -48,7 +48,7 @@ fn of_event(dict: &Bound<'_, PyDict>, error: &StepError) -> PyResult<&'static st
     }
 }
 
-/// What a reset has missed, and by how much.
+/// The constraint that a reset violates, and by how much.
 fn of_reset(dict: &Bound<'_, PyDict>, missed: &(Quantity, usize, f64)) -> PyResult<()> {
     let (quantity, index, value) = missed;
     dict.set_item("quantity", quantity.name())?;

@@ -11,8 +11,8 @@ fn line((op, out, operands): Operation) -> Line {
     (op.name(), out, operands[..op.arity()].to_vec())
 }
 
-/// What a tape runs: registers of constants with their values, what runs once for its parameters, and what every
-/// evaluation runs. Registers of the inputs come first, then those of the outputs. Terms are not among them.
+/// A tape as registers of constants with their values, instructions that run once for its parameters, and instructions
+/// of every evaluation. Registers of the inputs come first, then those of the outputs. Terms are left out.
 #[pyfunction]
 pub(crate) fn listing(tape: PyRef<'_, Tape>) -> (Vec<(usize, f64)>, Vec<Line>, Vec<Line>) {
     let found = tape.0.listing();

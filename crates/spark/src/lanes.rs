@@ -1,9 +1,8 @@
 //! Several members in lock-step, each with the bits it has alone.
 //!
-//! What nearly all steps do is done for all members at once: the extrapolated start, node Schur, the update.
-//! Each member decides for itself when it has converged. One that leaves this path makes that step
-//! alone: it is moved, with what it brings, to a stepper of one member, and back. It is what makes any other
-//! step, too: the first one, and those by full Newton.
+//! The common path makes nearly all steps of all members at once: the extrapolated start, node Schur, the update. Each
+//! member has its own convergence test. For a step off this path, such as the first one or one by full Newton, the
+//! member with its checkpoint is moved to a stepper of one member, and back afterwards.
 
 use super::node_schur::NodeSchur;
 use super::predictor::Predictor;
@@ -40,13 +39,13 @@ pub struct SparkBatch {
     schur: NodeSchur<Block>,
     predictor: Predictor<Block>,
     update: Update<Block>,
-    /// What makes a step of one member: of any, where their parameters are the same.
+    /// Steppers of one member: one for each, or a single one where all have the same parameters.
     alone: Vec<Spark>,
     state: State,
     /// Rests of node Schur and of the modified iteration, of each.
     rests: [[Rest; 2]; BATCH],
     members: [Member; BATCH],
-    /// How many there are: the last one fills the places that are left, and all it does is done there too.
+    /// The number of members; the lanes left over repeat the last one.
     count: usize,
     saved: Vec<f64>,
     stats: Stats,
@@ -115,7 +114,7 @@ impl SparkBatch {
         self.model.state(t, y, z)
     }
 
-    /// The common path, up to where the step has only to be committed; says who has come to its end.
+    /// The common path up to the commit; `members` says which of them have converged.
     fn advance(&mut self, step: Step<Block>) -> Result<(), StepError> {
         let is_newton = self.small.as_ref().is_some_and(|small| small.is_newton());
         let is_open = |[schur, all]: &[Rest; 2]| !(all.is_on() || schur.is_on() && !is_newton);
@@ -152,7 +151,7 @@ impl SparkBatch {
         if !self.members.iter().any(has_converged) {
             return Ok(());
         }
-        // from here on as a member alone goes
+        // the same as in a step of one member
         let last = stages.tableau.intervals - 1;
         stages.evaluate_values(model, step, last);
         if stages.loses_moves(&self.problem) {
@@ -163,7 +162,7 @@ impl SparkBatch {
         self.update.solve(model, stages, step)
     }
 
-    /// A step of one member alone; what it leads to is appended to what is saved.
+    /// Makes the step of one member alone; its checkpoint after the step is appended to `saved`.
     fn step_alone(
         &mut self,
         member: usize,
@@ -188,7 +187,7 @@ impl SparkBatch {
         made.map_err(|error| error.of_member(member))
     }
 
-    /// Puts those who stepped alone back beside the others.
+    /// Restores the members that stepped alone among the others.
     fn take_back(&mut self, state: &mut State<Block>) -> Result<(), CheckpointMismatch> {
         let held = std::mem::take(&mut self.saved);
         let mut saved = &held[..];
@@ -232,7 +231,7 @@ impl Stepper for SparkBatch {
 
     fn step(&mut self, t: f64, h: f64, state: &mut State<Block>) -> Result<(), StepError> {
         if self.advance(Step { t, h, state }).is_err() {
-            // whose error it is, each finds out alone
+            // the error does not say which member failed: each makes the step alone
             self.members = [Member::Out; BATCH];
         }
         self.saved.clear();

@@ -48,19 +48,19 @@ use stages::{Stages, Unknowns};
 pub use tangent::{SparkAdjoint, SparkTangents};
 use update::Update;
 
-/// How the stage equations are solved; all ways lead to the same solution, to roundoff.
+/// The solver of the stage equations; all have the same solution, to roundoff.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Solver {
     /// Node Schur, and full Newton where that is slow.
     Auto,
-    /// Node Schur only, but where its matrix would be dense and large.
+    /// Node Schur only, unless its matrix would be dense and large.
     NodeSchur,
     /// Full simplified Newton only.
     Newton,
 }
 
 impl Solver {
-    /// Corrections that node Schur may take.
+    /// The most corrections of node Schur.
     fn max_iterations(self, problem: &Mechanical, tableau: &tableau::Spark) -> usize {
         let order = tableau.stages * problem.n + tableau.intervals * problem.m;
         match self {
@@ -72,7 +72,7 @@ impl Solver {
         }
     }
 
-    /// Corrections that a small system may take, by full Newton or node Schur.
+    /// The most corrections of a small system, by full Newton or node Schur.
     fn max_small_iterations(self, is_newton: bool, of: (&Mechanical, &tableau::Spark)) -> usize {
         if is_newton {
             return MOST_ITERATIONS;
@@ -80,7 +80,7 @@ impl Solver {
         self.max_iterations(of.0, of.1)
     }
 
-    /// The matrices that a small system may be solved with.
+    /// The matrices allowed for small systems.
     fn matrices(self) -> Matrices {
         match self {
             Self::Auto => Matrices::Any,
@@ -90,7 +90,7 @@ impl Solver {
     }
 }
 
-/// Corrections a solver may take when there is no other.
+/// The most corrections of a solver without an alternative.
 const MOST_ITERATIONS: usize = 100;
 
 /// A SPARK method at work.
@@ -98,19 +98,19 @@ const MOST_ITERATIONS: usize = 100;
 pub struct Spark {
     model: Model,
     solver: Solver,
-    /// What makes nearly all steps of a small system.
+    /// The fast path, which makes nearly all steps of a small system.
     small: Option<Box<Small<f64>>>,
     stages: Stages,
     schur: NodeSchur,
-    /// Full Newton, made when it is first wanted.
+    /// Full Newton, made at its first use.
     full: Option<Box<FullNewton>>,
     predictor: Predictor,
     update: Update,
-    /// What tells errors, where they are wanted.
+    /// The error estimate, where steps are controlled by errors.
     estimate: Option<Box<Estimate>>,
-    /// Where node Schur started, for full Newton to start there too.
+    /// Start values of node Schur, from which full Newton starts after its failure.
     start: Unknowns,
-    /// Solutions to be compared, each made when it is first wanted.
+    /// Solutions kept by the attempts, each made at its first use.
     kept: [Option<Box<KeptStages>>; 3],
     continuation: Option<Box<Continuation>>,
     /// Rest of node Schur, and of the modified iteration.
@@ -162,9 +162,9 @@ impl Spark {
         self
     }
 
-    /// (U1)–(U3), and what the next step is extrapolated from.
+    /// (U1)–(U3), and the polynomials that the next step is extrapolated from.
     fn finish(&mut self, step: Step) -> Result<(), StepError> {
-        // the update needs forces at the last iterate: older ones cost a drift in the energy
+        // forces of an earlier iterate would make the energy drift
         let last = self.stages.tableau.intervals - 1;
         self.stages.evaluate_values(&mut self.model, step, last);
         if self.is_by_schur && self.stages.loses_moves(&self.model.problem) {
@@ -179,7 +179,7 @@ impl Spark {
         Ok(())
     }
 
-    /// The step of a small system; says whether it has come to its end, and has only to be committed.
+    /// Makes the step of a small system by the fast path; returns whether that has solved it, up to the commit.
     fn advance_small(&mut self, step: Step) -> bool {
         let Some(small) = &mut self.small else {
             return false;
@@ -205,7 +205,7 @@ impl Spark {
         true
     }
 
-    /// The modified iteration, by node Schur or full Newton; says whether the solution is near.
+    /// The modified iteration, by node Schur or by the matrix of full Newton; returns whether the solution is near.
     fn iterate(&mut self, step: Step) -> Result<bool, StepError> {
         self.is_by_schur = false;
         let solved = if self.wants_newton() {
@@ -229,7 +229,7 @@ impl Spark {
         Ok(solved.is_near)
     }
 
-    /// The iteration with a matrix for each correction, where there is one.
+    /// Full Newton, or where only node Schur is allowed the modified iteration again.
     fn iterate_full(&mut self, step: Step) -> Result<bool, StepError> {
         if self.is_schur_only() {
             return self.iterate(step);
@@ -240,12 +240,12 @@ impl Spark {
         Ok(solved.is_near)
     }
 
-    /// Whether there is no iteration with a matrix for each correction.
+    /// Whether node Schur is the only solver.
     fn is_schur_only(&self) -> bool {
         self.solver == Solver::NodeSchur && self.schur.is_able() && self.model.problem.l() == 0
     }
 
-    /// The error of a step, which node Schur alone cannot blame on its size.
+    /// The error of a step; node Schur alone cannot show that the step is too large, only that it does not converge.
     fn without_full(&self, error: StepError) -> StepError {
         match error {
             StepError::StepTooLarge { .. } if self.is_schur_only() => StepError::NotConverged {
@@ -258,8 +258,8 @@ impl Spark {
         }
     }
 
-    /// Whether full Newton is asked for, or is what small steps take, or all there is, or node Schur rests after having
-    /// failed.
+    /// Whether full Newton takes the place of node Schur: by choice of the user, for small systems with a varying mass, for
+    /// nonholonomic constraints, or while node Schur is left out after failures.
     fn wants_newton(&mut self) -> bool {
         let is_small = self.small.as_ref().is_some_and(|small| small.is_newton());
         self.schur_rest.take()
@@ -275,7 +275,7 @@ impl Spark {
         newton::solve(&mut self.schur.start(stages, model, step), most)
     }
 
-    /// Full Newton: by one matrix, or by one for each correction.
+    /// Newton's method with the full matrix, made once or for each correction.
     fn iterate_newton(&mut self, step: Step, is_each: bool) -> Result<Solved, StepError> {
         self.stats.newton_steps += 1;
         let (stages, model) = (&mut self.stages, &mut self.model);
@@ -285,7 +285,7 @@ impl Spark {
             self.start.copy_from(&stages.unknowns);
             let mut equations = SmallNewton::new(small, stages, model, step);
             let solved = Self::solve_newton(&mut equations, is_each);
-            // its matrix has no pivots, and corrections without bounds where it wants them
+            // its matrix is factored without pivots, so a failure is repeated with one that has them
             let is_own = match solved {
                 Ok(_) => true,
                 Err(StepError::NotConverged { size, .. }) => !is_each && size < 1.0,
@@ -350,7 +350,7 @@ impl Stepper for Spark {
 
 impl Symmetric for Spark {}
 
-// What is extrapolated, and how long node Schur still rests.
+// The extrapolated polynomials, and the back-off of node Schur and of the modified iteration.
 liouville_base::checkpoint!(Spark {
     predictor,
     schur_rest,

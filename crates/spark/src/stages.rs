@@ -18,7 +18,7 @@ fn times<'c, R>(step: Step<R>, c: &'c [f64]) -> Times<'c> {
     Times { t, h, c }
 }
 
-/// What the stage equations are solved for: Z_i, V_i and ν_i at the stages, λ_j at the nodes.
+/// The unknowns of the stage equations: Z_i, V_i and ν_i at the stages, λ_j at the nodes.
 #[derive(Clone, Debug)]
 pub(super) struct Unknowns<R = f64> {
     pub(super) z: Matrix<R>,
@@ -35,7 +35,7 @@ impl<R: Real> Unknowns<R> {
         copy(self.nu.flat_mut(), other.nu.flat());
     }
 
-    /// Takes the numbers of another, z, v, λ and ν one after another.
+    /// Sets all unknowns from a slice of z, v, λ and ν one after another.
     pub(super) fn put_back(&mut self, mut numbers: &[R]) {
         for part in [&mut self.z, &mut self.v, &mut self.lam, &mut self.nu] {
             let (own, rest) = numbers.split_at(part.flat().len());
@@ -44,7 +44,7 @@ impl<R: Real> Unknowns<R> {
         }
     }
 
-    /// Takes what another has for the chosen members.
+    /// Copies the chosen members of another.
     #[inline(always)]
     pub(super) fn copy_members(&mut self, other: &Self, chosen: R) {
         let pairs = [
@@ -74,7 +74,7 @@ pub(super) struct Stages<R = f64> {
     pub(super) node_y: Matrix<R>,
     node_low: Matrix<R>,
     pub(super) g: Matrix<R>,
-    /// Finds the roundings of g, where it can.
+    /// Rounding errors of g, where its operations have them.
     compensated: Option<Box<CompensatedTape<R>>>,
     /// Moves h b_j V_j, and impulses: h b_j F_j, then h b̂_j R_j, j = 0..k, then those h b_j R_j of
     /// nonholonomic constraints.
@@ -83,22 +83,22 @@ pub(super) struct Stages<R = f64> {
     /// Residuals V_i − v(T_i, Y_i, Z_i) and those of the momentum equation.
     pub(super) velocity_residual: Matrix<R>,
     pub(super) momentum_residual: Matrix<R>,
-    /// Moves that the rounding of velocities has taken away.
+    /// Parts of the moves that the rounding of velocities has lost.
     pub(super) lost_moves: Matrix<R>,
     pub(super) evaluations: usize,
     /// When the stage equations count as solved.
     pub(super) stop: Stop,
-    /// v at the start of the step, and the velocity that moves the coordinates by their size at the start:
-    /// the yardstick of the step, which no iterate changes; 0 where none is needed.
+    /// v at the start of the step, and the yardstick of the step: the speed that moves the coordinates by their size at
+    /// the start, the same for all iterates; 0 where none is needed.
     pub(super) still: Vec<R>,
     pub(super) yardstick: R,
     /// Whether V and Z are the same.
     pub(super) velocity_is_z: bool,
     /// Whether the equations are linear, with one solution wherever it lies.
     pub(super) is_affine: bool,
-    /// What corrections are relative to.
+    /// The speed that corrections are relative to.
     pub(super) speed: R,
-    /// Memory of looking at roundoff, made when it is first wanted.
+    /// Memory of measuring roundoff, made at its first use.
     pub(super) probe: Option<Box<Probe<R>>>,
     /// μᶠ and μ̂ side by side, the last column of μ̂, which is zero, left out unless μʳ follows.
     pub(super) force_weights: Matrix,
@@ -250,8 +250,8 @@ impl<R: Real> Stages<R> {
         }
     }
 
-    /// Adds to g what roundings of its evaluation and of the nodes took from it. Near its root g has so few values that
-    /// they do not show what the iteration leaves, which is of one sign step after step.
+    /// Adds to g the rounding errors of its evaluation and of the nodes. Near its root g takes so few values that the
+    /// error of the iteration would not show in them; it has the same sign in each step.
     fn compensate(&mut self, step: Step<R>) {
         let Some(compensated) = &mut self.compensated else {
             return;
@@ -347,8 +347,8 @@ impl<R: Real> Stages<R> {
         );
     }
 
-    /// Whether what the rounding of velocities takes away is to be told. Where p depends on y, the rounding of Y_i
-    /// would pass for it.
+    /// Whether the moves lost by the rounding of velocities are found. Where p depends on y, the rounding of Y_i could
+    /// not be separated from them.
     pub(super) fn loses_moves(&self, problem: &Mechanical) -> bool {
         problem.patterns.p_y.is_empty() && self.stop.is_roundoff()
     }

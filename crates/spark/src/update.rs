@@ -1,12 +1,12 @@
 //! The end of a step: (U1), then z1 and λ_k from (U2) and (U3).
 //!
-//! Nonholonomic constraints have been met by then, up to roundoff: what is left of them is taken away by
-//! impulses of their reactions at t1, of the size of roundoff.
+//! Nonholonomic constraints hold at that point up to roundoff; impulses of their reactions at t1, of the size of
+//! roundoff, remove the rest.
 //!
-//! Stage equations that are solved to a tolerance leave y1 as far off the constraints: it is moved onto them first.
+//! Where the stage equations are solved to a tolerance, y1 is off the constraints by as much, and is projected first.
 //!
-//! Increments are summed first and added last. What either loses is kept in the low part: the roundings
-//! of sums in a fixed order are no random ones, and cost a drift of the energy.
+//! Increments are summed first and added last, and the rounding errors of both are carried in the low part: those of
+//! sums in a fixed order are not random, and would make the energy drift.
 #![allow(clippy::inline_always)] // what is not inlined is compiled without the registers it is for
 
 use super::stages::Stages;
@@ -20,7 +20,7 @@ use liouville_problem::{Model, Saddle, State, Step, finite, finite_k};
 
 const MOST_ITERATIONS: usize = 30;
 
-/// The state at the end of a step while it is being found.
+/// The state at the end of a step, while it is solved for.
 #[derive(Clone, Debug)]
 pub(super) struct Update<R = f64> {
     pub(super) z: Vec<R>,
@@ -29,7 +29,7 @@ pub(super) struct Update<R = f64> {
     y_low: Vec<R>,
     p: Vec<R>,
     p_low: Vec<R>,
-    /// What the sums of increments lose.
+    /// Rounding errors of the sums of increments.
     y_lost: Vec<R>,
     p_lost: Vec<R>,
     saddle: Saddle<R>,
@@ -69,7 +69,7 @@ impl<R: Real> Update<R> {
         }
     }
 
-    /// y1, and what p gains but for the last reaction.
+    /// y1, and the increment of p without the last reaction.
     #[inline(always)]
     fn sum_up(&mut self, stages: &Stages<R>, state: &State<R>) {
         let (s, k) = (stages.tableau.stages, stages.tableau.intervals);

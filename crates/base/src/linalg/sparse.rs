@@ -1,6 +1,6 @@
 //! Sparse LU with row pivoting: faer's, its ordering found once, its memory kept.
 //!
-//! What is factored is the equilibrated matrix R A C, largest entries near one in each row and column:
+//! The factored matrix is the equilibrated R A C, with largest entries near one in each row and column:
 //! in a saddle-point matrix stiffness and constraint gradients can be 1e11 apart. R and C are powers of
 //! two, so that they round nothing.
 

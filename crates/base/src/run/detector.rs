@@ -37,7 +37,7 @@ pub trait EventDetector<State>: Checkpoint {
     fn take(&mut self) -> Events;
 }
 
-/// What an event detector has found in a step.
+/// The effect of the events in a step on the run.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Outcome {
     /// Nothing that changes the run.

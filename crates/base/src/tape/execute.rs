@@ -18,7 +18,7 @@ macro_rules! operations {
             /// Every operation, in the order of its code.
             pub const ALL: &'static [Op] = &[$(Op::$name,)*];
 
-            /// The name the front end knows it by.
+            /// Its name in the front end.
             pub fn name(self) -> &'static str {
                 match self { $(Op::$name => $text,)* }
             }

@@ -6,14 +6,14 @@ use super::{Instr, Op, Tape};
 /// An operation, the register that it writes, and those that it reads: the second is the first where there is one only.
 pub type Operation = (Op, usize, [usize; 2]);
 
-/// What a tape runs. The registers of its inputs come first, then those of its outputs.
+/// The instructions of a tape. The registers of its inputs come first, then those of its outputs.
 #[derive(Clone, Debug)]
 pub struct Listing {
     /// Registers of constants, with their values.
     pub constants: Vec<(usize, f64)>,
-    /// What runs once, when parameters are bound.
+    /// Instructions that run once, when parameters are bound.
     pub once: Vec<Operation>,
-    /// What every evaluation runs, in this order.
+    /// Instructions of every evaluation, in this order.
     pub each: Vec<Operation>,
 }
 

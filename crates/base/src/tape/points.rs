@@ -38,7 +38,7 @@ impl<R: Real> PointRegisters<R> {
         self.points
     }
 
-    /// What the registers hold at the first point.
+    /// The values of the registers at the first point.
     pub(super) fn first_point(&self) -> impl Iterator<Item = R> {
         self.registers.iter().copied().step_by(self.points)
     }

@@ -52,7 +52,7 @@ impl Stepper for StartRecorder {
     }
 }
 
-/// What a run without a recorder saves.
+/// The checkpoint of a run without a recorder.
 impl Checkpoint for StartRecorder {
     fn save(&self, member: usize, out: &mut dyn Numbers) {
         self.stepper.save(member, out);

@@ -70,7 +70,7 @@ impl Tangents {
         self
     }
 
-    /// What is stepped without its tangents.
+    /// The method without tangents.
     pub fn volume(&self) -> &Volume<f64> {
         &self.volume
     }

@@ -133,9 +133,9 @@ fn check(name: &'static str, found: usize, wanted: usize) -> Result<(), Mismatch
 pub struct SemiExplicitState {
     /// Coordinates.
     pub y: Vec<f64>,
-    /// What the hidden constraint makes z at `y`; methods take nothing from it but a guess.
+    /// z at `y` by the hidden constraint; methods use it as a guess only.
     pub z: Vec<f64>,
-    /// What `y` has lost to rounding.
+    /// The rounding error of `y`.
     pub y_low: Vec<f64>,
 }
 

@@ -10,7 +10,7 @@ use liouville_problem::{Jump, Kind, Refused, Restart, Sizes, Violation, finite};
 /// How far constraints may be missed, as at the start of a run: in units of the coordinates, and of those at zero.
 const TOLERANCES: [f64; 2] = [1e-10, 1e-14];
 
-/// What moves a state to the constraints.
+/// The solver that moves a state to the constraints.
 pub struct SemiExplicitRestart {
     model: SemiExplicitModel,
     factor: Factor,

@@ -26,7 +26,7 @@ pub(super) struct LinearCollocation {
     /// A row a stage; those of k have the end of the step below.
     f_tau: Matrix,
     k_tau: Matrix,
-    /// What moves Y_i and y1, or cotangents of these.
+    /// Changes of Y_i and y1, or their cotangents.
     points: Matrix,
     /// Of k at a point.
     constraint: Vec<f64>,

@@ -1,4 +1,4 @@
-//! What is recorded of states of semi-explicit systems with their tangents.
+//! Records of states of semi-explicit systems with their tangents.
 
 use crate::semi_explicit::SemiExplicitModel;
 use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch, Numbers};

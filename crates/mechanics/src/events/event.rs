@@ -12,7 +12,7 @@ pub struct Event {
     pub(super) function: WatchedFunction,
     /// Whether the function depends on λ.
     pub(super) needs_lam: bool,
-    /// What it does to the motion.
+    /// The law of the state after it, if it changes the motion.
     pub(super) reset: Option<Reset>,
     /// Whether steps end at it, where it is a switch of the forces.
     pub(super) is_switch: bool,

@@ -16,7 +16,7 @@ const SHORTLY: f64 = 1.0 / 1024.0;
 /// A motion is on an event where the function is not farther from zero than so many times its roundoff.
 const HOLDS: f64 = 16.0;
 
-/// What makes the states after resets, if there are any.
+/// The solver of states after resets, if there are any.
 pub(super) struct Restarts<State>(pub(super) Option<Box<dyn Restart<State>>>);
 
 impl<State> Checkpoint for Restarts<State> {
@@ -53,7 +53,7 @@ impl<State: Carried + Checkpoint + Clone, M: Dynamics> DenseDetector<State, M> {
                 continue;
             }
             if let Some(noise) = self.recedes(k, state)? {
-                // roundoff of a function that touches zero, or of a hit that is not told apart from the last
+                // roundoff of a function that touches zero, or of a hit that cannot be distinguished from the last one
                 let (t, h) = (self.substep.t + x * self.substep.h, self.substep.h);
                 let reset = self.events[index].reset.as_ref();
                 if reset.is_some_and(|reset| reset.intervals.is_short(t, h, noise)) {

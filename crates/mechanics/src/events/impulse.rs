@@ -30,7 +30,7 @@ pub struct LinearImpulse {
     /// e_y, and v_zᵀ e_y at the end.
     gradient: Vec<f64>,
     row: Vec<f64>,
-    /// What a unit of e_y, and of v_zᵀ e_y, makes of the unknowns.
+    /// The unknowns for a unit right-hand side e_y, and v_zᵀ e_y.
     unit: [Vec<f64>; 2],
     unit_transposed: [Vec<f64>; 2],
     x: Vec<f64>,

@@ -37,11 +37,11 @@ pub struct DenseDetector<State: Checkpoint, M: Dynamics = Model> {
     /// Zeros of all events in a step.
     found: Vec<Crossing>,
     met: Met,
-    /// What makes the states after resets, y and z as they say, and how many holonomic constraints there are.
+    /// The solver of states after resets, y and z by the law of a reset, and the number of holonomic constraints.
     restart: Restarts<State>,
     jump: [Vec<f64>; 2],
     holonomic: usize,
-    /// What differentiates the events, or keeps what does it later.
+    /// The follower that differentiates the events, if they are differentiated.
     follower: Option<Box<dyn FollowEvents<State>>>,
     observer: Box<dyn Observe<Path<M>>>,
     /// Times of the records, where they are the detector's.
@@ -121,7 +121,7 @@ impl<State: Carried + Checkpoint + Clone, M: Dynamics> DenseDetector<State, M> {
         }
     }
 
-    /// The same with what makes states after resets, of a system with so many holonomic constraints.
+    /// The same with a solver of states after resets, of a system with so many holonomic constraints.
     #[must_use]
     pub fn resetting(self, restart: Box<dyn Restart<State>>, holonomic: usize) -> Self {
         let restart = Restarts(Some(restart));
@@ -139,7 +139,7 @@ impl<State: Carried + Checkpoint + Clone, M: Dynamics> DenseDetector<State, M> {
         self
     }
 
-    /// The same with what differentiates its events.
+    /// The same with a follower that differentiates its events.
     #[must_use]
     pub fn followed(self, follower: Box<dyn FollowEvents<State>>) -> Self {
         Self {

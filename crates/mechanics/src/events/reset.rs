@@ -1,4 +1,4 @@
-//! What an event does to the motion: the state after it.
+//! Resets: the state after an event.
 
 use liouville_base::error::{Quantity, StepError};
 use liouville_base::tape::{Registers, Tape};
@@ -56,7 +56,7 @@ impl Reset {
         }
     }
 
-    /// What the law says at a hit.
+    /// The values of the law at a hit.
     pub(super) fn at(
         &mut self,
         t: f64,

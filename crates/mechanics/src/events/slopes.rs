@@ -107,7 +107,7 @@ impl SlopesModel {
         Self::eval(&mut self.event, self.index, t, [&[t], y, z, lam])
     }
 
-    /// What the law of a reset says; nothing of an event without one.
+    /// The values of the law of a reset; empty for an event without one.
     pub(super) fn law(&mut self, (t, [y, z, lam]): Before<'_>) -> Result<&[f64], StepError> {
         match &mut self.law {
             Some(law) => Self::eval(law, self.index, t, [&[t], y, z, lam]),
@@ -256,7 +256,7 @@ impl Meeting<'_> {
     }
 }
 
-/// What differentiates the events of a run as it goes, or keeps what does it later.
+/// Follows the events of a run: differentiates them at once, or keeps the data of their derivatives.
 pub trait FollowEvents<State>: Send + Sync {
     /// A step begins here.
     fn begin(&mut self, state: &mut State);

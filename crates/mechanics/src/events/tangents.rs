@@ -12,7 +12,7 @@ use liouville_base::error::StepError;
 use liouville_base::linalg::{Matrix, add_scaled, dot};
 use liouville_problem::{BeginTangents, Carried, Directions, RateTangents, TangentState};
 
-/// What finds derivatives of a motion at its points, through its resets, and of what its method carries behind these.
+/// Derivatives of a motion at its points and through its resets, and of the state that its method carries after these.
 pub struct MotionDerivatives<S> {
     /// Of the rates and multipliers at a point.
     pub point: Box<dyn RateTangents>,

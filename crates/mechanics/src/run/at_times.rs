@@ -127,7 +127,7 @@ struct TimesObserver<P: ObservePoint> {
     at_times: AtTimes<P>,
 }
 
-/// What observes a run that is made again, where states are given at times or not.
+/// The observer of a repeated run, with or without given times.
 pub(super) fn observing<P: ObservePoint>(
     inner: Observer<P::Model>,
     at_times: Option<AtTimes<P>>,

@@ -92,7 +92,7 @@ pub struct EventFunction {
     pub rule: EventRule,
     /// Whether it depends on λ.
     pub needs_lam: bool,
-    /// What it does to the motion, and a tape of (t, y, z, params) → de/dt where it is a function of (t, y) alone.
+    /// The law of the state after it, and a tape of (t, y, z, params) → de/dt where it is a function of (t, y) alone.
     pub reset: Option<(Law, Option<Tape>)>,
     /// Whether it is a switch of the forces, at which controlled steps end; switches come behind all events.
     pub is_switch: bool,

@@ -18,7 +18,7 @@ pub(super) type BoxedStepper<State> = Box<dyn Stepper<State = State>>;
 /// The monitor that reversible steps follow, with the first step and the least; none where steps are equal.
 pub(super) type MonitoredSteps<State> = Option<(Box<dyn Monitor<State>>, [f64; 2])>;
 
-/// What is recorded of a member's states, and at given times of its path.
+/// The observers of a member's states at steps, and at given times.
 pub(super) type Observed<State, M> = (Box<dyn Observe<State>>, Box<dyn Observe<Path<M>>>);
 
 /// A member: its number, its model, and what makes its states after resets, where events have them.

@@ -94,7 +94,7 @@ type Begun = Result<Box<dyn Advance>, StepError>;
 type MethodStart<M, S> = (M, S, Option<(f64, f64)>);
 
 impl Starter {
-    /// What begins the runs of a job by this method.
+    /// A starter of the runs of a job by this method.
     ///
     /// # Errors
     /// The method does not step the system, or the job does not fit them.

@@ -1,4 +1,4 @@
-//! What is known of a point of a run, transposed.
+//! The adjoint of the values that are recorded at a point of a run.
 
 use liouville_base::error::StepError;
 use liouville_base::linalg::add_scaled;

@@ -15,43 +15,43 @@ use liouville_base::run::{Advance, Status, StepControl};
 use liouville_problem::{Carried, Cotangents};
 use std::time::Duration;
 
-/// What takes cotangents of a run back to its start, from checkpoint to checkpoint.
+/// The adjoint of a run, which takes cotangents back to its start, from checkpoint to checkpoint.
 pub trait Follow: Send + Sync {
-    /// Goes to a checkpoint of the run.
+    /// Restores a checkpoint of the run.
     ///
     /// # Errors
     /// It is one of another run.
     fn restore(&mut self, saved: &[f64]) -> Result<(), CheckpointMismatch>;
 
-    /// Makes the steps up to the step `last` again, and follows them back. `rows` are cotangents of
+    /// Repeats the steps up to the step `last`, and takes cotangents back over them. `rows` are cotangents of
     /// (y, z, λ) at the ends of the steps `kept`, both in their order.
     ///
     /// # Errors
-    /// A step cannot be made again, or not followed back.
+    /// A step cannot be repeated, or its adjoint fails.
     fn follow(&mut self, last: usize, kept: &[usize], rows: &Matrix) -> Result<(), StepError>;
 
-    /// Ends at the start, whose cotangents are `row`.
+    /// Adds the cotangents `row` of the start, and returns all.
     ///
     /// # Errors
     /// A derivative that is not finite.
     fn end(&mut self, row: &[f64]) -> Result<&Cotangents, StepError>;
 
-    /// Takes cotangents of (y, z, λ) at the given times, a row for each; says whether the run has so many.
+    /// Sets cotangents of (y, z, λ) at the given times, a row for each; returns whether their number is that of the run.
     fn give(&mut self, _rows: Matrix) -> bool {
         false
     }
 
-    /// Takes cotangents of the events of each kind, a row for each time it was met: of t, y, z and λ, and of y, z and λ
+    /// Sets cotangents of the events of each kind, a row for each time it was met: of t, y, z and λ, and of y, z and λ
     /// after a reset.
     fn give_events(&mut self, _rows: Vec<Matrix>) {}
 }
 
-/// What takes cotangents back over the recorded steps of a method.
+/// The adjoint of the recorded steps of a method.
 pub trait StepAdjoint: Send + Sync {
-    /// What the method carries from step to step.
+    /// The state that the method carries from step to step.
     type State: Carried + Checkpoint + Clone;
 
-    /// What takes cotangents of what is known of a point to y, z and τ there.
+    /// The adjoint of the values at a point, which takes their cotangents to y, z and τ there.
     type Point: ObservePoint;
 
     /// How many numbers of y, z and what the method carries have cotangents, of n coordinates.
@@ -67,7 +67,7 @@ pub trait StepAdjoint: Send + Sync {
         of: &mut Cotangents,
     ) -> Result<(), StepError>;
 
-    /// Takes those of what is carried, where a motion begins, to y, z and τ there, unless it was given.
+    /// Takes cotangents of the carried state, where a motion begins, to y, z and τ there, unless it was given.
     ///
     /// # Errors
     /// A derivative that is not finite, or a singular matrix.
@@ -80,13 +80,13 @@ pub trait StepAdjoint: Send + Sync {
     ) -> Result<(), StepError>;
 }
 
-/// The pullback of a run, its steps held.
+/// The pullback of a run at the steps that it has made.
 pub struct Pullback<A: StepAdjoint> {
     run: Box<dyn Advance>,
     records: SharedRecords<A::State>,
     adjoint: A,
     point: A::Point,
-    /// The start, and whether all that the method carries was given there.
+    /// The start, and whether the whole carried state was given there.
     start: (f64, A::State, bool),
     /// How many times the method is at work in a step.
     parts: usize,
@@ -94,8 +94,8 @@ pub struct Pullback<A: StepAdjoint> {
     /// Where states are given at times that are not those of the steps.
     times: Option<AtTimes<A::Point>>,
     events: Option<EventAdjoint<A::State>>,
-    /// The cotangent of the time at which the run begins, as the ends of its steps follow it.
-    held: f64,
+    /// The cotangent of the time at which the run begins, by the times of its steps.
+    of_start: f64,
 }
 
 /// Steps that are recorded as they are made.
@@ -103,7 +103,7 @@ pub(super) struct RecordedSteps<State: Checkpoint> {
     pub(super) control: Box<dyn StepControl<State>>,
     /// Makes parts of steps for an event detector.
     pub(super) copy: Option<BoxedStepper<State>>,
-    /// What these two record.
+    /// The records of these two.
     pub(super) whole: SharedRecords<State>,
     pub(super) partial: SharedRecords<State>,
     /// How many times the method is at work in a step.
@@ -122,7 +122,7 @@ pub(super) struct Recording<A: StepAdjoint> {
     /// Numbers of y, z and multipliers of a step.
     pub(super) sizes: [usize; 3],
     pub(super) start: A::State,
-    /// Whether all that the method carries was given at the start.
+    /// Whether the whole carried state was given at the start.
     pub(super) is_given: bool,
 }
 
@@ -222,7 +222,7 @@ where
             adjoint: method.adjoint,
             times,
             events,
-            held: 0.0,
+            of_start: 0.0,
         })
     }
 }
@@ -249,7 +249,7 @@ impl<A: StepAdjoint> Pullback<A> {
         let moved = of.stretch / step.iter().map(|part| part.h).sum::<f64>();
         of.stretch = before + moved * (end.time() - self.start.0);
         of.tau[0] -= moved;
-        self.held += moved;
+        self.of_start += moved;
         Ok(())
     }
 
@@ -309,7 +309,7 @@ impl<A: StepAdjoint> Follow for Pullback<A> {
         }
         let is_over = status == Status::Done;
         if is_over && self.times.is_some() {
-            // what is due at the end only
+            // records that are due at the end only
             drop(self.run.take());
         }
         let shared = self.records.clone();
@@ -358,7 +358,7 @@ impl<A: StepAdjoint> Follow for Pullback<A> {
         if let Some(times) = &self.times {
             add_scaled(&mut self.cotangents.tau, 1.0, &times.lock().tau);
         }
-        self.cotangents.tau[0] += std::mem::take(&mut self.held);
+        self.cotangents.tau[0] += std::mem::take(&mut self.of_start);
         self.point.observe(at, row, &mut self.cotangents)?;
         let (point, of) = (&mut self.point, &mut self.cotangents);
         self.adjoint.leave(at, is_given, point, of)?;

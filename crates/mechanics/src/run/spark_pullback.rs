@@ -34,7 +34,7 @@ impl StepAdjoint for SparkAdjoint {
 }
 
 impl Starter {
-    /// What takes cotangents of a mechanical run's points and resets back, and numbers of y, z and multipliers.
+    /// The adjoints of points and resets of a mechanical run, and the numbers of y, z and multipliers.
     pub(super) fn mechanical_adjoints(
         &self,
         sensitivity: &Arc<Sensitivity>,

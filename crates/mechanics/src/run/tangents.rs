@@ -26,7 +26,7 @@ use std::sync::Arc;
 /// A control of steps, and what makes parts of them for an event detector.
 type Stepping<S> = (Box<dyn StepControl<S>>, Option<BoxedStepper<S>>);
 
-/// What a motion begins with behind a reset: tangents of what its method carries, and the state.
+/// The start of a motion after a reset: tangents of the carried state, and the state.
 type Begins<S> = (Box<dyn BeginTangents<S>>, Option<Box<dyn Restart<S>>>);
 
 /// A run whose states carry tangents, and what differentiates it.

@@ -101,7 +101,7 @@ fn along<const D: usize>(of: &Newton, x: f64, h: f64, vector: &[f64]) -> f64 {
     (0..D).fold(sum, |found, _| found / h)
 }
 
-/// What each knot has in turn: one, and zero elsewhere.
+/// Unit values: one at each knot in turn, and zero at the others.
 fn units<const K: usize>(count: usize) -> Vec<[Vec<f64>; K]> {
     let unit = |own: usize| {
         let mut values = vec![0.0; count * K];

@@ -1,4 +1,4 @@
-//! What is known of a trajectory at the ends of steps, and what it is between them.
+//! The knots of a trajectory, at the ends of steps, and its values between them.
 
 use super::super::{Carried, Dynamics, TangentView};
 use super::Path;

@@ -314,7 +314,7 @@ impl<M: Dynamics> Path<M> {
         }
     }
 
-    /// What a method carries besides, linear between knots: it is of second order itself.
+    /// Interpolates the other values that a method carries linearly between knots, as they are of second order.
     fn carry(&mut self, t: f64) {
         let pairs = self.knots.windows(2).rev();
         let mut pairs = pairs.filter(|pair| (t - pair[0].t) * (t - pair[1].t) <= 0.0);

@@ -13,7 +13,7 @@ use super::knot::{Knot, KnotTangents, PointTangents};
 use liouville_base::error::{Quantity, StepError};
 use liouville_base::linalg::{Matrix, add_scaled, copy};
 
-/// What finds the tangents of knots, and the polynomials through them.
+/// The tangents of knots, and the polynomials through them.
 #[derive(Debug)]
 pub struct PathTangents {
     point: Box<dyn RateTangents>,
@@ -21,7 +21,7 @@ pub struct PathTangents {
     directions: Directions,
     /// Tangents of z', in one direction after another.
     rates: Vec<f64>,
-    /// What the polynomials have at each knot.
+    /// The values of the polynomials at each knot.
     moved: Vec<KnotTangents>,
     of_y: Newton,
     of_z: Newton,

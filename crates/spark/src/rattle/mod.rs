@@ -49,7 +49,7 @@ pub struct Rattle {
     y_low: Vec<f64>,
     p: Vec<f64>,
     v: Vec<f64>,
-    /// What makes the steps that multipliers alone do not, made when it is first wanted.
+    /// The same method by its stage equations, for steps where the iteration for λ fails; made at its first use.
     stages: Option<Box<Spark>>,
     stats: Stats,
 }

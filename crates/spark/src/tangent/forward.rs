@@ -1,4 +1,4 @@
-//! Tangents of one step. With e(F) what changes of y0, of τ and of h make of F where V_i, Z_i and λ_j stay, and Λ = h λ:
+//! Tangents of one step. With e(F) the change of F by y0, τ and h at fixed V_i, Z_i and λ_j, and Λ = h λ:
 //!
 //!     J (dZ, dΛ, dV) = (dp0 − e(p_i) + Σ_j d(h aᶠ_ij f_j) + Σ_{j<k} d(h â_ij r_j),  −e(g_j)/h,  e(v_i))
 //!
@@ -22,7 +22,7 @@ use liouville_problem::{Directions, Mechanical, Model, Step, TangentState};
 /// The memory of a direction.
 #[derive(Clone, Debug)]
 pub(super) struct Forward {
-    /// What changes of y0 and of the step make of Y_i and Ŷ_j; then what those of V_j add.
+    /// e(Y_i) and e(Ŷ_j), then the parts by dV_j.
     stages: Matrix,
     nodes: Matrix,
     /// h b_j dV_j
@@ -34,17 +34,17 @@ pub(super) struct Forward {
     y: Vec<f64>,
     momentum: Vec<f64>,
     hidden: Vec<f64>,
-    /// What moves k at a stage.
+    /// The derivative of k at a stage.
     rolling: Vec<f64>,
 }
 
-/// The direction that is followed, through which step, from which state.
+/// A direction through a step from a state.
 #[derive(Clone, Copy)]
 pub(super) struct StepAlong<'a> {
     pub(super) step: Step<'a>,
     pub(super) direction: usize,
     pub(super) before: &'a TangentState,
-    /// By which part of itself the step becomes longer.
+    /// The relative change of the step size.
     pub(super) stretch: f64,
 }
 
@@ -112,7 +112,7 @@ impl Forward {
             &linear.sensitivity.problem.patterns,
         );
         let (tableau, dy0) = (&stages.tableau, along.before.y.row(along.direction));
-        // h Σ a v is known: it has led from y0 to the point
+        // h Σ a v is the difference of the point and y0
         let moved = |out: &mut [f64], y: &[f64]| {
             let led = y.iter().zip(&step.state.y).map(|(y, y0)| y - y0);
             for ((out, dy0), led) in out.iter_mut().zip(dy0).zip(led) {
@@ -252,7 +252,7 @@ impl Forward {
         of_own[0].multiply_add(end_k_tau, -1.0, tau, out);
     }
 
-    /// What dV_i make of the points, and dy1.
+    /// The changes of the points by dV_i, and dy1.
     fn move_points(&mut self, linear: &LinearStep, stages: &Stages, step: Step) {
         let (tableau, offsets) = (&stages.tableau, linear.places().0);
         let d_v = self.right[offsets.v..].chunks_exact(linear.problem.n);
@@ -265,7 +265,7 @@ impl Forward {
         add_scaled(&mut self.y, 1.0, self.nodes.row(tableau.intervals));
     }
 
-    /// Adds to the impulses what the moved points, dZ_i and dΛ_j make of them.
+    /// Adds to the impulses their changes by the points, dZ_i and dΛ_j.
     fn add_impulses(&mut self, linear: &LinearStep, stages: &Stages, step: Step) {
         let (at, tableau) = (&linear.problem.patterns, &stages.tableau);
         let (n, m, offsets) = (linear.problem.n, linear.problem.m, linear.places().0);

@@ -61,7 +61,7 @@ fn nodes((order, exponentials): (usize, usize)) -> Result<Nodes, StartError> {
     Nodes::find(order, exponentials).ok_or_else(unknown)
 }
 
-/// What steps of a Magnus method to a tolerance come to at most.
+/// A bound of the cost of a Magnus method to a tolerance.
 ///
 /// # Errors
 /// It is another method, its bounds do not fit, or H is not finite.

@@ -80,7 +80,7 @@ pub enum Method {
     MagnusSteps {
         /// Its order, and the number of exponentials of a step.
         scheme: (usize, usize),
-        /// What it may be off.
+        /// Its tolerance.
         tolerance: MagnusTolerance,
         /// Bounds of the spectra of all parts of H.
         bounds: TermBounds,

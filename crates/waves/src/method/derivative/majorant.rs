@@ -25,7 +25,7 @@ pub(super) struct Majorant {
     pub(super) sizes: Vec<f64>,
     /// d_l, empty without a change.
     pub(super) changes: Vec<f64>,
-    /// What the terms that are left out may come to, and what their changes may.
+    /// Tolerances of the terms that are left out, and of their derivatives.
     pub(super) tolerances: (f64, f64),
 }
 

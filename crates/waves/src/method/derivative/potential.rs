@@ -1,10 +1,10 @@
-//! What a potential has to do with cotangents: it is a group of each of its places, with a one there as its matrix.
+//! Cotangents of a potential: each of its places is a group whose matrix has a one there.
 
 use super::powers::TransposedPowers;
 use crate::method::driven::choice::{Form, Window};
 use crate::method::driven::fit::Fit;
 
-/// What a potential adds to cotangents, and its own.
+/// The part of a potential in cotangents of the state, and the cotangents of the potential.
 pub(super) struct PotentialPull {
     /// Powers of r, where there is a potential or its cotangents are wanted.
     powers: Option<TransposedPowers>,

@@ -37,7 +37,7 @@ pub(in crate::method) struct SeriesPiece {
     pub(in crate::method) fit: Fit,
     /// |h| times the norm of each power of the fit from the first on.
     pub(in crate::method) sizes: Vec<f64>,
-    /// What the terms that are left out may come to, relative to the state.
+    /// A bound of the terms that are left out, relative to the state.
     pub(in crate::method) tail: f64,
     /// Times, and the coefficients of the fit by the weights of H there.
     pub(in crate::method) nodes: Vec<f64>,

@@ -1,4 +1,4 @@
-//! What a run by series in time comes to, before it is made.
+//! The cost of a run by series in time, in advance.
 
 use super::choice::{Form, Share};
 use super::fit::Sampler;
@@ -22,7 +22,7 @@ pub struct Driven {
     pub tolerance: f64,
 }
 
-/// What windows come to: series of powers and of Bessel functions, and the products of all of them.
+/// The cost of windows: series of powers and of Bessel functions, and the products of all of them.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct DrivenCost {
     /// Windows with a series of powers.
@@ -41,7 +41,7 @@ impl Driven {
         Some(sampler.with_differences(self.by_differences))
     }
 
-    /// What a run from `t` to `end` comes to; none where the parts do not fit.
+    /// The cost of a run from `t` to `end`; none where the parts do not fit.
     ///
     /// # Errors
     /// H is not finite.

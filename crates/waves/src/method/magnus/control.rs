@@ -79,8 +79,8 @@ impl MagnusSteps {
         })
     }
 
-    /// What a run with outputs at these times comes to at most, the first of which is its start; none where the bounds do
-    /// not fit the terms of H.
+    /// A bound of the cost of a run with outputs at these times, the first of which is its start; none where the bounds
+    /// do not fit the terms of H.
     ///
     /// # Errors
     /// H is not finite.

@@ -1,4 +1,4 @@
-//! What products alone tell of a step: the part of H(t) within it that a polynomial in time leaves out.
+//! The part of H(t) within a step that a polynomial in time leaves out, estimated by products with H alone.
 //!
 //! H(t) acts on the state and a random vector of the same length, so that a change is seen where the state is, and where it
 //! may go within the step.
