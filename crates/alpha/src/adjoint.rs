@@ -91,7 +91,7 @@ impl AlphaAdjoint {
         }
     }
 
-    /// How many numbers of what the method carries have cotangents.
+    /// The number of cotangents of the carried state.
     pub fn carried(n: usize) -> usize {
         carried(n)
     }
@@ -161,7 +161,7 @@ impl AlphaAdjoint {
         Ok(())
     }
 
-    /// Takes cotangents of what the method carries, where a motion begins, to y, z and τ there; accelerations follow
+    /// Takes cotangents of the carried state, where a motion begins, to y, z and τ there; accelerations follow
     /// these unless they are `given`.
     ///
     /// # Errors

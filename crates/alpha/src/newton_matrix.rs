@@ -341,7 +341,7 @@ impl AlphaMatrix {
             .for_each(|lam| *lam *= self.unit);
     }
 
-    /// `x = P x`, with P the projection along r_λ onto what the constraints leave free.
+    /// `x = P x`, with P the projection along r_λ onto the nullspace of the constraints.
     pub(super) fn project(&mut self, model: &SecondOrderModel, x: &mut [f64]) {
         let Some(saddle) = &mut self.saddle else {
             return;

@@ -6,7 +6,7 @@ use liouville_base::linalg::{add_scaled, max_norm};
 use liouville_base::newton::{MARGIN, SHAKE, signs};
 
 impl AlphaEquations<'_> {
-    /// Whether the residuals are what a few ε in the unknowns make of them.
+    /// Whether the residuals are no larger than their changes by a few ε in the unknowns.
     pub(super) fn is_residual_roundoff(&mut self) -> Result<bool, StepError> {
         self.evaluate()?;
         self.hold_residuals();

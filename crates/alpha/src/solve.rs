@@ -35,7 +35,7 @@ pub(super) struct AlphaSolver {
     pub(super) z: Vec<f64>,
     /// a0, as the size of this step wants it.
     pub(super) a: Vec<f64>,
-    /// a1 − c φ1, and what φ1 and A add to.
+    /// a1 − c φ1, and the base to which φ1 and A are added.
     pub(super) known_a: Vec<f64>,
     known_y: Vec<f64>,
     known_z: Vec<f64>,
@@ -52,7 +52,7 @@ pub(super) struct AlphaSolver {
     pub(super) zeta: Vec<f64>,
     pub(super) delta: Vec<f64>,
     broyden: Broyden,
-    /// The unknowns before they were moved to see what roundoff does, made when it is first wanted.
+    /// The unknowns before a perturbation that measures roundoff, made at its first use.
     pub(super) probe: Option<Box<KeptAlpha>>,
 }
 
@@ -62,7 +62,7 @@ pub(super) struct AlphaEquations<'a> {
     model: &'a mut SecondOrderModel,
     matrix: &'a mut AlphaMatrix,
     pub(super) step: AlphaStep<'a>,
-    /// The size of the coordinates and of what the velocity moves them by, at the start; 0 where none is needed.
+    /// The size of the coordinates plus that of h times the velocity, at the start; 0 where none is needed.
     pub(super) yardstick: f64,
     /// How far the last correction has moved y1.
     moved_y: f64,
@@ -379,9 +379,9 @@ impl Equations for AlphaEquations<'_> {
     fn stop(&self) -> Stop {
         Stop {
             tolerance: match self.solver.reactions_by {
-                // what is left is damped, unlike in a symplectic method
+                // the errors left are damped, unlike in a symplectic method
                 Reactions::Extended { .. } => f64::EPSILON,
-                // what is left in the position is divided by h in the velocity
+                // errors left in the position are divided by h in the velocity
                 Reactions::Position => 1e-3 * f64::EPSILON,
             },
             // Broyden's corrections fall faster and faster

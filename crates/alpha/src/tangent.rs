@@ -194,7 +194,7 @@ pub(super) fn of_sizes(before: &AlphaState, h: f64) -> f64 {
     if before.h == 0.0 { 0.0 } else { h / before.h }
 }
 
-/// How many numbers of what the method carries have tangents: a and φ, and the part of itself by which the last step
+/// The number of tangents of the carried state: a and φ, and the part of itself by which the last step
 /// became longer.
 pub(super) const fn carried(n: usize) -> usize {
     2 * n + 1
@@ -212,7 +212,7 @@ pub(super) fn append_unknowns(alpha: &Alpha, state: &AlphaState, out: &mut Vec<f
     out.extend_from_slice(&last.lam);
 }
 
-/// The tangents of what the method carries where a motion begins: accelerations that follow coordinates and velocities.
+/// The tangents of the carried state where a motion begins: accelerations that follow coordinates and velocities.
 #[derive(Clone, Debug)]
 pub struct AlphaStartTangents {
     alpha: Alpha,
@@ -341,5 +341,5 @@ impl Estimating for AlphaTangents {
     }
 }
 
-// The tangents are the state's, and what a step writes is made anew.
+// Tangents are saved with the state; other memory is rewritten in each step.
 liouville_base::checkpoint!(AlphaTangents { alpha });

@@ -46,7 +46,7 @@ pub trait Checkpoint: Send + Sync {
 
 /// Implements [`Checkpoint`] by the fields that are saved, in this order:
 /// `checkpoint!([generics] Type { field, field.of_field } then check)`. The function `check` has the restored value
-/// and may refuse it, or make again what follows from it.
+/// and may refuse it, or compute again the values that depend on it.
 #[macro_export]
 macro_rules! checkpoint {
     (

@@ -1,4 +1,4 @@
-//! Compensated numbers: a value, and to first order what roundings took from it.
+//! Compensated numbers: a value, and to first order its rounding error.
 //!
 //!     a + b = fl(a + b) + e,   a b = fl(a b) + e   with e a number of the same precision
 //!

@@ -109,7 +109,7 @@ pub enum StepError {
     Reset {
         event: usize,
         t: f64,
-        /// The constraint that is missed, and by how much; none where the constraints hold what an impact is to move.
+        /// The constraint that is missed, and by how much; none where the constraints block the impact.
         missed: Option<(Quantity, usize, f64)>,
     },
     #[error("event {event} at t = {t} has no derivative")]

@@ -46,7 +46,7 @@ impl Index2 {
         Ok(tolerance.first_step(&state.y, [&solver.y_ddot; 2], span))
     }
 
-    /// Keeps what the estimate needs of the start of a step, and of its stages.
+    /// Keeps the start of a step, and its stages, for the estimate.
     pub(super) fn begin_estimate(&mut self, t: f64, state: &SemiExplicitState) {
         let Some(at) = &mut self.estimate else {
             return;

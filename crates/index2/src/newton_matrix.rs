@@ -180,7 +180,7 @@ impl CollocationMatrix {
         self.matrix.solve_transposed(x);
     }
 
-    /// Corrects the unknowns, and returns the largest change of V or of what Z makes of it.
+    /// Corrects the unknowns; returns the largest change of V, directly or by Z.
     pub(super) fn correct(
         &mut self,
         model: &SemiExplicitModel,

@@ -30,7 +30,7 @@ impl CollocationStages {
 }
 
 impl CollocationEquations<'_> {
-    /// Whether the residuals of (I1)–(I3) are what a few ε in the unknowns make of them.
+    /// Whether the residuals of (I1)–(I3) are no larger than their changes by a few ε in the unknowns.
     pub(super) fn is_residual_roundoff(&mut self) -> Result<bool, StepError> {
         let (stages, step) = (&mut *self.stages, self.step);
         let mut probe = stages.take_probe();
@@ -67,7 +67,7 @@ impl CollocationEquations<'_> {
             corrected.copy_from(self.stages);
             before.put_back(self.stages);
             self.stages.shake(self.step, 1.0, seed);
-            // what is left of the move after both corrections
+            // the part of the perturbation that is left after both corrections
             let moved = self.stages.v.clone();
             self.evaluate_and_correct()?;
             let mut left = 0.0_f64;

@@ -1,4 +1,4 @@
-//! Constraints at the start of a run: a start may miss them by roundoff of what they are made of.
+//! Constraints at the start of a run: a start may violate them by the roundoff of their terms.
 
 use super::{Model, Nonholonomic};
 use liouville_base::linalg::Pattern;
@@ -17,7 +17,7 @@ pub enum Kind {
 /// How far constraints may be missed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tolerances {
-    /// In units of the size of what a constraint is made of.
+    /// In units of the size of a constraint's terms.
     pub relative: f64,
     /// Roundoff of coordinates that are zero, in their own unit.
     pub floor: f64,

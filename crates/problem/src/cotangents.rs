@@ -1,4 +1,4 @@
-//! Cotangents of a motion: the derivatives of some function of it by its states, and by what it depends on.
+//! Cotangents of a motion: the derivatives of a function of it by its states, by time and by parameters.
 
 use super::sensitivity::SensitivityModel;
 use super::{Acceleration, Carried, KnotCotangents, Model, Saddle, model::finite};
@@ -10,9 +10,9 @@ use liouville_base::linalg::{Pattern, add_scaled, dot};
 pub struct Cotangents {
     /// By coordinates.
     pub y: Vec<f64>,
-    /// By z where the run is observed; what it does beyond that may be in `carried`.
+    /// By z where the run is observed; other derivatives by z may be in `carried`.
     pub z: Vec<f64>,
-    /// By what a method carries besides, of the steps behind: p, or accelerations.
+    /// By the other parts of the carried state: p, or accelerations.
     pub carried: Vec<f64>,
     /// By τ = (t, θ), the time being that of the point.
     pub tau: Vec<f64>,
@@ -21,7 +21,7 @@ pub struct Cotangents {
 }
 
 impl Cotangents {
-    /// Those of nothing: of so many numbers of y, z and what a method carries, and of τ.
+    /// Zeros, for so many numbers of y, z and the carried state, and of τ.
     pub fn zeros([y, z, carried]: [usize; 3], width: usize) -> Self {
         Self {
             y: vec![0.0; y],
@@ -94,7 +94,7 @@ impl PointAdjoint {
         self.accelerations((t, point.y(), point.z()), of)
     }
 
-    /// Adds cotangents of what the knot at a point has.
+    /// Adds cotangents of the values at a knot.
     ///
     /// # Errors
     /// As [`PointAdjoint::observe`].
@@ -199,7 +199,7 @@ impl PointAdjoint {
         Ok(of.tau[0] + dot(&of.y, v) + dot(&of.z, &self.acceleration.z_dot))
     }
 
-    /// Takes cotangents of p, where it is what a method carries, at the start of a motion to y, z and τ there.
+    /// Takes cotangents of p, where a method carries p, at the start of a motion to y, z and τ there.
     ///
     /// # Errors
     /// A derivative that is not finite.

@@ -1,4 +1,4 @@
-//! Derivatives along a trajectory, and multipliers: what detectors, observers and monitors need of a model.
+//! Derivatives along a trajectory, and multipliers: the interface of models to detectors, observers and monitors.
 
 use super::{Acceleration, Model, model::finite};
 use liouville_base::checkpoint::Checkpoint;

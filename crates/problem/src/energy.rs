@@ -22,7 +22,7 @@ pub struct EnergyColumns {
     pub kinetic: KineticColumns,
 }
 
-/// Places of what makes the kinetic energy.
+/// Columns from which the kinetic energy is computed.
 #[derive(Clone, Copy, Debug)]
 pub enum KineticColumns {
     /// It has a column.

@@ -1,6 +1,6 @@
-//! Polynomials through values and derivatives at several points; see [`super::dense`] for what of.
+//! Polynomials through values and derivatives at several points; see [`super::dense`] for their use.
 
-/// A polynomial through what is known at several knots: Newton's form, on divided differences.
+/// A polynomial through values and derivatives at several knots: Newton's form, on divided differences.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Newton {
     nodes: Vec<f64>,

@@ -34,7 +34,7 @@ pub struct Traced<M: Dynamics = Model> {
     tape: Tape,
     registers: Registers<f64>,
     model: M,
-    /// Where ds/dt depends on z', what solves for it.
+    /// The solver for z', where ds/dt depends on it.
     solver: Option<M::Solver>,
     zeros: Vec<f64>,
 }
@@ -161,7 +161,7 @@ impl TimeScale {
             metric: Metric::new(zeros.len()),
             model,
         };
-        // what cannot be evaluated there is said by the first rate
+        // an error here is raised with the first rate
         let _ = monitor
             .here
             .solve(&mut monitor.model, &mut monitor.acceleration);

@@ -54,8 +54,8 @@ impl From<StepError> for Refused {
 
 /// Starts a method anew from other coordinates and velocities.
 pub trait Restart<S>: Checkpoint {
-    /// Moves (y, z) to the constraints at t, y only if they have jumped, and makes `state` that there; what else a
-    /// method carries is that of `before`.
+    /// Moves (y, z) to the constraints at t, y only if they have jumped, and makes `state` that there; the other
+    /// parts of the carried state are those of `before`.
     ///
     /// # Errors
     /// There is no such state.

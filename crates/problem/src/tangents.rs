@@ -16,7 +16,7 @@ pub struct TangentState<S = State> {
     pub y: Matrix,
     /// Those of velocities or momenta, as the system has them.
     pub z: Matrix,
-    /// Those of what a method carries besides: of p, summed up from their increments, or of accelerations.
+    /// Those of the other parts of the carried state: of p, summed up from their increments, or of accelerations.
     pub carried: Matrix,
     /// Those of time.
     pub t: Vec<f64>,
@@ -71,7 +71,7 @@ impl<S> Restart<TangentState<S>> for TangentRestart<S> {
     }
 }
 
-/// Writes the tangents of what a method carries where a motion begins, from those of y, z and time.
+/// Writes the tangents of the carried state where a motion begins, from those of y, z and time.
 pub trait BeginTangents<S>: Send + Sync {
     /// Writes them at `t`, in these directions.
     ///

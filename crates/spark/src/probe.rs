@@ -1,8 +1,8 @@
-//! Roundoff of the stage equations: whether a residual is no more than that, and what corrections it makes.
+//! Roundoff of the stage equations: in the residual, and in the corrections.
 //!
-//! Both are measured: unknowns are moved by a few ε of their size, with signs that follow no pattern, and
-//! what that changes is what roundoff of the data may change. A bound by norms would be far too large for
-//! stiff forces, whose noise lies where the Newton matrix takes it away.
+//! Both are measured: the unknowns are perturbed by a few ε of their size with pseudo-random signs, and the change of
+//! the residual, or of the correction, is that by roundoff of the data. A bound by norms would be far too large for
+//! stiff forces, whose noise lies in directions that the inverse of the Newton matrix damps.
 
 use super::node_schur::SchurEquations;
 use super::stages::{Stages, Unknowns};
@@ -83,7 +83,7 @@ impl<R: Real> Stages<R> {
         }
     }
 
-    /// Whether the residuals of (S1)–(S4) are what a few ε in the unknowns make of them.
+    /// Whether the residuals of (S1)–(S4) are no larger than their changes by a few ε in the unknowns.
     pub(super) fn is_solved(
         &mut self,
         model: &mut Model<R>,
@@ -131,7 +131,8 @@ impl<R: Real> Stages<R> {
     }
 }
 
-/// The largest relative correction that one ε in the unknowns makes, of two tries; leaves them corrected.
+/// The largest change of a correction by one ε in the unknowns, relative, of two perturbations; leaves the unknowns
+/// corrected.
 pub(super) fn floor<R: Real>(equations: &mut impl AtStages<R>) -> Result<f64, StepError> {
     let mut largest = 0.0_f64;
     for seed in [2, 3] {
@@ -146,7 +147,7 @@ pub(super) fn floor<R: Real>(equations: &mut impl AtStages<R>) -> Result<f64, St
         copy(probe.momentum.flat_mut(), stages.unknowns.v.flat());
         equations.correct()?;
         let (stages, step) = equations.stages();
-        // what of the move is left after both corrections
+        // the part of the perturbation that is left after both corrections
         let moves = probe
             .momentum
             .flat_mut()

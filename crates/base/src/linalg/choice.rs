@@ -1,4 +1,4 @@
-//! Which solver is used from which size on: the thresholds of all methods, each with what was measured.
+//! Which solver is used from which size on: the thresholds of all methods, each with its measurement.
 //!
 //! [`crate::simd`] lies below and keeps its own, the length from which one member's vectors are run with wide registers.
 

@@ -19,7 +19,7 @@ pub struct IndependentRows {
 
 /// Rows that are independent of one another, as many as there are: of dependent ones the first.
 ///
-/// Each row has length one; what of it is not longer than `cutoff` when the rows kept are taken off counts as roundoff.
+/// Each row has length one; a row whose part orthogonal to the rows kept is at most `cutoff` counts as dependent.
 /// Rows that are clearly independent of those before them go first, so that which are kept does not depend on small
 /// changes of the matrix.
 ///
@@ -93,7 +93,7 @@ pub fn dependent_rows(mut matrix: Matrix) -> Option<Vec<usize>> {
     None
 }
 
-/// [`dependent_rows`] of a sparse matrix; where it is large, more than one dependency may be in what is named.
+/// [`dependent_rows`] of a sparse matrix; where it is large, the rows named may be of several dependencies.
 ///
 /// Large, it is the null vector of [[1, Aᵀ], [A, 0]] that names them.
 pub fn dependencies(pattern: &Pattern, values: &[f64]) -> Option<Vec<usize>> {

@@ -278,7 +278,7 @@ pub fn dot<R: Real>(x: &[R], y: &[R]) -> R {
     sum
 }
 
-/// `sum += x`, and what the additions lose is added to `lost` (Knuth's two-sum).
+/// `sum += x`; the rounding errors are added to `lost` (Knuth's two-sum).
 #[inline(always)]
 pub fn gather<R: Real>(sum: &mut [R], lost: &mut [R], x: &[R]) {
     for ((sum, lost), x) in sum.iter_mut().zip(lost).zip(x) {
@@ -289,7 +289,7 @@ pub fn gather<R: Real>(sum: &mut [R], lost: &mut [R], x: &[R]) {
     }
 }
 
-/// `sum = high + low`, and `low` becomes what the addition lost (Knuth's two-sum).
+/// `sum = high + low`; `low` becomes the rounding error (Knuth's two-sum).
 #[inline(always)]
 pub fn carry<R: Real>(high: &[R], low: &mut [R], sum: &mut [R]) {
     for ((high, low), sum) in high.iter().zip(low).zip(sum) {

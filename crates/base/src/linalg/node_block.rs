@@ -3,7 +3,7 @@
 
 use crate::real::{Real, Scalar};
 
-/// Pivots below this fraction of what stood in their place are roundoff.
+/// Pivots below this fraction of the original diagonal element are roundoff.
 const TINY: f64 = 1e3 * f64::EPSILON;
 
 /// The columns of a block, of which the first k numbers of the first k are used.

@@ -131,7 +131,7 @@ impl<R: Real> BlockMatrix<R> {
         self.assembly.values()
     }
 
-    /// Factors what has been added.
+    /// Factors the assembled matrix.
     ///
     /// # Errors
     /// The first column without a pivot.

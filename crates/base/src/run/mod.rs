@@ -25,7 +25,7 @@ use crate::method::Stats;
 use crate::observe::Observe;
 use std::time::{Duration, Instant};
 
-/// A state, the control of its steps, and what is recorded of it.
+/// A state, the control of its steps, and its records.
 pub struct Run<State: Checkpoint> {
     control: Box<dyn StepControl<State>>,
     state: State,

@@ -95,7 +95,7 @@ fn exact<R: Real>(values: impl Iterator<Item = R>) -> Vec<Compensated<R>> {
 }
 
 impl<R: Real> CompensatedTape<R> {
-    /// Adds to values what roundings took from them, at points that have the times of `time` and stand row by row in
+    /// Adds to values their rounding errors, at points that have the times of `time` and stand row by row in
     /// `high + low`. What is not finite is not added.
     ///
     /// # Panics
@@ -126,7 +126,7 @@ impl<R: Real> CompensatedTape<R> {
 }
 
 impl<P: Real> CompensatedPoints<P> {
-    /// Adds to the values at the points from `first` on what roundings took from them; each number of the second argument
+    /// Adds to the values at the points from `first` on their rounding errors; each number of the second argument
     /// has a low part at each point.
     #[inline(never)]
     pub fn add_low(

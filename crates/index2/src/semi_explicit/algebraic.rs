@@ -1,6 +1,6 @@
 //! z at given coordinates: the solution of the hidden constraint 0 = k_t + k_y f(t, y, z).
 //!
-//! Newton's method, whose corrections are measured by what they do to y', f_z δz.
+//! Newton's method, whose corrections are measured by their change of y', f_z δz.
 
 use super::SemiExplicitModel;
 use liouville_base::error::{Quantity, StepError};

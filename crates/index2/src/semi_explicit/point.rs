@@ -58,7 +58,7 @@ impl SemiExplicitPoint {
         Ok(())
     }
 
-    /// Adds what cotangents of z say of y and τ, where z follows from them.
+    /// Adds the cotangents of y and τ by those of z, which follows from them.
     fn leave_z(
         &mut self,
         (t, y, z): MotionPoint<'_>,
@@ -88,7 +88,7 @@ impl SemiExplicitPoint {
         self.leave_z((t, point.y(), point.z()), of_z, of)
     }
 
-    /// Adds cotangents of what the knot at a point has.
+    /// Adds cotangents of the values at a knot.
     ///
     /// # Errors
     /// As [`Self::observe`].

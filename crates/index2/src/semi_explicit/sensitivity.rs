@@ -174,7 +174,7 @@ impl SemiExplicitSensitivityModel {
         self.factor.solve(dz);
     }
 
-    /// Adds what cotangents of z say of y and τ there.
+    /// Adds the cotangents of y and τ by those of z.
     pub fn pull(&mut self, of_z: &[f64], of_y: &mut [f64], of_tau: &mut [f64]) {
         let (at, back) = (&self.problem.patterns, &mut self.right);
         copy(back, of_z);

@@ -1,5 +1,4 @@
-//! Tangents of one step, and their transpose. With e(F) what changes of y0, of τ and of h make of F where V_i and Z_i
-//! stay,
+//! Tangents of one step, and their transpose. With e(F) the change of F by y0, τ and h at fixed V_i and Z_i,
 //!
 //!     J (dV, dZ) = (e(f_i),  −Σ_j b_j P_{i−1}(c_j) e(k_j) / h,  −e(k1) / h),     dy1 = e(y1) + h Σ_j b_j dV_j
 //!

@@ -134,5 +134,5 @@ impl Estimating for Index2Tangents {
     }
 }
 
-// The tangents are the state's, and what a step writes is made anew.
+// Tangents are saved with the state; other memory is rewritten in each step.
 liouville_base::checkpoint!(Index2Tangents { index2 });

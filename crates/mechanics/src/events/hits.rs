@@ -1,4 +1,4 @@
-//! The events of a step in the order of time, and what they do to the run.
+//! The events of a step in the order of time, and their effect on the run.
 
 use super::reset::RATE;
 use super::slopes::Meeting;
@@ -82,7 +82,7 @@ impl<State: Carried + Checkpoint + Clone, M: Dynamics> DenseDetector<State, M> {
         Ok(Outcome::Continue)
     }
 
-    /// Whether the rate of an event with a reset says that its zero is none; then what roundoff of e is there.
+    /// The roundoff of e, where the rate of an event with a reset has the wrong sign for its zero; else none.
     fn recedes(&mut self, k: usize, end: &State) -> Result<Option<f64>, StepError> {
         let Crossing { x, index, sign, .. } = self.found[k];
         if self.events[index].reset.is_none() {
@@ -168,7 +168,7 @@ impl<State: Carried + Checkpoint + Clone, M: Dynamics> DenseDetector<State, M> {
         });
     }
 
-    /// A part of the step, at an end of it where it is there but for roundoff; and what roundoff is.
+    /// A fraction of the step, set to 0 or 1 where it differs from that by roundoff; and the bound of that roundoff.
     fn snapped(&self, x: f64) -> (f64, f64) {
         let substep = &self.substep;
         let near = SAME * substep.t.abs().max(substep.end.abs()) / substep.h.abs();
@@ -275,7 +275,7 @@ impl<State: Carried + Checkpoint + Clone, M: Dynamics> DenseDetector<State, M> {
         Ok(noise)
     }
 
-    /// Makes `state` what the reset of an event says, and keeps it; returns the rates of e before and after, where
+    /// Sets `state` by the reset of an event, and records it; returns the rates of e before and after, where
     /// they are known.
     fn reset(
         &mut self,

@@ -107,7 +107,7 @@ impl LinearReset for SemiExplicitReset {
         at.k_y
             .multiply_add_transposed(&self.k_y, 1.0, &self.mu, &mut back);
         by_tau.multiply_add_transposed(&self.k_tau, 1.0, &self.mu, &mut tau);
-        // what a law says of z is a guess
+        // z of a law is a guess
         back.resize(n + l, 0.0);
         let mut found = slopes.reset(before, &back, true)?.to_vec();
         found[0] += tau[0];

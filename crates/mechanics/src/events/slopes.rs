@@ -1,4 +1,4 @@
-//! Derivatives of events and their resets, and what takes them along a run.
+//! Derivatives of events and their resets, and their use along a run.
 
 use super::reset::Law;
 use liouville_base::error::{Quantity, StepError};

@@ -5,7 +5,8 @@
 //!     du = ũ + κ w,   dt = t̃ + κ,   κ = −(e_x x̃)/(e_y w_y + e_z w_z + e_t),
 //!
 //! as de = 0. The derivative by the length is a direction of its own, the last of a state's, which begins from zero with
-//! each step. The step after an event ends where that before would have: it takes up what the event has moved.
+//! each step. The step after an event ends at the end of the step that it has cut: its length takes up the change of the event's
+//! time.
 
 use super::slopes::{FollowEvents, LinearReset, Meeting, SlopesModel};
 use liouville_base::error::StepError;

@@ -121,7 +121,7 @@ impl<P: ObservePoint> Held<P> {
     }
 }
 
-/// The observer of a run that is made again: it saves and restores what that of the first run does.
+/// The observer of a repeated run, with the checkpoint of the first run's.
 struct TimesObserver<P: ObservePoint> {
     inner: Observer<P::Model>,
     at_times: AtTimes<P>,

@@ -155,7 +155,7 @@ pub struct Job {
     pub params: Vec<f64>,
     /// The number of members of an ensemble; none for a single run.
     pub members: Option<usize>,
-    /// From where to where, and what is recorded; only the ends count where steps are not equal.
+    /// The ends of the run, its steps and records; only the ends are used where steps are not equal.
     pub span: Span,
     /// The control of the steps.
     pub control: Control,

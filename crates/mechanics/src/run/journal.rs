@@ -46,7 +46,7 @@ impl<S> Entry<S> {
     }
 }
 
-/// The events met, which the run shares with what follows it back.
+/// The events met, shared by the run and its adjoint.
 #[derive(Debug)]
 pub(super) struct Journal<S>(Arc<Mutex<Vec<Entry<S>>>>);
 

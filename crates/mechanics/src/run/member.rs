@@ -21,7 +21,7 @@ pub(super) type MonitoredSteps<State> = Option<(Box<dyn Monitor<State>>, [f64; 2
 /// The observers of a member's states at steps, and at given times.
 pub(super) type Observed<State, M> = (Box<dyn Observe<State>>, Box<dyn Observe<Path<M>>>);
 
-/// A member: its number, its model, and what makes its states after resets, where events have them.
+/// A member: its number, its model, and the solver of its states after resets, where events have them.
 pub(super) struct Member<State, M: Dynamics = Model> {
     pub(super) number: usize,
     pub(super) model: M,

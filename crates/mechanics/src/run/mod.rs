@@ -168,7 +168,7 @@ impl Starter {
         let steps = match self.job.control {
             Control::Fixed => span.steps as f64,
             Control::Reversible { h_first, .. } => ((span.t1 - span.t0) / h_first).abs(),
-            Control::Adaptive { .. } => 0.0, // their errors exceed what adds up
+            Control::Adaptive { .. } => 0.0, // their errors are larger than the sum of what the iteration leaves
         };
         (spark.newton_tol).unwrap_or_else(|| Stop::of_run(steps).tolerance)
     }

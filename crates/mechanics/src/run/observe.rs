@@ -5,7 +5,7 @@ use liouville_base::linalg::add_scaled;
 use liouville_index2::semi_explicit::{SemiExplicitModel, SemiExplicitPoint};
 use liouville_problem::{Carried, Cotangents, Dynamics, KnotCotangents, Model, PointAdjoint};
 
-/// Takes cotangents of what is known of a point to y, z and τ there.
+/// Takes cotangents of the values at a point to y, z and τ there.
 pub trait ObservePoint: Clone + Send + Sync + 'static {
     /// The model of the motion.
     type Model: Dynamics;
@@ -34,7 +34,7 @@ pub trait ObservePoint: Clone + Send + Sync + 'static {
         self.observe(at, row, of)
     }
 
-    /// Adds cotangents of what the knot at a state has.
+    /// Adds cotangents of the values at a knot.
     ///
     /// # Errors
     /// A derivative that is not finite, or a singular matrix.

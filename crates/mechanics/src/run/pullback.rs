@@ -54,7 +54,7 @@ pub trait StepAdjoint: Send + Sync {
     /// The adjoint of the values at a point, which takes their cotangents to y, z and τ there.
     type Point: ObservePoint;
 
-    /// How many numbers of y, z and what the method carries have cotangents, of n coordinates.
+    /// The numbers of cotangents of y, of z and of the carried state, of n coordinates.
     fn sizes(n: usize) -> [usize; 3];
 
     /// Takes cotangents from the end of a step to its start.
@@ -114,7 +114,7 @@ pub(super) struct RecordedSteps<State: Checkpoint> {
 pub(super) struct Recording<A: StepAdjoint> {
     pub(super) adjoint: A,
     pub(super) steps: RecordedSteps<A::State>,
-    /// The model, with what makes states after resets.
+    /// The model, and the solver of states after resets.
     pub(super) member: Member<A::State, <A::Point as ObservePoint>::Model>,
     pub(super) point: A::Point,
     /// The derivatives of resets.
@@ -266,7 +266,7 @@ impl<A: StepAdjoint> Pullback<A> {
         }
     }
 
-    /// Follows back what led to an event that ended the step.
+    /// Takes cotangents back over a step that an event has cut.
     fn leave_cut(&mut self, place: usize, entry: &Entry<A::State>) -> Result<(), StepError> {
         if let Some(after) = &entry.after {
             self.leave_knot((place, true), (entry.t, after))?;
@@ -283,7 +283,7 @@ impl<A: StepAdjoint> Pullback<A> {
         }
     }
 
-    /// Adds what an event says of the start of its step, which went on.
+    /// Adds the cotangents of an event within a whole step.
     fn leave_event(&mut self, entry: &Entry<A::State>) -> Result<(), StepError> {
         let Some(events) = &mut self.events else {
             return Ok(());

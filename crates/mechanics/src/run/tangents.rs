@@ -23,13 +23,13 @@ use liouville_problem::{
 use liouville_spark::{Spark, SparkTangents};
 use std::sync::Arc;
 
-/// A control of steps, and what makes parts of them for an event detector.
+/// A control of steps, and the stepper of an event detector.
 type Stepping<S> = (Box<dyn StepControl<S>>, Option<BoxedStepper<S>>);
 
 /// The start of a motion after a reset: tangents of the carried state, and the state.
 type Begins<S> = (Box<dyn BeginTangents<S>>, Option<Box<dyn Restart<S>>>);
 
-/// A run whose states carry tangents, and what differentiates it.
+/// A run whose states carry tangents, and the derivatives of its motion.
 struct TangentRun<S, M: Dynamics> {
     stepping: Stepping<TangentState<S>>,
     of: Member<S, M>,

@@ -5,7 +5,7 @@ use super::super::{Carried, Dynamics};
 use super::{Path, by_closeness};
 use liouville_base::linalg::{add_scaled, dot};
 
-/// Derivatives of a function of a run by what a knot has: y, y' and y'', z and z' where they are interpolated by
+/// Derivatives of a function of a run by the values at a knot: y, y' and y'', z and z' where they are interpolated by
 /// themselves, and its time.
 #[derive(Clone, Debug, Default)]
 pub struct KnotCotangents {
@@ -29,7 +29,7 @@ impl KnotCotangents {
     }
 }
 
-/// The polynomials of a path, and those through ones and zeros, whose values are the weights of what knots have.
+/// The polynomials of a path, and those through ones and zeros, whose values are the weights of the values at knots.
 #[derive(Clone, Debug, Default)]
 pub struct PathAdjoint {
     of_y: Newton,

@@ -115,7 +115,7 @@ impl Checkpoint for Knot {
         self.y.restore(member, saved)?;
         self.z.restore(member, saved)?;
         let none = || (vec![0.0; self.y[0].len()], 0.0);
-        // what is not there is as large as y
+        // sizes that are missing are taken as that of y
         self.carried.get_or_insert_with(none);
         self.carried.restore(member, saved)?;
         match &mut self.tangents {

@@ -1,4 +1,4 @@
-//! Where λ of a step is looked for: on the cubic through those of the four steps before.
+//! The start value of λ: extrapolated by the cubic through λ of the four steps before.
 
 use liouville_base::checkpoint::CheckpointMismatch;
 use liouville_base::linalg::copy;
@@ -41,7 +41,7 @@ impl Guess {
         is_held
     }
 
-    /// Keeps what a step of `h` has found.
+    /// Keeps λ of a step of `h`.
     pub(super) fn keep(&mut self, h: f64, lam: &[f64]) {
         let is_equal = self
             .held

@@ -7,8 +7,8 @@
 //!
 //! It is the Lobatto IIIA–IIIB pair of two stages where constant p_z and v_z leave nothing implicit but
 //! the multipliers; f and G at the end of a step serve the next. λ comes from the simplified Newton
-//! iteration with the matrix G(t1, ỹ1) W G0ᵀ at the first guess ỹ1, whose error shrinks by what that
-//! guess is wrong; μ by one solve with G1 W G1ᵀ. y and p are summed with their rounding errors carried
+//! iteration with the matrix G(t1, ỹ1) W G0ᵀ at the first guess ỹ1, which converges at a rate
+//! proportional to the error of that guess; μ by one solve with G1 W G1ᵀ. y and p are summed with their rounding errors carried
 //! along. Source: andersen1983; hairer2006, VII.1.4.
 
 mod guess;
@@ -84,7 +84,7 @@ impl Rattle {
     /// f and G at the start, unless the step before has left them.
     fn begin(&mut self, step: RattleStep) -> Result<(), StepError> {
         let State { y, .. } = step.state;
-        // a time that was added up differs from one that was multiplied by an ulp or two
+        // a time summed up differs by an ulp or two from one that is a product
         let nearly = 4.0 * f64::EPSILON * (step.t.abs() + step.h.abs());
         let is_kept = self.start.is_some_and(|t| (t - step.t).abs() <= nearly);
         if is_kept && self.start_y == *y {
@@ -137,7 +137,7 @@ impl Rattle {
             self.reactions.start_at(&mut self.model, t, y)?;
             self.stats.factorizations += self.reactions.factor()?;
             self.mass.velocity(&step.state.p, &self.low, &mut self.v);
-            self.reactions.stop(&self.model, &self.v, &mut self.low);
+            self.reactions.project(&self.model, &self.v, &mut self.low);
         }
         carry(&step.state.p, &mut self.low, &mut self.p);
         Ok(())

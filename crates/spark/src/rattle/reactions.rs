@@ -1,4 +1,4 @@
-//! RattleReactions −Gᵀ λ and the matrices of their multipliers: G W Gᵀ by elimination where W is diagonal and the
+//! Reactions −Gᵀ λ and the matrices of their multipliers: G W Gᵀ by elimination where W is diagonal and the
 //! couplings are sparse, otherwise by the saddle-point matrix it is the Schur complement of.
 
 use super::mass::ConstantMass;
@@ -19,7 +19,7 @@ pub(super) struct RattleReactions {
 #[derive(Clone, Debug)]
 enum MultiplierSolver {
     Eliminated(Box<GramMatrices>),
-    /// The saddle-point matrix at the start, kept for the step; zero.
+    /// The saddle-point matrix at the start, kept for the step, and zeros.
     Saddle(Box<Saddle>, Vec<f64>),
 }
 
@@ -129,7 +129,7 @@ impl RattleReactions {
         Err(diagnose_rank(pattern, gradient, StepError::SingularNewton))
     }
 
-    /// Factors the matrix that velocities are stopped with, at the start last set; returns how often.
+    /// Factors the matrix that projects velocities, at the start last set; returns how often.
     pub(super) fn factor(&mut self) -> Result<usize, StepError> {
         let MultiplierSolver::Eliminated(matrices) = &mut self.solver else {
             return Ok(1);
@@ -147,7 +147,7 @@ impl RattleReactions {
         Ok(1)
     }
 
-    /// x with G W Gᵀ x = `x`, as positions want it.
+    /// Solves G(t1, ỹ1) W G0ᵀ x = b in place.
     pub(super) fn solve_positions(&mut self, model: &SeparableModel, x: &mut [f64]) {
         match &mut self.solver {
             MultiplierSolver::Eliminated(matrices) if !matrices.is_constant => {
@@ -195,8 +195,8 @@ impl RattleReactions {
         max_norm(moves)
     }
 
-    /// Takes from the momenta the part that makes velocities `v` leave the constraints.
-    pub(super) fn stop(&mut self, model: &SeparableModel, v: &[f64], momenta: &mut [f64]) {
+    /// Projects the momenta, so that the velocities `v` satisfy the hidden constraints.
+    pub(super) fn project(&mut self, model: &SeparableModel, v: &[f64], momenta: &mut [f64]) {
         let mut rates = std::mem::take(&mut self.multipliers);
         copy(&mut rates, &self.drift);
         self.gradient.add_transposed_product(v, &mut rates);

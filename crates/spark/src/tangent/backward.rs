@@ -1,6 +1,6 @@
 //! Adjoint of one step: the transpose of its tangent, from cotangents of the end to those of the start, of τ and of h.
 //!
-//! The order is that of the tangent, turned round. With π the cotangent of p1 before the last reaction,
+//! The steps are those of the tangent in reverse order. With π the cotangent of p1 before the last reaction,
 //!
 //!     Jᵀ (η_i, ν_j, σ_i) = (h b_i f_zᵀ π,  b̂_j r_λᵀ π,  h b_i (Σ_l μᵛ_li χ_l + Σ_l μ̄_li ξ_l))
 //!     χ_l = h b_l f_yᵀ π,   ξ_l = h b̂_l r_yᵀ π, and ȳ1 too where l = k
@@ -21,7 +21,7 @@ use liouville_problem::{Cotangents, Mechanical, Model, State, Step};
 /// The memory of an adjoint step.
 #[derive(Clone, Debug)]
 pub(super) struct Backward {
-    /// Cotangents of Y_i and Ŷ_j, first those of what V_j add, then of e(Y_i) and e(Ŷ_j).
+    /// Cotangents of Y_i and Ŷ_j, first those of the parts by V_j, then of e(Y_i) and e(Ŷ_j).
     stages: Matrix,
     nodes: Matrix,
     right: Vec<f64>,

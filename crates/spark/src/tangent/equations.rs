@@ -139,7 +139,7 @@ impl LinearEquations {
 
     /// Corrects from zero until corrections are roundoff; says whether they got there. Otherwise `x` is left as it was.
     ///
-    /// The two matrices differ in what they make of Z and V alone, and so the next residual is one of their corrections.
+    /// The two matrices differ in the columns of Z and V only, so only corrections of these decide on convergence.
     fn correct<const TRANSPOSED: bool>(&mut self, x: &mut [f64]) -> bool {
         let Some(schur) = &mut self.schur else {
             return false;
@@ -172,7 +172,7 @@ impl LinearEquations {
             let parts = sizes(change).into_iter().zip(sizes(x));
             let relative = |(change, x)| if change == 0.0 { 0.0 } else { change / x };
             let size = parts.map(relative).fold(0.0, f64::max);
-            // of the first it is not known how much the next will be smaller
+            // the first correction has no ratio yet
             let shrunk = if last.is_finite() { size / last } else { 1.0 };
             if size * shrunk <= 4.0 * f64::EPSILON {
                 self.rest.end_row();

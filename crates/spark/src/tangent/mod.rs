@@ -137,5 +137,5 @@ impl Estimating for SparkTangents {
     }
 }
 
-// The tangents are the state's, and what a step writes is made anew.
+// Tangents are saved with the state; other memory is rewritten in each step.
 liouville_base::checkpoint!(SparkTangents { spark, linear });

@@ -1,5 +1,5 @@
 //! The matrix J of a linearised step as an operator, of its derivatives alone, and its transpose. With dY_i and dŶ_k
-//! what V_j move of the points,
+//! the changes of the points by V_j,
 //!
 //!     p_z dZ_i + p_y dY_i − h Σ_j aᶠ_ij (f_z dZ_j + f_y dY_j) − Σ_k â_ik (r_λ dΛ_k + h r_y dŶ_k)
 //!     g_y dŶ_k / h

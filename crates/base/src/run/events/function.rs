@@ -4,7 +4,7 @@ use crate::checkpoint::{Checkpoint, CheckpointMismatch, Numbers};
 use crate::error::{Quantity, StepError};
 use crate::tape::{Registers, Tape};
 
-/// Which zeros of an event's function count, and what they end.
+/// Which zeros of an event's function count, and which of them ends the run.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct EventRule {
     /// The number of the event in the user's list.

@@ -19,7 +19,7 @@ pub(super) struct Interpolant<State> {
 }
 
 impl<State> Interpolant<State> {
-    /// A interpolant of what `reader` reads from states of the size of `state`.
+    /// An interpolant of the values that `reader` reads from states of the size of `state`.
     pub(super) fn new(reader: Box<dyn Observe<State>>, state: &State) -> Self {
         let row = || Vec::with_capacity(reader.width(state));
         Self {

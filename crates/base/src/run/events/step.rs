@@ -1,4 +1,4 @@
-//! The events of a step: the zeros of a function, from what the step before has left.
+//! The events of a step: the zeros of a function, with samples and signs of the step before.
 
 use super::search::{FunctionInStep, InterpolationAccuracy, Node, Zero, find_zeros};
 use super::{NOISE, SAMPLES};
