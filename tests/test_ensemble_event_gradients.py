@@ -159,3 +159,21 @@ def test_a_cotangent_behind_the_end_of_a_member_is_refused():
     found = lv.check_gradient(system, method, wrt=["v", "params.e"], **bounces, **three, size=2e-4)
     assert found.dot < 1e-12
     assert found.differences < 1e-9
+
+
+def test_pullbacks_of_members_trace_no_event_again():
+    """A member takes the tapes of the ensemble."""
+    system, method, run, rows, _ = several("ball")
+    calls = []
+
+    def ground(t, q, v, lam, params):
+        calls.append(1)
+        return q[1] - params.bend * q[0] ** 2
+
+    events = {"ground": lv.Event(ground, "down", reset=run["events"]["ground"].reset)}
+    three = {x: value[:3] for x, value in rows.items()}  # the fourth comes to rest
+    call = {"system": system, "method": method, **run, "events": events}
+    solution, pullback = lv.vjp(**call, wrt=["q"], **three)
+    traced = len(calls)
+    pullback(q=np.ones_like(solution.q))
+    assert len(calls) == traced > 0

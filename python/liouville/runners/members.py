@@ -57,8 +57,9 @@ class Members(TracedRunner):
             params = dict(request.params or {})
             params |= {name: np.asarray(params[name])[member] for name in self.varied}
             own = replace(
-                request, start=dict(start), params=params, threads=None, is_ensemble=False
-            )
+                request, start=dict(start), params=params, threads=None, is_ensemble=False,
+                watched=self._watched,
+            )  # fmt: skip
             return self.alone(self.system, self.choice, own).adjoint(own, wrt)
 
         return MembersAdjoint(self, of_member, self.threads)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from threading import Event
+from threading import Event, Lock
 
 import numpy as np
 
@@ -49,10 +49,11 @@ class MembersAdjoint(Adjoint):
 
     def pulled(self, solution: Solution, cotangents: Mapping[str, np.ndarray]) -> Gradients:
         """Return gradients of each member, along their first axis; see :class:`Adjoint`."""
-        stop = Event()
+        stop, tracing = Event(), Lock()
 
         def pulled(member: int) -> Gradients:
-            adjoint = self._of_member(member)
+            with tracing:  # CasADi does not trace in several threads
+                adjoint = self._of_member(member)
             if adjoint.checkpoints is not None:
                 adjoint.checkpoints.stop = stop
             return self._pulled(adjoint, solution, member, cotangents)

@@ -25,6 +25,7 @@ from liouville.tangents import Tangent
 if TYPE_CHECKING:
     from liouville.planner import Plan
     from liouville.runners.adjoint import Adjoint
+    from liouville.runners.watch import Crossed
 
 KEEP_LESS = "keep fewer with every=, or none with states=False"
 STORE = "; store= keeps all of them in a folder"
@@ -60,6 +61,8 @@ class Request:
     start: Mapping[str, Any] = field(default_factory=dict)
     is_ensemble: bool = False
     is_stored: bool = False
+    #: Events and times as the core takes them, of an ensemble for the runs of its members.
+    watched: Crossed | None = None
 
     def steps_of(self, system: System, takes: Takes) -> Steps:
         """Return the steps asked for, of a method that takes these controls."""

@@ -71,7 +71,9 @@ class TracedRunner(Runner):
         self._watch = Watch(request.events, request.t_eval, span, self.every)
         switches = system.switch_tapes if self._sees_switches else {}
         is_differentiated = request.tangents is not None or request.has_pullback
-        self._watched = self._watch.crossed(system, self._order, switches, is_differentiated)
+        self._watched = request.watched or self._watch.crossed(
+            system, self._order, switches, is_differentiated
+        )
         self._take(request)
         self.params = {**system.params, **(request.params or {})}
         self._states = request.states
