@@ -20,6 +20,7 @@ import liouville as lv
 from liouville import plot, problems
 
 METHOD = lv.Spark(stages=4)
+LABELS = {"constraint": "constraints", "hidden": "their time derivatives"}
 TITLES = {"andrews": "Andrews' squeezing mechanism", "car_axis": "car axis"}
 
 
@@ -51,9 +52,11 @@ def draw_kept(ax, solution, conserved):
     sizes = {name: np.abs(values).max(axis=1) for name, values in solution.residuals.items()}
     sizes |= {name: solution.invariant_drift(name) for name in conserved}
     for (name, size), colour in zip(sizes.items(), plot.COLOURS, strict=False):
-        ax.semilogy(solution.t, np.maximum(size, plot.FLOOR), ".", ms=2, color=colour, label=name)
+        label = LABELS.get(name, name)
+        ax.semilogy(solution.t, np.maximum(size, plot.FLOOR), ".", ms=2, color=colour, label=label)
     ax.set_ylim(plot.FLOOR / 3, 1e-9)
     ax.set_xlabel("time $t$", fontsize=9)
+    ax.set_ylabel("deviation (energy: relative)", fontsize=9)
     ax.legend(loc="upper left", markerscale=5, frameon=False, fontsize=8)
 
 
