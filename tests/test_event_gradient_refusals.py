@@ -59,6 +59,74 @@ def test_what_has_no_derivative_is_refused():
     assert np.isfinite(many.tangents["params.g"].q[:, 1]).all()
 
 
+TOP = 2 - np.sqrt(3)  # when a ball that is thrown up is at a height of 1.5
+SEEN = {
+    "two slopes": (lambda t, q, v: ca.if_else(q[1] > 1.5, v[1], -1 - t), "jumps"),
+    "a step": (lambda t, q, v: q[1] - 1.5 + ca.sign(q[1] - 1.5) / 1000, "jumps"),
+    "two surfaces": (lambda t, q, v: q[1] - 1.5 + ca.fabs(t - TOP) / 3, "bends"),
+    "a small bend": (lambda t, q, v: q[1] - 1.5 + 1e-4 * ca.fmax(t - TOP, 0), "bends"),
+}
+
+
+@pytest.mark.parametrize("name", SEEN)
+@pytest.mark.parametrize("method", [lv.Spark(2), lv.HHT(), lv.LobattoPair(3)], ids=str)
+def test_jumps_and_bends_are_refused_where_they_are(method, name):
+    """With a sentence, wherever derivatives are asked for; other runs go on."""
+    system, _, _, directions = ball()
+    function, what = SEEN[name]
+    up = {"q": np.array([0.0, 1.0]), "v": np.array([0.0, 2.0])}
+    events = {"top": lv.Event(lambda t, q, v, lam, params: function(t, q, v), terminal=True)}
+    run = {"t": (0, 1.9), "events": events}
+    sentence = rf"'top' {what} at t = 0\.267949, .*\nhint: write "
+    for steps in ({"steps": 7}, {"rtol": 1e-8}):
+        if isinstance(method, lv.LobattoPair) and "rtol" in steps:
+            continue
+        with pytest.raises(lv.IntegrationError, match=sentence):
+            lv.integrate(system, method, tangents=directions, **run, **steps, **up)
+        solution, pullback = lv.vjp(system, method, wrt=["q"], **run, **steps, **up)
+        assert solution.events["top"].t == pytest.approx(TOP, abs=1e-6)
+        with pytest.raises(lv.IntegrationError, match=sentence):
+            pullback(events={"top": {"t": [1.0]}})
+    many = {"v": np.array([[0.0, 2.0], [0.0, 0.5]]), "q": up["q"]}
+    found = lv.ensemble(system, method, steps=7, tangents=directions, **run, **many)
+    assert [*found.failures] == [0]
+    assert f"'top' {what} at t = 0.267949" in found.failures[0].message
+
+
+def test_a_jump_of_the_multipliers_is_none_of_the_time():
+    """The force jumps, and with it a function of the multiplier that is smooth."""
+    system = lv.Lagrangian(
+        lambda t, q, v, params: ca.dot(v, v) / 2 - q[1],
+        lambda t, q, params: ca.dot(q, q) - params.l**2,
+        force=lambda t, q, v, params: ca.vertcat(0, ca.if_else(t > 0.45, -1, 0)),
+        q=2, params={"l": 1.0},
+    )  # fmt: skip
+    run = {"t": (0, 0.8), "steps": 8, "q": [0.0, -1.0], "v": [0.1, 0.0]}
+    pull = {"pull": lambda t, q, v, lam, params: lam[0] - 0.76}
+    assert len(lv.integrate(system, lv.Spark(2), events=pull, **run).events["pull"]) == 1
+    with pytest.raises(lv.IntegrationError, match=r"'pull' jumps at t = 0\.45,"):
+        lv.integrate(system, lv.Spark(2), events=pull, tangents={"params.l": 1.0}, **run)
+
+
+@pytest.mark.parametrize("method", [lv.Spark(2), lv.HHT()], ids=str)
+def test_a_function_that_bends_where_its_zeros_are_the_same_has_a_derivative(method):
+    """Whatever its slopes are, one surface has one time."""
+    system, _, _, directions = ball()
+    up = {"q": np.array([0.0, 1.0]), "v": np.array([0.0, 2.0])}
+    functions = {
+        "smooth": lambda t, q, v, lam, params: q[1] - params.e,
+        "bent": lambda t, q, v, lam, params: (q[1] - params.e) * ca.if_else(q[1] > params.e, 9, 1),
+        "steep": lambda t, q, v, lam, params: ca.tanh(1e6 * (q[1] - params.e)),
+        "elsewhere": lambda t, q, v, lam, params: q[1] - params.e + ca.fmax(t - 0.05, 0) ** 2 * 0,
+    }
+    run = {"t": (0, 1.9), "steps": 7, "params": {"e": 1.5}, "events": functions, **up}
+    tangents = lv.integrate(system, method, tangents=directions, **run).tangents
+    for x, tangent in tangents.items():
+        for event in functions:
+            own, wanted = tangent.events[event].t, tangent.events["smooth"].t
+            np.testing.assert_allclose(own, wanted, rtol=1e-9, atol=1e-12, err_msg=f"{x} {event}")
+
+
 @pytest.mark.parametrize("method", [lv.Spark(2), lv.HHT(), lv.Spark(4)], ids=str)
 @pytest.mark.parametrize(
     "kept",

@@ -112,6 +112,25 @@ def test_events_and_resets(method):
     assert paired_with_events(system, method, (0.2, 2.2), start, directions, **run) < 1e-12
 
 
+@pytest.mark.parametrize("points", ["gauss", "radau"])
+def test_events_that_jump_or_bend_have_no_derivative(points):
+    """By y and by z, which follows from y."""
+    system, start, _ = started()
+    run = {"t": (0.2, 2.2), "steps": 24, **start}
+    method = lv.Spark(2, points=points)
+    pull = {"pull": lambda t, y, z, params: z[0] + t / 4}
+    when = lv.integrate(system, method, events=pull, **run).events["pull"].t[0]
+    bent = {"pull": lambda t, y, z, params: z[0] + t / 4 + ca.fmax(y[0] * (t - when), 0)}
+    step = {"pull": lambda t, y, z, params: z[0] + t / 4 + ca.sign(z[0] + t / 4) / 5}
+    for events, what in ((bent, "bends"), (step, "jumps")):
+        sentence = rf"'pull' {what} at t = {when:.6g},"
+        with pytest.raises(lv.IntegrationError, match=sentence):
+            lv.integrate(system, method, events=events, tangents={"params.c": 1.0}, **run)
+        solution, pullback = lv.vjp(system, method, wrt=["y"], events=events, **run)
+        with pytest.raises(lv.IntegrationError, match=sentence):
+            pullback(events={"pull": {"t": np.ones(len(solution.events["pull"]))}})
+
+
 def test_a_reset_beside_the_constraints_has_no_derivative():
     system, start, _ = started()
     law = {"reset": lambda t, y, z, params: 1.001 * y}

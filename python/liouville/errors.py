@@ -237,14 +237,20 @@ def _no_derivative(error: dict[str, Any]) -> Description:
             "event; from there on the motion stays on it, which another model describes",
             event,
         )
-    if error["is_grazing"] and error.get("jumps"):
+    if error["why"] == "jump":
         return (
-            f"the function of event '{event}' jumps at t = {t:.6g} and is flat elsewhere, so its "
-            "time has no derivative",
+            f"the function of event '{event}' jumps at t = {t:.6g}, so its time has no derivative",
             "write what passes through zero there, such as q[0] - 1 in place of sign(q[0] - 1)",
             event,
         )
-    if error["is_grazing"]:
+    if error["why"] == "kink":
+        return (
+            f"the function of event '{event}' bends at t = {t:.6g}, where it is zero: its time has "
+            "one derivative by what is before, and another by what is after",
+            "write one that is smooth there, and two conditions as two events",
+            event,
+        )
+    if error["why"] == "flat":
         return (
             f"the function of event '{event}' has no slope along the motion at t = {t:.6g}, where "
             "its time has no derivative",

@@ -52,6 +52,31 @@ impl Quantity {
     }
 }
 
+/// Why an event has no derivative.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Obstacle {
+    /// Its function does not change along the motion where it is zero.
+    Flat,
+    /// Its function jumps over zero.
+    Jump,
+    /// The zeros of its function are on two surfaces, one before and one after it.
+    Kink,
+    /// Its reset leaves the constraints.
+    Beside,
+}
+
+impl Obstacle {
+    /// Its name in messages.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Flat => "flat",
+            Self::Jump => "jump",
+            Self::Kink => "kink",
+            Self::Beside => "beside",
+        }
+    }
+}
+
 /// Why a step could not be made.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[allow(missing_docs)]
@@ -113,12 +138,7 @@ pub enum StepError {
         missed: Option<(Quantity, usize, f64)>,
     },
     #[error("event {event} at t = {t} has no derivative")]
-    Undifferentiable {
-        event: usize,
-        t: f64,
-        /// Whether the motion touches it without crossing it; otherwise its reset leaves the constraints.
-        is_grazing: bool,
-    },
+    Undifferentiable { event: usize, t: f64, why: Obstacle },
     #[error("interrupted")]
     Interrupted,
     #[error("there is no memory for more records")]

@@ -34,14 +34,10 @@ fn of_event(dict: &Bound<'_, PyDict>, error: &StepError) -> PyResult<&'static st
                 .map_or(Ok(()), |missed| of_reset(dict, missed))?;
             Ok("reset")
         }
-        StepError::Undifferentiable {
-            event,
-            t,
-            is_grazing,
-        } => {
+        StepError::Undifferentiable { event, t, why } => {
             dict.set_item("event", event)?;
             dict.set_item("t", t)?;
-            dict.set_item("is_grazing", is_grazing)?;
+            dict.set_item("why", why.name())?;
             Ok("no derivative")
         }
         _ => Ok(""),

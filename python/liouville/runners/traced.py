@@ -283,19 +283,10 @@ class TracedRunner(Runner):
         if error["kind"] in ("reset", "no derivative"):
             error["event"] = name = names[error["event"]]
             which = error.get("member", error.get("of", 0))
-            if error.get("is_grazing"):
+            if error.get("why") == "flat":
                 limit = self._watch.accumulated(name, error["t"], which)
                 error |= {} if limit is None else {"limit": limit}
-                error["jumps"] = self._is_stepped(name)
         return system.describe(error)
-
-    def _is_stepped(self, name: str) -> bool:
-        """Whether the function of this event is flat but for jumps."""
-        # imported here: few runs are differentiated
-        from liouville.systems._event_slopes import is_stepped
-
-        event = self._watch.events.get(name)  # a switch is none, and pickles leave functions behind
-        return event is not None and is_stepped(self.system, name, event)
 
     def _check_sizes(self, request: Request) -> None:
         times = self._watch.times

@@ -7,8 +7,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from liouville import _casadi as ca
 from liouville import _core
 from liouville._job import Pair, Slopes
@@ -22,24 +20,11 @@ from liouville.tape import record
 if TYPE_CHECKING:
     from liouville.systems.semi_explicit import SemiExplicit
 
-#: Points at which a function without slopes is told from others.
-POINTS = 9
-
 
 def event_slopes(system: Mechanics | SemiExplicit, name: str, event: Event) -> Slopes:
     """Record the derivatives of an event and of its reset."""
     value, law = system.event_expressions(name, event)
     return _slopes(system, f"event '{name}'", value, law, isinstance(event.reset, Impact))
-
-
-def is_stepped(system: Mechanics | SemiExplicit, name: str, event: Event) -> bool:
-    """Whether the function of an event has no slope anywhere, as far as a few points tell."""
-    s, value = system._symbols, system.event_expressions(name, event)[0]
-    slope = ca.gradient(value, ca.vertcat(s.t, s.y, s.z, _multipliers(system)))
-    symbols = ca.symvar(slope)
-    points = np.random.default_rng(0).standard_normal((POINTS, len(symbols)))
-    function = ca.Function("slope", [ca.vertcat(*symbols)], [ca.densify(slope)])
-    return not any(np.any(np.asarray(function(point))) for point in points)
 
 
 def switch_slopes(system: Mechanics, name: str) -> Slopes:

@@ -4,7 +4,7 @@ use super::reset::RATE;
 use super::slopes::Meeting;
 use super::{DenseDetector, at, interpolated};
 use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch, Numbers};
-use liouville_base::error::{Quantity, StepError};
+use liouville_base::error::{Obstacle, Quantity, StepError};
 use liouville_base::run::{Crossing, Ending, NOISE, Outcome, Records, reserve};
 use liouville_problem::{Carried, Dynamics, Impact, Jump, Point, Refused, Restart};
 
@@ -58,12 +58,8 @@ impl<State: Carried + Checkpoint + Clone, M: Dynamics> DenseDetector<State, M> {
                 let reset = self.events[index].reset.as_ref();
                 if reset.is_some_and(|reset| reset.intervals.is_short(t, h, noise)) {
                     if self.follower.is_some() {
-                        let (event, is_grazing) = (index, true);
-                        return Err(StepError::Undifferentiable {
-                            event,
-                            t,
-                            is_grazing,
-                        });
+                        let (event, why) = (index, Obstacle::Flat);
+                        return Err(StepError::Undifferentiable { event, t, why });
                     }
                     self.end(index, t, Some(t));
                     state.clone_from(&self.substep.state);
@@ -118,11 +114,15 @@ impl<State: Carried + Checkpoint + Clone, M: Dynamics> DenseDetector<State, M> {
 
     /// Differentiates the event that a part of the step has led to.
     fn follow(&mut self, index: usize, (part, t): (f64, f64)) -> Result<(), StepError> {
+        if self.follower.is_none() {
+            return Ok(());
+        }
+        self.path.solve(t, &self.substep.state)?;
+        let obstacle = self.obstacle(index, t);
         let Some(follower) = &mut self.follower else {
             return Ok(());
         };
         let (event, state) = (&self.events[index], &mut self.substep.state);
-        self.path.solve(t, state)?;
         let size = |size: f64, x: &f64| size.max(x.abs());
         let met = Meeting {
             event: index,
@@ -134,6 +134,7 @@ impl<State: Carried + Checkpoint + Clone, M: Dynamics> DenseDetector<State, M> {
             needs_lam: event.needs_lam,
             height: event.function.samples.iter().fold(0.0, size),
             is_last: event.function.count + 1 == event.function.rule.terminal || event.is_switch,
+            obstacle,
         };
         follower.meet(met, state)
     }

@@ -6,6 +6,7 @@ mod hits;
 mod impulse;
 mod reset;
 mod semi_explicit;
+mod sides;
 mod slopes;
 mod tangents;
 
@@ -43,6 +44,8 @@ pub struct DenseDetector<State: Checkpoint, M: Dynamics = Model> {
     holonomic: usize,
     /// The follower that differentiates the events, if they are differentiated.
     follower: Option<Box<dyn FollowEvents<State>>>,
+    /// The derivatives of all events then.
+    slopes: Vec<SlopesModel>,
     observer: Box<dyn Observe<Path<M>>>,
     /// Times of the records, where they are the detector's.
     times: Option<Vec<f64>>,
@@ -115,6 +118,7 @@ impl<State: Carried + Checkpoint + Clone, M: Dynamics> DenseDetector<State, M> {
             jump: [Vec::new(), Vec::new()],
             holonomic: 0,
             follower: None,
+            slopes: Vec::new(),
             observer,
             times,
             next: 0,
@@ -139,11 +143,16 @@ impl<State: Carried + Checkpoint + Clone, M: Dynamics> DenseDetector<State, M> {
         self
     }
 
-    /// The same with a follower that differentiates its events.
+    /// The same with a follower that differentiates its events, which have these derivatives.
     #[must_use]
-    pub fn followed(self, follower: Box<dyn FollowEvents<State>>) -> Self {
+    pub fn followed(
+        self,
+        follower: Box<dyn FollowEvents<State>>,
+        slopes: Vec<SlopesModel>,
+    ) -> Self {
         Self {
             follower: Some(follower),
+            slopes,
             ..self
         }
     }

@@ -1,7 +1,7 @@
 //! Derivatives of events and their resets, and their use along a run.
 
 use super::reset::Law;
-use liouville_base::error::{Quantity, StepError};
+use liouville_base::error::{Obstacle, Quantity, StepError};
 use liouville_base::linalg::max_norm;
 use liouville_base::tape::{Registers, Tape};
 
@@ -208,7 +208,7 @@ impl SlopesModel {
         Err(StepError::Undifferentiable {
             event: self.index,
             t,
-            is_grazing: false,
+            why: Obstacle::Beside,
         })
     }
 }
@@ -234,25 +234,27 @@ pub struct Meeting<'a> {
     pub height: f64,
     /// Whether it ends the run, or is a switch that ends the step.
     pub is_last: bool,
+    /// What is seen beside it that leaves it without a derivative.
+    pub obstacle: Option<Obstacle>,
 }
 
 /// The rate of an event's function is zero where it is below this part of its size in a step, over a step.
 const GRAZING: f64 = 1e-7;
 
 impl Meeting<'_> {
-    /// Refuses an event whose function has this rate: where it is zero, the time of the event has no derivative.
+    /// Refuses an event whose time has no derivative; its function has this rate there.
     ///
     /// # Errors
-    /// It is zero.
+    /// The function is flat, jumps or bends.
     pub fn check(&self, rate: f64) -> Result<(), StepError> {
-        if (rate * self.h).abs() > GRAZING * self.height {
-            return Ok(());
-        }
-        Err(StepError::Undifferentiable {
-            event: self.event,
-            t: self.t,
-            is_grazing: true,
-        })
+        let is_flat = (rate * self.h).abs() <= GRAZING * self.height;
+        let why = match self.obstacle {
+            Some(Obstacle::Kink) | None if is_flat => Obstacle::Flat,
+            Some(seen) => seen,
+            None => return Ok(()),
+        };
+        let (event, t) = (self.event, self.t);
+        Err(StepError::Undifferentiable { event, t, why })
     }
 }
 

@@ -10,7 +10,7 @@
 use super::observe::ObservePoint;
 use super::pullback::StepAdjoint;
 use crate::events::{Before, FollowEvents, LinearReset, Meeting, SlopesModel};
-use liouville_base::error::StepError;
+use liouville_base::error::{Obstacle, StepError};
 use liouville_base::linalg::{Matrix, add_scaled};
 use liouville_base::recorder::{SharedRecords, StepRecord};
 use liouville_problem::{Carried, Cotangents};
@@ -35,6 +35,7 @@ pub(super) struct Entry<S> {
     h: f64,
     height: f64,
     lam: Vec<f64>,
+    obstacle: Option<Obstacle>,
     /// The part of the step.
     steps: Vec<StepRecord<S>>,
 }
@@ -105,6 +106,7 @@ impl<S: Clone + Send + Sync> FollowEvents<S> for EventRecorder<S> {
             h: met.h,
             height: met.height,
             lam: met.lam.to_vec(),
+            obstacle: met.obstacle,
             steps: steps.to_vec(),
         });
         Ok(())
@@ -247,6 +249,7 @@ impl<S> Entry<S> {
             needs_lam: false,
             height: self.height,
             is_last: self.is_last,
+            obstacle: self.obstacle,
         }
     }
 

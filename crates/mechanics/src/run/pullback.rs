@@ -193,10 +193,10 @@ where
             partial,
             parts,
         };
-        let reset = method.reset;
+        let (reset, slopes) = (method.reset, starter.slopes(0));
         let events = starter.has_events().then(|| EventAdjoint {
             journal,
-            events: starter.slopes(0),
+            events: slopes.clone(),
             reset,
             rows: Vec::new(),
             sizes: [n + l, m, starter.system.multipliers()],
@@ -205,7 +205,7 @@ where
         let has_events = events.is_some();
         let with = |detector: DenseDetector<A::State, _>| {
             if has_events {
-                detector.followed(Box::new(recorder))
+                detector.followed(Box::new(recorder), slopes)
             } else {
                 detector
             }

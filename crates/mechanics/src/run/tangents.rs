@@ -216,8 +216,8 @@ impl Starter {
             if self.has_events() {
                 let (directions, at) = (directions_of(tangents), (start, multipliers));
                 let directions = self.with_length(directions);
-                let events = TangentEvents::new(slopes, derivatives, directions, at);
-                detector = detector.followed(Box::new(events));
+                let events = TangentEvents::new(slopes.clone(), derivatives, directions, at);
+                detector = detector.followed(Box::new(events), slopes);
             }
             detector.with_tangents(between)
         };

@@ -12,10 +12,12 @@
 //! this, no better. Source: hairer1993, II.6, for k = 2; the polynomials are in Newton's form.
 
 mod adjoint;
+mod around;
 mod knot;
 mod tangents;
 
 pub use adjoint::{KnotCotangents, PathAdjoint};
+pub use around::Nearby;
 pub use knot::Point;
 pub use tangents::PathTangents;
 
