@@ -82,11 +82,11 @@ impl Index2 {
     /// # Panics
     /// When `s` is zero.
     pub fn new(model: SemiExplicitModel, s: usize) -> Self {
-        Self::of(model, Spark::gauss(s))
+        Self::of(model, &Spark::gauss(s))
     }
 
     /// The method on the stages of these coefficients, Gauss or Radau.
-    pub fn of(model: SemiExplicitModel, tableau: Spark) -> Self {
+    pub fn of(model: SemiExplicitModel, tableau: &Spark) -> Self {
         let stages = CollocationStages::new(&model, tableau);
         Self {
             matrix: CollocationMatrix::new(&model, &stages),

@@ -39,7 +39,7 @@ pub(super) struct CollocationStages {
 }
 
 impl CollocationStages {
-    pub(super) fn new(model: &SemiExplicitModel, tableau: Spark) -> Self {
+    pub(super) fn new(model: &SemiExplicitModel, tableau: &Spark) -> Self {
         let s = tableau.stages;
         let (n, l) = (model.problem.n, model.problem.l);
         let mut ends = Matrix::zeros(1, s);
@@ -49,9 +49,9 @@ impl CollocationStages {
         Self {
             weights: Matrix::from_fn(s + 1, s, weight),
             moments: moments(&tableau.b, &tableau.c),
-            a: tableau.a_f,
-            b: tableau.b,
-            c: tableau.c,
+            a: tableau.a_f.clone(),
+            b: tableau.b.clone(),
+            c: tableau.c.clone(),
             v: Matrix::zeros(s, n),
             z: Matrix::zeros(s, l),
             y: Matrix::zeros(s + 1, n),

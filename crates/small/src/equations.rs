@@ -150,7 +150,7 @@ impl<L: Layout> Small<L> {
         }
         if let Some(full) = &mut self.full {
             let points = [&mut self.stage, &mut self.node, &mut self.node_blocks];
-            full.update(&self.problem, &self.tables, points, h);
+            full.update(&self.problem, self.tables, points, h);
         } else if self.problem.m > 0 {
             self.update_node_schur();
         }
@@ -190,7 +190,7 @@ impl<L: Layout> Small<L> {
                 }
             }
         }
-        self.linear.invert(&self.tables, (n, m));
+        self.linear.invert(self.tables, (n, m));
     }
 
     /// Adds to g what roundings took from it, as the stages above do.
@@ -233,7 +233,7 @@ impl<L: Layout> Small<L> {
                 work.sides[c].as_mut()[row] = sum;
             }
         }
-        (self.linear).solve(&self.tables, &work.sides, &mut work.d_lam, m);
+        (self.linear).solve(self.tables, &work.sides, &mut work.d_lam, m);
         for row in 0..L::rows(self.tables.intervals) {
             for c in 0..m {
                 self.lam[c].as_mut()[row] += work.d_lam[c].as_ref()[row] * (1.0 / h);

@@ -231,7 +231,7 @@ impl<L: Layout> Small<L> {
         let (n, m) = (self.problem.n.min(COORDINATES), self.problem.m);
         if let Some(full) = &mut self.full {
             let residual = &self.work.residual[..n];
-            full.solve(&self.tables, residual, &self.node, (m, h));
+            full.solve(self.tables, residual, &self.node, (m, h));
             let pairs = self.lam.iter_mut().zip(&full.corrections[n..]);
             for (lam, d_lam) in pairs.take(m) {
                 for row in 0..L::rows(self.tables.intervals) {

@@ -60,7 +60,7 @@ pub enum Matrices {
 #[derive(Clone, Debug)]
 pub struct Small<L: Layout> {
     problem: Arc<Mechanical>,
-    tables: Tables,
+    tables: &'static Tables,
     start: StartWeights,
     stage: PointRegisters<L::Row>,
     node: PointRegisters<L::Row>,
@@ -149,12 +149,12 @@ impl<L: Layout> Small<L> {
         if !is_small || !is_plain(&problem) || matrices == other {
             return None;
         }
-        let tables = Tables::new(tableau)?;
+        let tables = Tables::of(tableau)?;
         let (mut full, mut inverse) = (None, [[L::splat(0.0); COORDINATES]; COORDINATES]);
         if is_constant {
             inverse = inverse_mass(model)?;
         } else {
-            full = Some(Box::new(FullNewton::new(model, &tables)?));
+            full = Some(Box::new(FullNewton::new(model, tables)?));
         }
         let rows = [tableau.stages, tableau.intervals + 1].map(L::rows);
         let [stage, node, node_blocks] = model.at_points(rows, Layout::every)?;

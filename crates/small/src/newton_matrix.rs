@@ -58,7 +58,7 @@ impl Small<f64> {
         let residual = &self.work.residual[..n];
         dispatch_simd::<Lanes, _>(
             #[inline(always)]
-            || full.solve(&self.tables, residual, &self.node, (m, h)),
+            || full.solve(self.tables, residual, &self.node, (m, h)),
         );
         let (d_z, d_lam) = full.corrections.split_at(n);
         let mut size = 0.0_f64;

@@ -6,7 +6,9 @@ use super::{LAM, Z};
 use liouville_base::linalg::{Matrix, inverse};
 use liouville_base::newton;
 use liouville_base::real::{Lanes, Real};
-use liouville_base::tableau;
+use liouville_base::tableau::{self, Known};
+
+static TABLES: Known<Option<Tables>> = Known::new();
 
 /// The coefficients of a SPARK method with s stages and k + 1 nodes. What stands beyond the last stage or node repeats it.
 #[derive(Clone, Debug)]
@@ -33,8 +35,12 @@ pub(super) struct Tables {
 }
 
 impl Tables {
-    /// The tables of a method; `None` where P is singular.
-    pub(super) fn new(tableau: &tableau::Spark) -> Option<Self> {
+    /// The tables of a method, made once a process; `None` where P is singular.
+    pub(super) fn of(tableau: &tableau::Spark) -> Option<&'static Self> {
+        TABLES.once(tableau.key, || Self::new(tableau)).as_ref()
+    }
+
+    fn new(tableau: &tableau::Spark) -> Option<Self> {
         let (s, k) = (tableau.stages, tableau.intervals);
         let lanes = |x: &[f64]| Lanes(std::array::from_fn(|i| x[i.min(x.len() - 1)]));
         let matrix = |of: &Matrix, cols| Weights::new(cols, |i, j| of[(i.min(of.rows() - 1), j)]);

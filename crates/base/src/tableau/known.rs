@@ -1,7 +1,6 @@
-//! Coefficients that this process has computed: a run of a few steps takes less time than they do.
+//! What this process has computed for methods: a run of a few steps takes less time than that.
 
 use super::lobatto::Force;
-use super::spark::Spark;
 use std::collections::BTreeMap;
 use std::sync::{Mutex, PoisonError};
 
@@ -13,16 +12,30 @@ pub(super) enum Family {
     Lobatto(Force),
 }
 
-static KNOWN: Mutex<BTreeMap<(Family, usize), Spark>> = Mutex::new(BTreeMap::new());
+/// A SPARK method: its family, and its number of stages.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Key(pub(super) Family, pub(super) usize);
 
-/// The method with this number of stages, computed where it is not known yet.
-pub(super) fn once(family: Family, stages: usize, compute: impl FnOnce() -> Spark) -> Spark {
-    let known = || KNOWN.lock().unwrap_or_else(PoisonError::into_inner);
-    if let Some(found) = known().get(&(family, stages)) {
-        return found.clone();
+/// Values computed once for each method, for as long as the process lives.
+#[derive(Debug, Default)]
+pub struct Known<V: 'static>(Mutex<BTreeMap<Key, &'static V>>);
+
+impl<V> Known<V> {
+    /// None yet.
+    pub const fn new() -> Self {
+        Self(Mutex::new(BTreeMap::new()))
     }
-    // without the lock: many stages take long
-    let computed = compute();
-    known().insert((family, stages), computed.clone());
-    computed
+
+    /// That of a method, computed where it is not known yet.
+    pub fn once(&self, key: Key, compute: impl FnOnce() -> V) -> &'static V {
+        let known = || self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(found) = known().get(&key) {
+            return found;
+        }
+        // without the lock: many stages take long
+        let computed = compute();
+        known()
+            .entry(key)
+            .or_insert_with(|| Box::leak(Box::new(computed)))
+    }
 }

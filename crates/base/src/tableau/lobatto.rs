@@ -11,8 +11,8 @@
 //! five; with B the pair is symplectic, A and D leave it symmetric. Source: jay1996, jay1998.
 
 use super::collocation::{lobatto, top};
-use super::known::{Family, once};
-use super::spark::{Between, Spark, complementary, rows};
+use super::known::{Family, Key};
+use super::spark::{Between, Coefficients, Spark, complementary, rows};
 use crate::linalg::Matrix;
 use twofloat::TwoFloat;
 
@@ -52,12 +52,13 @@ impl Spark {
     /// When there are fewer than two points.
     pub fn lobatto(points: usize, force: Force) -> Self {
         assert!(points > 1, "a Lobatto pair has at least two stages");
-        once(Family::Lobatto(force), points, || {
-            Self::compute_lobatto(points, force)
-        })
+        let key = Key(Family::Lobatto(force), points);
+        Self::once(key, || Coefficients::lobatto(points, force))
     }
+}
 
-    fn compute_lobatto(points: usize, force: Force) -> Self {
+impl Coefficients {
+    fn lobatto(points: usize, force: Force) -> Self {
         let quadrature = lobatto(points - 1);
         let mut a = rows(&quadrature, &quadrature.nodes);
         a[points - 1].clone_from(&quadrature.weights);

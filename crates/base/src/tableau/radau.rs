@@ -8,8 +8,8 @@
 //! stages. Source: hairer1996, IV.5.
 
 use super::collocation::{lobatto, radau};
-use super::known::{Family, once};
-use super::spark::{Between, Spark, rows};
+use super::known::{Family, Key};
+use super::spark::{Between, Coefficients, Spark, rows};
 use crate::linalg::Matrix;
 
 impl Spark {
@@ -19,10 +19,12 @@ impl Spark {
     /// When `s` is zero.
     pub fn radau(s: usize) -> Self {
         assert!(s > 0, "a SPARK method has at least one stage");
-        once(Family::Radau, s, || Self::compute_radau(s))
+        Self::once(Key(Family::Radau, s), || Coefficients::radau(s))
     }
+}
 
-    fn compute_radau(s: usize) -> Self {
+impl Coefficients {
+    fn radau(s: usize) -> Self {
         let stages = radau(s);
         let mut a = rows(&stages, &stages.nodes);
         a[s - 1].clone_from(&stages.weights);

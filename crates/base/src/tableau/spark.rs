@@ -21,13 +21,32 @@
 //! antonana2017.
 
 use super::collocation::{Quadrature, gauss, integrals, lobatto};
-use super::known::{Family, once};
+use super::known::{Family, Key, Known};
 use crate::linalg::Matrix;
+use std::ops::Deref;
 use twofloat::TwoFloat;
+
+static COEFFICIENTS: Known<Coefficients> = Known::new();
+
+/// A SPARK method, whose coefficients are computed once a process.
+#[derive(Clone, Debug)]
+pub struct Spark {
+    /// Which one it is.
+    pub key: Key,
+    coefficients: &'static Coefficients,
+}
+
+impl Deref for Spark {
+    type Target = Coefficients;
+
+    fn deref(&self) -> &Coefficients {
+        self.coefficients
+    }
+}
 
 /// Coefficients of a SPARK method; see the module for the letters.
 #[derive(Clone, Debug)]
-pub struct Spark {
+pub struct Coefficients {
     /// Number s of stages.
     pub stages: usize,
     /// Number k of intervals between the nodes.
@@ -76,10 +95,17 @@ impl Spark {
     /// When `s` is zero.
     pub fn gauss(s: usize) -> Self {
         assert!(s > 0, "a SPARK method has at least one stage");
-        once(Family::Gauss, s, || Self::compute_gauss(s))
+        Self::once(Key(Family::Gauss, s), || Coefficients::gauss(s))
     }
 
-    fn compute_gauss(s: usize) -> Self {
+    pub(super) fn once(key: Key, compute: impl FnOnce() -> Coefficients) -> Self {
+        let coefficients = COEFFICIENTS.once(key, compute);
+        Self { key, coefficients }
+    }
+}
+
+impl Coefficients {
+    fn gauss(s: usize) -> Self {
         let (stages, nodes) = (gauss(s), lobatto(s));
         let a = rows(&stages, &stages.nodes);
         let mu = |i: usize, j: usize| a[i][j] / stages.weights[j];

@@ -20,7 +20,7 @@ impl Starter {
         let mut model = SemiExplicitModel::new(problem.clone(), self.params(member));
         let (y, z) = (self.part(0, member), self.part(1, member));
         let state = model.state(span.t0, y, z, span.h())?;
-        let stepper = Index2::of(model, tableau.clone());
+        let stepper = Index2::of(model, tableau);
         let Control::Adaptive {
             tolerance,
             h_first,

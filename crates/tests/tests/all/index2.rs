@@ -124,7 +124,7 @@ fn on_radau_points_the_order_is_2s_less_1_and_the_constraint_holds() {
         let h = 1.0 / f64::from(steps);
         let start = model.state(0.0, &[0.0, 0.0, 1.0], &[0.0], h);
         let mut state = start.expect("a start");
-        let mut stepper = Index2::of(model, Spark::radau(s));
+        let mut stepper = Index2::of(model, &Spark::radau(s));
         for n in 0..steps {
             let t = h * f64::from(n);
             stepper.step(t, h, &mut state).expect("a step can be made");

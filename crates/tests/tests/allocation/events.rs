@@ -143,7 +143,7 @@ fn controlled_steps_of_index_2_and_their_events_take_no_memory() {
         atol: vec![1e-6; 3],
     };
     let gauss = tableau::Spark::gauss(3);
-    let stepper = Index2::of(model, gauss.clone()).estimating(&gauss, tolerance);
+    let stepper = Index2::of(model, &gauss).estimating(&gauss, tolerance);
     let copy = Box::new(stepper.clone());
     let recorded = (Box::new(observer) as _, None);
     let detector = DenseDetector::new(path, copy, &state, vec![event], recorded);
