@@ -123,3 +123,17 @@ def test_members_have_the_bits_they_have_alone(case):
         alone = lv.integrate(system, lv.Spark(5), **span, **own)
         for name, values in alone.states.items():
             np.testing.assert_array_equal(whole.states[name][:, member], values, err_msg=name)
+
+
+def test_a_long_first_step_goes_by_way_of_its_half():
+    h = 2 / 136
+    first, two, parts = (
+        lv.integrate(heavy_top.system, lv.Spark(7), t=(0, t), steps=steps, **heavy_top.start)
+        for t, steps in ((h, 1), (2 * h, 2), (h, 16))
+    )
+    # that of the half, and one for each step: no other solution had to be confirmed
+    assert first.stats["newton_steps"] == 2
+    assert two.stats["newton_steps"] == 3
+    for name in ("q", "v"):
+        np.testing.assert_allclose(first.states[name][-1], parts.states[name][-1], atol=1e-11)
+        np.testing.assert_array_equal(first.states[name][-1], two.states[name][1])

@@ -66,7 +66,7 @@ pub use tangents::{
 use liouville_base::linalg::Pattern;
 use liouville_base::method;
 use liouville_base::real::{BATCH, Lanes, Real, Scalar};
-use liouville_base::tape::Tape;
+use liouville_base::tape::{CompensatedProgram, Tape};
 use model::cut;
 use std::sync::{Arc, OnceLock};
 
@@ -106,6 +106,8 @@ pub struct Mechanical {
     pub redundant: Option<Box<Redundant>>,
     /// How constraints are eliminated where they are many, found at the first run.
     pub schur_plan: OnceLock<Option<Arc<SchurPlan>>>,
+    /// The program of g in compensated numbers, found at the first run.
+    pub compensated_g: OnceLock<Option<Arc<CompensatedProgram>>>,
 }
 
 /// The sparsity of each derivative.
@@ -134,6 +136,15 @@ pub struct Mismatch {
 }
 
 impl Mechanical {
+    /// The program of g in compensated numbers, where it takes arithmetic and square roots alone.
+    fn compensated_g(&self) -> Option<&Arc<CompensatedProgram>> {
+        let find = || match self.m {
+            0 => None,
+            m => self.node.compensated(m).map(Arc::new),
+        };
+        self.compensated_g.get_or_init(find).as_ref()
+    }
+
     /// The system, once its parts are seen to fit together.
     ///
     /// # Errors

@@ -147,8 +147,7 @@ impl<R: Real> Model<R> {
 
     /// g in compensated numbers, where it is made of arithmetic and square roots.
     pub fn compensated_g(&self) -> Option<CompensatedTape<R>> {
-        let problem = self.compensable()?;
-        problem.node.compensated(&self.node.one, problem.m)
+        Some(self.problem.compensated_g()?.bind(&self.node.one))
     }
 
     /// The same at the points of `node`.
@@ -156,12 +155,7 @@ impl<R: Real> Model<R> {
         &self,
         node: &PointRegisters<P>,
     ) -> Option<CompensatedPoints<P>> {
-        let problem = self.compensable()?;
-        problem.node.compensated_points(node, problem.m)
-    }
-
-    fn compensable(&self) -> Option<&Mechanical> {
-        Some(&*self.problem).filter(|x| x.m > 0)
+        Some(self.problem.compensated_g()?.bind_points(node))
     }
 
     /// `g_y`, `r_λ` at (t, y, λ).

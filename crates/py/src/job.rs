@@ -19,15 +19,15 @@ use liouville_spark::Solver;
 use numpy::{PyReadonlyArray1, PyReadonlyArrayDyn, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 
-/// A method, by the attributes of its dataclass.
+/// A method, by the attributes of its dataclass; those that most runs take come first.
 #[derive(FromPyObject)]
 enum MechanicalMethod {
+    #[pyo3(transparent)]
+    Spark(SparkOf),
     Composed {
         base: SparkOf,
         scheme: String,
     },
-    #[pyo3(transparent)]
-    Spark(SparkOf),
     Alpha {
         coefficients: (f64, f64, f64, f64),
         reaction: String,
@@ -38,23 +38,38 @@ enum MechanicalMethod {
 
 /// A SPARK method on points, or a Lobatto pair.
 #[derive(FromPyObject)]
-struct SparkOf {
-    stages: usize,
-    solver: String,
-    newton_tol: Option<f64>,
-    #[pyo3(default)]
-    force: Option<String>,
-    #[pyo3(default)]
-    points: Option<String>,
+enum SparkOf {
+    OnPoints {
+        stages: usize,
+        points: String,
+        solver: String,
+        newton_tol: Option<f64>,
+    },
+    Pair {
+        stages: usize,
+        force: String,
+        solver: String,
+        newton_tol: Option<f64>,
+    },
 }
 
 impl SparkOf {
     fn read(self, scheme: Option<&str>) -> PyResult<Method> {
-        let tableau = match (self.force, self.points) {
-            (Some(force), _) => lobatto_named(self.stages, &force)?,
-            (None, points) => spark_named(self.stages, &points.unwrap_or_default())?,
+        let (tableau, solver, newton_tol) = match self {
+            Self::OnPoints {
+                stages,
+                points,
+                solver,
+                newton_tol,
+            } => (spark_named(stages, &points)?, solver, newton_tol),
+            Self::Pair {
+                stages,
+                force,
+                solver,
+                newton_tol,
+            } => (lobatto_named(stages, &force)?, solver, newton_tol),
         };
-        let solver = match self.solver.as_str() {
+        let solver = match solver.as_str() {
             "auto" => Solver::Auto,
             "node-schur" => Solver::NodeSchur,
             "newton" => Solver::Newton,
@@ -63,7 +78,7 @@ impl SparkOf {
         Ok(Method::Spark(Box::new(SparkMethod {
             tableau,
             solver,
-            newton_tol: self.newton_tol,
+            newton_tol,
             scheme: scheme.map(scheme_named).transpose()?,
         })))
     }

@@ -275,14 +275,19 @@ impl<L: Layout> Small<L> {
     /// Writes the end of the step, and holds what the next one is extrapolated from.
     #[inline(never)]
     pub fn commit(&self, held: &mut newton::Predictor<L>, h: f64, state: &mut State<L>) {
-        let (n, m, k) = (self.problem.n, self.problem.m, self.tables.intervals);
-        let end = &self.end;
+        let (n, end) = (self.problem.n, &self.end);
         state.y.copy_from_slice(&end.y[..n]);
         state.z.copy_from_slice(&end.z[..n]);
         state.p.copy_from_slice(&end.p[..n]);
         state.y_low.copy_from_slice(&end.y_low[..n]);
         state.p_low.copy_from_slice(&end.p_low[..n]);
-        let last = self.tables.stages + 1;
+        self.hold(held, h);
+    }
+
+    /// Holds the polynomials that another step is extrapolated from.
+    pub fn hold(&self, held: &mut newton::Predictor<L>, h: f64) {
+        let (n, m, k) = (self.problem.n, self.problem.m, self.tables.intervals);
+        let (end, last) = (&self.end, self.tables.stages + 1);
         let values = &mut held.curves[Z].values;
         values.row_mut(0).copy_from_slice(&end.z0[..n]);
         values.row_mut(last).copy_from_slice(&end.z[..n]);

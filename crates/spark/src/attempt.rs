@@ -1,6 +1,7 @@
 //! The attempts at a step of a SPARK method.
 
 use super::Spark;
+use super::general::General;
 use super::stages::Unknowns;
 use liouville_base::error::StepError;
 use liouville_base::linalg::copy;
@@ -19,6 +20,7 @@ pub(super) struct KeptStages {
 /// A step whose stage equations are attempted.
 pub(super) struct SparkAttempt<'a> {
     pub(super) spark: &'a mut Spark,
+    pub(super) general: &'a mut General,
     pub(super) step: Step<'a>,
 }
 
@@ -29,13 +31,8 @@ impl Attempts for SparkAttempt<'_> {
             self.start_at_part(step, start);
             return Ok(true);
         }
-        let Spark {
-            model,
-            stages,
-            predictor,
-            update,
-            ..
-        } = &mut *self.spark;
+        let (model, predictor) = (&mut self.spark.model, &mut self.spark.predictor);
+        let General { stages, update, .. } = &mut *self.general;
         if start == Start::Extrapolated {
             return Ok(predictor.extrapolate(stages, &mut update.z, step));
         }
@@ -45,7 +42,8 @@ impl Attempts for SparkAttempt<'_> {
     }
 
     fn iterate(&mut self, h: f64) -> Result<bool, StepError> {
-        self.spark.iterate(Step { h, ..self.step })
+        let step = Step { h, ..self.step };
+        self.general.iterate(self.spark, step)
     }
 
     fn count_cold_start(&mut self) {
@@ -56,13 +54,13 @@ impl Attempts for SparkAttempt<'_> {
 impl SparkAttempt<'_> {
     /// The unknowns of the part of the step that is kept, or Z_i and V_i where it leads.
     fn start_at_part(&mut self, step: Step, start: Start) {
-        let Spark {
+        let General {
             stages,
             update,
             kept,
             continuation,
             ..
-        } = &mut *self.spark;
+        } = &mut *self.general;
         let Some(kept) = &kept[Slot::Part as usize] else {
             return;
         };
@@ -88,17 +86,18 @@ impl SparkAttempt<'_> {
 
 impl Confirms for SparkAttempt<'_> {
     fn iterate_full(&mut self, h: f64) -> Result<bool, StepError> {
-        self.spark.iterate_full(Step { h, ..self.step })
+        let step = Step { h, ..self.step };
+        self.general.iterate_full(self.spark, step)
     }
 
     fn keep(&mut self, h: f64, slot: Slot) {
-        let Spark {
+        let General {
             stages,
             update,
             kept,
             is_by_schur,
             ..
-        } = &mut *self.spark;
+        } = &mut *self.general;
         let kept = kept[slot as usize].get_or_insert_with(|| {
             Box::new(KeptStages {
                 h,
@@ -114,17 +113,19 @@ impl Confirms for SparkAttempt<'_> {
     }
 
     fn put_back(&mut self, h: f64, slot: Slot) {
-        self.spark.stages.begin_again(Step { h, ..self.step });
-        if let Some(kept) = &self.spark.kept[slot as usize] {
-            self.spark.stages.unknowns.copy_from(&kept.unknowns);
-            copy(&mut self.spark.update.z, &kept.z1);
-            self.spark.is_by_schur = kept.is_by_schur;
+        let general = &mut *self.general;
+        general.stages.begin_again(Step { h, ..self.step });
+        if let Some(kept) = &general.kept[slot as usize] {
+            general.stages.unknowns.copy_from(&kept.unknowns);
+            copy(&mut general.update.z, &kept.z1);
+            general.is_by_schur = kept.is_by_schur;
         }
     }
 
     fn distance(&mut self, _h: f64, slot: Slot) -> (f64, usize) {
-        let kept = self.spark.kept[slot as usize].as_ref();
-        kept.map_or((0.0, 0), |kept| self.spark.stages.distance(&kept.unknowns))
+        let kept = self.general.kept[slot as usize].as_ref();
+        let stages = &self.general.stages;
+        kept.map_or((0.0, 0), |kept| stages.distance(&kept.unknowns))
     }
 
     fn rest(&mut self) -> &mut Rest {

@@ -9,7 +9,7 @@ impl Spark {
     /// The same, with errors estimated in units of a tolerance.
     #[must_use]
     pub fn estimating(mut self, tolerance: Tolerance) -> Self {
-        let estimate = Estimate::new(&self.stages.tableau, tolerance);
+        let estimate = Estimate::new(&self.tableau, tolerance);
         self.estimate = Some(Box::new(estimate));
         self
     }

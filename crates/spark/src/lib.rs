@@ -19,6 +19,7 @@ mod attempt;
 mod derivatives;
 mod estimate;
 mod full_newton;
+mod general;
 mod lanes;
 mod node_schur;
 mod predictor;
@@ -31,22 +32,17 @@ mod tangent;
 mod update;
 mod yardstick;
 
-use attempt::{KeptStages, SparkAttempt};
-use full_newton::FullNewton;
+use general::General;
 pub use lanes::{SparkBatch, supports_batch};
 use liouville_base::error::StepError;
 use liouville_base::linalg::choice::{CHEAP_NEWTON, SCHUR_ITERATIONS};
 use liouville_base::method::{Stats, Stepper, Symmetric};
-use liouville_base::newton::{self, Continuation, Equations, Member, Rest, Solved};
+use liouville_base::newton::{Member, Rest, Stop};
 use liouville_base::tableau;
 use liouville_problem::{Estimate, Mechanical, Model, State, Step};
 use liouville_small::{Matrices, Small};
-use node_schur::NodeSchur;
 use predictor::Predictor;
-use small_newton::SmallNewton;
-use stages::{Stages, Unknowns};
 pub use tangent::{SparkAdjoint, SparkTangents};
-use update::Update;
 
 /// The solver of the stage equations; all have the same solution, to roundoff.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -93,31 +89,26 @@ impl Solver {
 /// The most corrections of a solver without an alternative.
 const MOST_ITERATIONS: usize = 100;
 
+/// The part of a step from which a small system is led to all of it, where a cold start does not lead there.
+const PART: f64 = 0.5;
+
 /// A SPARK method at work.
 #[derive(Clone, Debug)]
 pub struct Spark {
     model: Model,
     solver: Solver,
+    tableau: tableau::Spark,
+    stop: Stop,
     /// The fast path, which makes nearly all steps of a small system.
     small: Option<Box<Small<f64>>>,
-    stages: Stages,
-    schur: NodeSchur,
-    /// Full Newton, made at its first use.
-    full: Option<Box<FullNewton>>,
+    /// The path of all other steps, made at its first use.
+    general: Option<Box<General>>,
     predictor: Predictor,
-    update: Update,
     /// The error estimate, where steps are controlled by errors.
     estimate: Option<Box<Estimate>>,
-    /// Start values of node Schur, from which full Newton starts after its failure.
-    start: Unknowns,
-    /// Solutions kept by the attempts, each made at its first use.
-    kept: [Option<Box<KeptStages>>; 3],
-    continuation: Option<Box<Continuation>>,
     /// Rest of node Schur, and of the modified iteration.
     schur_rest: Rest,
     rest: Rest,
-    /// Whether node Schur has found the present stages.
-    is_by_schur: bool,
     stats: Stats,
 }
 
@@ -132,25 +123,23 @@ impl Spark {
 
     /// The method of these coefficients.
     pub fn of(mut model: Model, tableau: tableau::Spark, solver: Solver) -> Self {
-        model.reserve_batch(tableau.stages, tableau.intervals + 1);
+        let stop = Stop::default();
         let small = Small::new(&mut model, &tableau, solver.matrices());
-        let stages = Stages::new(&model, tableau);
+        let general = match &small {
+            Some(_) => None,
+            None => Some(General::new(&mut model, &tableau, stop).into()),
+        };
         Self {
-            solver,
-            small,
-            schur: NodeSchur::new(&model, &stages),
-            full: None,
-            predictor: Predictor::new(&model, &stages.tableau),
-            update: Update::new(&model),
+            predictor: Predictor::new(&model, &tableau),
+            general,
             estimate: None,
-            start: stages.unknowns.clone(),
-            kept: [None, None, None],
-            continuation: None,
             schur_rest: Rest::default(),
             rest: Rest::default(),
-            is_by_schur: false,
             stats: Stats::default(),
-            stages,
+            solver,
+            small,
+            stop,
+            tableau,
             model,
         }
     }
@@ -158,40 +147,56 @@ impl Spark {
     /// The same, with stage equations solved to this fraction of the velocities instead of to roundoff.
     #[must_use]
     pub fn to_tolerance(mut self, tolerance: f64) -> Self {
-        self.stages.stop.tolerance = tolerance;
-        self
-    }
-
-    /// (U1)–(U3), and the polynomials that the next step is extrapolated from.
-    fn finish(&mut self, step: Step) -> Result<(), StepError> {
-        // forces of an earlier iterate would make the energy drift
-        let last = self.stages.tableau.intervals - 1;
-        self.stages.evaluate_values(&mut self.model, step, last);
-        if self.is_by_schur && self.stages.loses_moves(&self.model.problem) {
-            self.schur.find_lost_moves(&mut self.stages, step);
-        } else {
-            self.stages.lost_moves.clear();
+        self.stop.tolerance = tolerance;
+        if let Some(general) = &mut self.general {
+            general.stages.stop = self.stop;
         }
-        self.update.solve(&mut self.model, &mut self.stages, step)?;
-        let (z, v) = (&self.update.z, &self.update.v);
-        self.predictor
-            .keep(&self.stages, step.h, &step.state.z, z, v);
-        Ok(())
+        self
     }
 
     /// Makes the step of a small system by the fast path; returns whether that has solved it, up to the commit.
     fn advance_small(&mut self, step: Step) -> bool {
+        let Some(small) = &self.small else {
+            return false;
+        };
+        if (self.schur_rest.is_on() && !small.is_newton()) || self.rest.is_on() {
+            return false;
+        }
+        let is_made = self.iterate_small(step) || self.continue_small(step);
+        if is_made {
+            self.schur_rest.end_row();
+            self.rest.end_row();
+        }
+        is_made
+    }
+
+    /// A cold step of a small system by way of a part of it.
+    #[cold]
+    fn continue_small(&mut self, step: Step) -> bool {
+        let h = step.h * PART;
+        if self.predictor.held.held().is_some() || !self.iterate_small(Step { h, ..step }) {
+            return false;
+        }
+        if let Some(small) = &self.small {
+            small.hold(&mut self.predictor.held, h);
+        }
+        self.predictor.undo();
+        let is_made = self.iterate_small(step);
+        if !is_made {
+            self.predictor.forget();
+        }
+        is_made
+    }
+
+    /// Iterates, and finds the end of the step.
+    fn iterate_small(&mut self, step: Step) -> bool {
         let Some(small) = &mut self.small else {
             return false;
         };
         let is_newton = small.is_newton();
-        if (self.schur_rest.is_on() && !is_newton) || self.rest.is_on() {
-            return false;
-        }
-        let stages = &mut self.stages;
-        let sizes = (&*self.model.problem, &stages.tableau);
+        let sizes = (&*self.model.problem, &self.tableau);
         let most = self.solver.max_small_iterations(is_newton, sizes);
-        let (until, mut members) = ((most, stages.stop), [Member::Open]);
+        let (until, mut members) = ((most, self.stop), [Member::Open]);
         let (model, from) = (&mut self.model, self.predictor.start());
         let made = small.advance(model, from, step, until, &mut members);
         let (Some(()), [Member::Converged(iterations)]) = (made, members) else {
@@ -199,116 +204,19 @@ impl Spark {
         };
         self.stats.iterations += iterations;
         self.stats.newton_steps += usize::from(is_newton);
-        stages.evaluations += (iterations + 1) * stages.tableau.stages;
-        self.schur_rest.end_row();
-        self.rest.end_row();
+        self.stats.evaluations += (iterations + 1) * self.tableau.stages;
         true
     }
 
-    /// The modified iteration, by node Schur or by the matrix of full Newton; returns whether the solution is near.
-    fn iterate(&mut self, step: Step) -> Result<bool, StepError> {
-        self.is_by_schur = false;
-        let solved = if self.wants_newton() {
-            self.iterate_newton(step, false)?
-        } else {
-            self.start.copy_from(&self.stages.unknowns);
-            match self.iterate_schur(step) {
-                Err(_) if self.solver == Solver::Auto => {
-                    self.schur_rest.begin();
-                    self.stages.unknowns.copy_from(&self.start);
-                    self.iterate_newton(step, false)?
-                }
-                outcome => {
-                    self.schur_rest.end_row();
-                    self.is_by_schur = outcome.is_ok();
-                    outcome?
-                }
-            }
+    /// The step of any system; it has only to be committed.
+    fn advance_general(&mut self, step: Step) -> Result<(), StepError> {
+        let mut general = match self.general.take() {
+            Some(general) => general,
+            None => General::new(&mut self.model, &self.tableau, self.stop).into(),
         };
-        self.stats.iterations += solved.iterations;
-        Ok(solved.is_near)
-    }
-
-    /// Full Newton, or where only node Schur is allowed the modified iteration again.
-    fn iterate_full(&mut self, step: Step) -> Result<bool, StepError> {
-        if self.is_schur_only() {
-            return self.iterate(step);
-        }
-        self.is_by_schur = false;
-        let solved = self.iterate_newton(step, true)?;
-        self.stats.iterations += solved.iterations;
-        Ok(solved.is_near)
-    }
-
-    /// Whether node Schur is the only solver.
-    fn is_schur_only(&self) -> bool {
-        self.solver == Solver::NodeSchur && self.schur.is_able() && self.model.problem.l() == 0
-    }
-
-    /// The error of a step; node Schur alone cannot show that the step is too large, only that it does not converge.
-    fn without_full(&self, error: StepError) -> StepError {
-        match error {
-            StepError::StepTooLarge { .. } if self.is_schur_only() => StepError::NotConverged {
-                iterations: self
-                    .solver
-                    .max_iterations(&self.model.problem, &self.stages.tableau),
-                size: f64::INFINITY,
-            },
-            error => error,
-        }
-    }
-
-    /// Whether full Newton takes the place of node Schur: by choice of the user, for small systems with a varying mass, for
-    /// nonholonomic constraints, or while node Schur is left out after failures.
-    fn wants_newton(&mut self) -> bool {
-        let is_small = self.small.as_ref().is_some_and(|small| small.is_newton());
-        self.schur_rest.take()
-            || is_small
-            || self.solver == Solver::Newton
-            || !self.schur.is_able()
-            || self.model.problem.l() > 0
-    }
-
-    fn iterate_schur(&mut self, step: Step) -> Result<Solved, StepError> {
-        let (stages, model) = (&mut self.stages, &mut self.model);
-        let most = self.solver.max_iterations(&model.problem, &stages.tableau);
-        newton::solve(&mut self.schur.start(stages, model, step), most)
-    }
-
-    /// Newton's method with the full matrix, made once or for each correction.
-    fn iterate_newton(&mut self, step: Step, is_each: bool) -> Result<Solved, StepError> {
-        self.stats.newton_steps += 1;
-        let (stages, model) = (&mut self.stages, &mut self.model);
-        if let Some(small) = &mut self.small
-            && small.is_newton()
-        {
-            self.start.copy_from(&stages.unknowns);
-            let mut equations = SmallNewton::new(small, stages, model, step);
-            let solved = Self::solve_newton(&mut equations, is_each);
-            // its matrix is factored without pivots, so a failure is repeated with one that has them
-            let is_own = match solved {
-                Ok(_) => true,
-                Err(StepError::NotConverged { size, .. }) => !is_each && size < 1.0,
-                Err(_) => false,
-            };
-            if is_own {
-                return solved;
-            }
-            stages.unknowns.copy_from(&self.start);
-        }
-        let full = self
-            .full
-            .get_or_insert_with(|| FullNewton::new(model, stages).into());
-        let mut equations = full.start(stages, model, &mut self.update.z, step);
-        Self::solve_newton(&mut equations, is_each)
-    }
-
-    fn solve_newton(equations: &mut impl Equations, is_each: bool) -> Result<Solved, StepError> {
-        if is_each {
-            newton::solve_full(equations)
-        } else {
-            newton::solve(equations, MOST_ITERATIONS)
-        }
+        let made = general.advance(self, step);
+        self.general = Some(general);
+        made
     }
 }
 
@@ -319,16 +227,15 @@ impl Stepper for Spark {
         let step = Step { t, h, state };
         let is_small = self.advance_small(step);
         if !is_small {
-            let attempted = newton::attempt(&mut SparkAttempt { spark: self, step }, h);
-            attempted.map_err(|error| self.without_full(error))?;
-            self.finish(step)?;
+            self.advance_general(step)?;
         }
         if let Some(estimate) = &mut self.estimate {
             estimate.keep(state);
         }
-        match &self.small {
-            Some(small) if is_small => small.commit(&mut self.predictor.held, h, state),
-            _ => self.update.commit(state),
+        match (&self.small, &self.general) {
+            (Some(small), _) if is_small => small.commit(&mut self.predictor.held, h, state),
+            (_, Some(general)) => general.update.commit(state),
+            _ => {}
         }
         if let Some(estimate) = &mut self.estimate {
             estimate.measure(self.predictor.velocities(), h, state);
@@ -341,8 +248,10 @@ impl Stepper for Spark {
     }
 
     fn stats(&self) -> Stats {
+        let general = self.general.as_ref();
+        let evaluations = general.map_or(0, |general| general.stages.evaluations);
         Stats {
-            evaluations: self.stages.evaluations,
+            evaluations: self.stats.evaluations + evaluations,
             ..self.stats
         }
     }

@@ -7,6 +7,7 @@ use crate::compensated::Compensated;
 use crate::real::{Lanes, Real, Scalar};
 use crate::simd::{dispatch_fused, dispatch_simd};
 use std::ops::Range;
+use std::sync::Arc;
 
 /// Points of one member that are evaluated side by side: registers of eight numbers would slow the clock of many
 /// processors for a while, which so few operations do not repay.
@@ -14,16 +15,17 @@ const POINTS: usize = 4;
 
 /// The part of a tape that makes its first outputs of time and its second argument, in compensated numbers.
 #[derive(Clone, Debug)]
-pub struct CompensatedTape<R> {
-    program: CompensatedProgram,
-    memory: Memory<R>,
-}
-
-#[derive(Clone, Debug)]
-struct CompensatedProgram {
+pub struct CompensatedProgram {
     instrs: Vec<Instr>,
     argument: Range<usize>,
     outputs: Range<usize>,
+}
+
+/// Such a part with the parameters bound.
+#[derive(Clone, Debug)]
+pub struct CompensatedTape<R> {
+    program: Arc<CompensatedProgram>,
+    memory: Memory<R>,
 }
 
 /// Registers with the parameters bound.
@@ -38,41 +40,14 @@ enum Memory<R> {
 /// [`CompensatedTape`] for points that stand in [`PointRegisters`].
 #[derive(Clone, Debug)]
 pub struct CompensatedPoints<P> {
-    program: CompensatedProgram,
+    program: Arc<CompensatedProgram>,
     registers: Vec<Compensated<P>>,
 }
 
 impl Tape {
-    /// The first so many outputs in compensated numbers, with the parameters of `bound`; `None` where they take more than
-    /// arithmetic and square roots.
-    pub fn compensated<R: Real>(
-        &self,
-        Registers(bound): &Registers<R>,
-        outputs: usize,
-    ) -> Option<CompensatedTape<R>> {
-        let memory = match R::alone(bound) {
-            Some(bound) => Memory::Points(exact(bound.iter().map(|x| Lanes::splat(*x)))),
-            None => Memory::Members(exact(bound.iter().copied())),
-        };
-        Some(CompensatedTape {
-            program: self.compensated_program(outputs)?,
-            memory,
-        })
-    }
-
-    /// The same for points that stand in registers.
-    pub fn compensated_points<P: Real>(
-        &self,
-        bound: &PointRegisters<P>,
-        outputs: usize,
-    ) -> Option<CompensatedPoints<P>> {
-        Some(CompensatedPoints {
-            program: self.compensated_program(outputs)?,
-            registers: exact(bound.first_point()),
-        })
-    }
-
-    fn compensated_program(&self, outputs: usize) -> Option<CompensatedProgram> {
+    /// The part that makes the first so many outputs in compensated numbers; `None` where they take more than arithmetic
+    /// and square roots.
+    pub fn compensated(&self, outputs: usize) -> Option<CompensatedProgram> {
         if self.terms.is_some() {
             return None;
         }
@@ -87,6 +62,31 @@ impl Tape {
             argument: groups(&self.inputs).get(1)?.clone(),
             outputs,
         })
+    }
+}
+
+impl CompensatedProgram {
+    /// With the parameters of `bound`.
+    pub fn bind<R: Real>(self: &Arc<Self>, Registers(bound): &Registers<R>) -> CompensatedTape<R> {
+        let memory = match R::alone(bound) {
+            Some(bound) => Memory::Points(exact(bound.iter().map(|x| Lanes::splat(*x)))),
+            None => Memory::Members(exact(bound.iter().copied())),
+        };
+        CompensatedTape {
+            program: self.clone(),
+            memory,
+        }
+    }
+
+    /// The same for points that stand in registers.
+    pub fn bind_points<P: Real>(
+        self: &Arc<Self>,
+        bound: &PointRegisters<P>,
+    ) -> CompensatedPoints<P> {
+        CompensatedPoints {
+            program: self.clone(),
+            registers: exact(bound.first_point()),
+        }
     }
 }
 

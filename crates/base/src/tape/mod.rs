@@ -25,7 +25,7 @@ mod terms;
 mod values;
 
 pub use batch::BatchRegisters;
-pub use compensate::{CompensatedPoints, CompensatedTape};
+pub use compensate::{CompensatedPoints, CompensatedProgram, CompensatedTape};
 pub use execute::Op;
 pub use listing::{Listing, Operation};
 pub use points::PointRegisters;

@@ -237,6 +237,10 @@ impl Starter {
         member: Member<State, M>,
         state: State,
     ) -> Begun {
+        if self.job.detection.is_none() {
+            let observer = self.observer(member.model, member.number);
+            return self.recorded(control, Box::new(observer), state);
+        }
         let observer = self.observer(member.model.clone(), member.number);
         let observed = (Box::new(observer.clone()) as _, Box::new(observer) as _);
         let stepping = (control, copy);

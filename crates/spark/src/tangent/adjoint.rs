@@ -26,12 +26,13 @@ pub struct SparkAdjoint {
 impl SparkAdjoint {
     /// The adjoint of a method at work.
     pub fn new(spark: &Spark, sensitivity: SensitivityModel) -> Self {
-        let (model, stages) = (spark.model.clone(), spark.stages.clone());
-        let linear = LinearStep::new(spark, sensitivity, 1);
+        let mut spark = spark.clone();
+        let stages = spark.own_stages();
+        let linear = LinearStep::new((&spark, &stages), sensitivity, 1);
         let order = linear.places().1;
         Self {
-            backward: Backward::new(&model.problem, &stages.tableau, order),
-            model,
+            backward: Backward::new(&spark.model.problem, &stages.tableau, order),
+            model: spark.model,
             stages,
             linear,
         }

@@ -58,9 +58,9 @@ struct Corrected {
 
 impl LinearEquations {
     /// The equations of a method at work, with so many unknowns and right-hand sides a step.
-    pub(super) fn new(spark: &Spark, order: usize, directions: usize) -> Self {
-        let (model, stages) = (&spark.model, &spark.stages);
-        let (problem, tableau) = (&model.problem, &stages.tableau);
+    pub(super) fn new((spark, stages): (&Spark, &Stages), order: usize, directions: usize) -> Self {
+        let (model, tableau) = (&spark.model, &spark.tableau);
+        let problem = &model.problem;
         let corrected = |matrix| {
             let vector = || vec![0.0; order];
             Box::new(Corrected {

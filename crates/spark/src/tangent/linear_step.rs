@@ -64,9 +64,13 @@ pub(super) struct Rolling<'a> {
 }
 
 impl LinearStep {
-    pub(super) fn new(spark: &Spark, mut sensitivity: SensitivityModel, directions: usize) -> Self {
-        let (model, stages) = (&spark.model, &spark.stages);
-        let (problem, tableau) = (&model.problem, &stages.tableau);
+    pub(super) fn new(
+        (spark, stages): (&Spark, &Stages),
+        mut sensitivity: SensitivityModel,
+        directions: usize,
+    ) -> Self {
+        let (model, tableau) = (&spark.model, &spark.tableau);
+        let problem = &model.problem;
         let (s, nodes) = (tableau.stages, tableau.intervals + 1);
         sensitivity.reserve_batch(s, nodes);
         let at = &sensitivity.problem.patterns;
@@ -92,7 +96,7 @@ impl LinearStep {
                 w_tau: values(at.w_tau.len()),
                 k_tau: values(k_tau),
             },
-            equations: LinearEquations::new(spark, offsets.count(), directions),
+            equations: LinearEquations::new((spark, stages), offsets.count(), directions),
             offsets,
             problem: problem.clone(),
             sensitivity,

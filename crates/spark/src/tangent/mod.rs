@@ -8,6 +8,7 @@ mod linear_step;
 mod operator;
 
 use super::Spark;
+use super::stages::Stages;
 pub use adjoint::SparkAdjoint;
 use forward::{Forward, StepAlong};
 use linear_step::LinearStep;
@@ -25,11 +26,22 @@ use liouville_problem::{
 #[derive(Clone, Debug)]
 pub struct SparkTangents {
     spark: Spark,
+    /// Those of a finished step.
+    stages: Stages,
     linear: LinearStep,
     forward: Forward,
     directions: Directions,
     /// The state before the step.
     before: TangentState,
+}
+
+impl Spark {
+    /// Stages to linearise a finished step at.
+    fn own_stages(&mut self) -> Stages {
+        let tableau = &self.tableau;
+        (self.model).reserve_batch(tableau.stages, tableau.intervals + 1);
+        Stages::new(&self.model, tableau.clone())
+    }
 }
 
 impl SparkTangents {
@@ -39,7 +51,7 @@ impl SparkTangents {
     /// # Errors
     /// A derivative at the start that is not finite.
     pub fn new(
-        spark: Spark,
+        mut spark: Spark,
         sensitivity: SensitivityModel,
         mut directions: Directions,
         (t, motion): (f64, State),
@@ -58,10 +70,12 @@ impl SparkTangents {
         };
         momenta.begin(t, &mut directions, &mut state)?;
         let sensitivity = momenta.sensitivity;
-        let linear = LinearStep::new(&spark, sensitivity, directions.count());
+        let stages = spark.own_stages();
+        let linear = LinearStep::new((&spark, &stages), sensitivity, directions.count());
         let order = linear.places().1;
         let stepper = Self {
-            forward: Forward::new(&spark.model.problem, &spark.stages.tableau, order),
+            forward: Forward::new(&spark.model.problem, &spark.tableau, order),
+            stages,
             before: state.clone(),
             spark,
             linear,
@@ -80,8 +94,8 @@ impl SparkTangents {
             h,
             state: &before.motion,
         };
-        (spark.predictor).write_solution(&mut spark.stages.unknowns);
-        let (model, stages) = (&mut spark.model, &mut spark.stages);
+        let (model, stages) = (&mut spark.model, &mut self.stages);
+        (spark.predictor).write_solution(&mut stages.unknowns);
         (self.linear).make((model, stages), step, &state.motion)?;
         for direction in 0..self.directions.count() {
             let along = StepAlong {

@@ -1,0 +1,194 @@
+//! Steps of any system: the attempts at the stage equations, by node Schur or full Newton, and the end of the step.
+
+use super::attempt::{KeptStages, SparkAttempt};
+use super::full_newton::FullNewton;
+use super::node_schur::NodeSchur;
+use super::small_newton::SmallNewton;
+use super::stages::{Stages, Unknowns};
+use super::update::Update;
+use super::{MOST_ITERATIONS, Solver, Spark};
+use liouville_base::error::StepError;
+use liouville_base::newton::{self, Continuation, Equations, Solved, Stop};
+use liouville_base::tableau;
+use liouville_problem::{Model, Step};
+
+/// The memory of such a step.
+#[derive(Clone, Debug)]
+pub(super) struct General {
+    pub(super) stages: Stages,
+    schur: NodeSchur,
+    /// Full Newton, made at its first use.
+    full: Option<Box<FullNewton>>,
+    pub(super) update: Update,
+    /// Start values of node Schur, from which full Newton starts after its failure.
+    start: Unknowns,
+    /// Solutions kept by the attempts, each made at its first use.
+    pub(super) kept: [Option<Box<KeptStages>>; 3],
+    pub(super) continuation: Option<Box<Continuation>>,
+    /// Whether node Schur has solved for the present stages.
+    pub(super) is_by_schur: bool,
+}
+
+impl General {
+    #[inline(never)]
+    pub(super) fn new(model: &mut Model, tableau: &tableau::Spark, stop: Stop) -> Self {
+        model.reserve_batch(tableau.stages, tableau.intervals + 1);
+        let mut stages = Stages::new(model, tableau.clone());
+        stages.stop = stop;
+        Self {
+            schur: NodeSchur::new(model, &stages),
+            full: None,
+            update: Update::new(model),
+            start: stages.unknowns.clone(),
+            kept: [None, None, None],
+            continuation: None,
+            is_by_schur: false,
+            stages,
+        }
+    }
+
+    /// Solves the equations of a step, which has only to be committed then.
+    pub(super) fn advance(&mut self, spark: &mut Spark, step: Step) -> Result<(), StepError> {
+        let mut attempt = SparkAttempt {
+            spark,
+            general: self,
+            step,
+        };
+        match newton::attempt(&mut attempt, step.h) {
+            Ok(()) => self.finish(spark, step),
+            Err(error) => Err(self.without_full(spark, error)),
+        }
+    }
+
+    /// (U1)–(U3), and the polynomials that the next step is extrapolated from.
+    fn finish(&mut self, spark: &mut Spark, step: Step) -> Result<(), StepError> {
+        let (model, stages) = (&mut spark.model, &mut self.stages);
+        // forces of an earlier iterate would make the energy drift
+        let last = stages.tableau.intervals - 1;
+        stages.evaluate_values(model, step, last);
+        if self.is_by_schur && stages.loses_moves(&model.problem) {
+            self.schur.find_lost_moves(stages, step);
+        } else {
+            stages.lost_moves.clear();
+        }
+        self.update.solve(model, stages, step)?;
+        let (z, v) = (&self.update.z, &self.update.v);
+        (spark.predictor).keep(stages, step.h, &step.state.z, z, v);
+        Ok(())
+    }
+
+    /// The modified iteration, by node Schur or by the matrix of full Newton; returns whether the solution is near.
+    pub(super) fn iterate(&mut self, spark: &mut Spark, step: Step) -> Result<bool, StepError> {
+        self.is_by_schur = false;
+        let solved = if self.wants_newton(spark) {
+            self.iterate_newton(spark, step, false)?
+        } else {
+            self.start.copy_from(&self.stages.unknowns);
+            match self.iterate_schur(spark, step) {
+                Err(_) if spark.solver == Solver::Auto => {
+                    spark.schur_rest.begin();
+                    self.stages.unknowns.copy_from(&self.start);
+                    self.iterate_newton(spark, step, false)?
+                }
+                outcome => {
+                    spark.schur_rest.end_row();
+                    self.is_by_schur = outcome.is_ok();
+                    outcome?
+                }
+            }
+        };
+        spark.stats.iterations += solved.iterations;
+        Ok(solved.is_near)
+    }
+
+    /// Full Newton, or where only node Schur is allowed the modified iteration again.
+    pub(super) fn iterate_full(
+        &mut self,
+        spark: &mut Spark,
+        step: Step,
+    ) -> Result<bool, StepError> {
+        if self.is_schur_only(spark) {
+            return self.iterate(spark, step);
+        }
+        self.is_by_schur = false;
+        let solved = self.iterate_newton(spark, step, true)?;
+        spark.stats.iterations += solved.iterations;
+        Ok(solved.is_near)
+    }
+
+    /// Whether node Schur is the only solver.
+    fn is_schur_only(&self, spark: &Spark) -> bool {
+        let problem = &spark.model.problem;
+        spark.solver == Solver::NodeSchur && self.schur.is_able() && problem.l() == 0
+    }
+
+    /// The error of a step; node Schur alone cannot show that the step is too large, only that it does not converge.
+    fn without_full(&self, spark: &Spark, error: StepError) -> StepError {
+        let (problem, tableau) = (&spark.model.problem, &spark.tableau);
+        match error {
+            StepError::StepTooLarge { .. } if self.is_schur_only(spark) => {
+                StepError::NotConverged {
+                    iterations: spark.solver.max_iterations(problem, tableau),
+                    size: f64::INFINITY,
+                }
+            }
+            error => error,
+        }
+    }
+
+    /// Whether full Newton takes the place of node Schur: by choice of the user, for small systems with a varying mass,
+    /// for nonholonomic constraints, or while node Schur is left out after failures.
+    fn wants_newton(&self, spark: &mut Spark) -> bool {
+        let is_small = spark.small.as_ref().is_some_and(|small| small.is_newton());
+        spark.schur_rest.take()
+            || is_small
+            || spark.solver == Solver::Newton
+            || !self.schur.is_able()
+            || spark.model.problem.l() > 0
+    }
+
+    fn iterate_schur(&mut self, spark: &mut Spark, step: Step) -> Result<Solved, StepError> {
+        let (stages, model) = (&mut self.stages, &mut spark.model);
+        let most = spark.solver.max_iterations(&model.problem, &spark.tableau);
+        newton::solve(&mut self.schur.start(stages, model, step), most)
+    }
+
+    /// Newton's method with the full matrix, made once or for each correction.
+    fn iterate_newton(
+        &mut self,
+        spark: &mut Spark,
+        step: Step,
+        is_each: bool,
+    ) -> Result<Solved, StepError> {
+        spark.stats.newton_steps += 1;
+        let (stages, model) = (&mut self.stages, &mut spark.model);
+        if let Some(small) = &mut spark.small
+            && small.is_newton()
+        {
+            self.start.copy_from(&stages.unknowns);
+            let mut equations = SmallNewton::new(small, stages, model, step);
+            let solved = Self::solve_newton(&mut equations, is_each);
+            // its matrix is factored without pivots, so a failure is repeated with one that has them
+            let is_own = match solved {
+                Ok(_) => true,
+                Err(StepError::NotConverged { size, .. }) => !is_each && size < 1.0,
+                Err(_) => false,
+            };
+            if is_own {
+                return solved;
+            }
+            stages.unknowns.copy_from(&self.start);
+        }
+        let full = (self.full).get_or_insert_with(|| FullNewton::new(model, stages).into());
+        let mut equations = full.start(stages, model, &mut self.update.z, step);
+        Self::solve_newton(&mut equations, is_each)
+    }
+
+    fn solve_newton(equations: &mut impl Equations, is_each: bool) -> Result<Solved, StepError> {
+        if is_each {
+            newton::solve_full(equations)
+        } else {
+            newton::solve(equations, MOST_ITERATIONS)
+        }
+    }
+}
