@@ -21,6 +21,8 @@ SHORTEST = 1e-130
 
 def number(wanted: str, value: Any) -> float:
     """Return a real number as a float; TypeError says what is wanted."""
+    if type(value) is float:
+        return value
     if isinstance(value, (bool, np.bool_)) or not isinstance(
         value, (int, float, np.integer, np.floating)
     ):
@@ -44,7 +46,7 @@ def interval(t: Any) -> tuple[float, float]:
     """Return start and end of a finite interval that is not empty."""
     if not isinstance(t, (tuple, list, np.ndarray)) or len(t) != 2:
         raise TypeError(f"t is a pair (start, end), not {t!r}")
-    t0, t1 = (number("t is a pair of numbers", x) for x in t)
+    t0, t1 = (number("t is a pair of numbers", t[0]), number("t is a pair of numbers", t[1]))
     if not math.isfinite(t1 - t0):
         raise ValueError(f"t is a finite interval, not ({t0:g}, {t1:g})")
     if t0 == t1:

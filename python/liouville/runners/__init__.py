@@ -60,7 +60,9 @@ def runner_of(system: System, method: Method | Plan | str, request: Request) -> 
         One of them is of the wrong kind, the method does not step such a system, or an argument is
         unknown.
     """
-    check_system(system)
+    is_mechanical = isinstance(system, Mechanics)
+    if not is_mechanical:
+        check_system(system)
     check_options(request.start, "ensemble" if request.is_ensemble else "integrate")
     if not isinstance(request.states, bool):
         raise TypeError(f"states is True or False, not {request.states!r}")
@@ -70,7 +72,7 @@ def runner_of(system: System, method: Method | Plan | str, request: Request) -> 
         from liouville.runners.tangents import check_covered
 
         check_covered(system, method, request)
-    if isinstance(system, Mechanics):
+    if is_mechanical:
         return _of_mechanics(system, method, request)
     if isinstance(system, SemiExplicit):
         return _of_semi_explicit(system, method, request)

@@ -142,11 +142,12 @@ def numbers(value: Any) -> np.ndarray | None:
 
 def vector(name: str, value: Any, places: tuple[str, ...]) -> np.ndarray:
     """Return a start value as an array with a number for each name."""
-    if isinstance(value, Mapping):
+    array = numbers(value)
+    if array is None and isinstance(value, Mapping):
         if set(value) != set(places):
             raise ValueError(f"{name} gives {list(value)}, wanted {list(places)}")
         value = [value[place] for place in places]
-    array = numbers(value)
+        array = numbers(value)
     if array is None:
         raise TypeError(f"{name} is an array of real numbers, not {value!r}")
     if array.shape != (len(places),):
