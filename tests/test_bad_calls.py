@@ -365,7 +365,7 @@ ROWS = [
     ("monitor", lambda: run(monitor=abs), TypeError, r"hint: give control=lv.Reversible\(monit"),
     ("checkpoint", lambda: run(checkpoint=9), TypeError, r"hint: give lv.Store\(path, checkpoint="),
     ("many rtol", lambda: many(rtol=1e-3), TypeError, "ensemble takes no rtol=\nhint: its memb"),
-    ("many t_eval", lambda: many(t_eval=[0.5]), TypeError, "takes no t_eval=\nhint: give every="),
+    ("many t_eval", lambda: many(t_eval=[9e9]), ValueError, "t_eval has 9e\\+09, which is outside"),
     ("many events", lambda: many(events=[abs]), TypeError, "events is a mapping of names, not "),
     ("many, no h", lambda: many(h=None), TypeError, "give either h or steps$"),
     ("dt", lambda: run(h=None, dt=0.1), TypeError, "takes no dt=\nhint: give h=, the step size"),

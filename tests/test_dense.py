@@ -5,6 +5,7 @@ from dataclasses import replace
 import casadi as ca
 import numpy as np
 import pytest
+from registry import ALL
 
 import liouville as lv
 from liouville import problems
@@ -153,6 +154,46 @@ def test_a_member_of_an_ensemble_has_the_dense_output_of_a_run_of_its_own(form):
     thin = lv.ensemble(system, lv.Spark(3), t=(0, 1), h=0.1, every=2, **params, **rows)
     with pytest.raises(ValueError, match="states of all steps"):
         thin.member(0)(0.5)
+
+
+@pytest.mark.parametrize("kind", ["mechanism", "semi-explicit", "field", "ended", "redundant"])
+def test_members_at_given_times_have_the_bits_of_runs_alone(kind, tmp_path):
+    times, events = [0.11, 0.4, 0.97], None
+    params = {}
+    if kind == "field":
+        system, method = problems.abc_flow.system, lv.VolumeSplitting()
+        rows = {"x": np.random.default_rng(1).uniform(0, 6, (40, 3))}
+        method = lv.plan(system, method, h=0.1, **rows)
+    elif kind == "semi-explicit":
+        problem, method = ALL["index 2"], lv.Spark(2)
+        system, both = problem.system, [problem.exact(0.0)] * 2
+        rows = {x: np.stack([one[x] for one in both]) for x in system.states}
+    else:
+        name = "doubled_rod" if kind == "redundant" else "pendulum"
+        system, method = problems.load(name).system, lv.Spark(3)
+        rows = {x: np.stack([value, value]) for x, value in problems.load(name).start.items()}
+        params = {"params": {"g": np.array([9.0, 3.0])}}
+    if kind == "ended":
+        first = rows["q"][0, 0]
+        events = {"low": lv.Event(lambda t, q, v, lam, params: q[0] - 0.9 * first, terminal=True)}
+    run = {"t": (0, 1), "steps": 10, "t_eval": times, "events": events}
+    many = lv.ensemble(system, method, **run, **params, **rows)
+    for k in range(many.members):
+        of_one = {"params": {"g": params["params"]["g"][k]}} if params else {}
+        start = {name: x[k] for name, x in rows.items()}
+        one, found = lv.integrate(system, method, **run, **of_one, **start), many.member(k)
+        np.testing.assert_array_equal(found.t, one.t)
+        for name, values in one.states.items():
+            np.testing.assert_array_equal(found.states[name], values)
+        for name, value in one.initial.items():
+            assert found.initial[name] == value
+            drift = one.invariant_drift(name)
+            np.testing.assert_array_equal(found.invariant_drift(name), drift)
+    assert bool(many.endings) == (kind == "ended")
+    many.save(tmp_path / "many.nc")
+    again = lv.load(tmp_path / "many.nc")
+    for name, value in many.initial.items():
+        np.testing.assert_array_equal(again.initial[name], value)
 
 
 def test_what_has_no_dense_output_says_why():

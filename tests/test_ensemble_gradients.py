@@ -230,14 +230,36 @@ def test_ctrl_c_ends_the_members_that_threads_have():
         next(seen[0].reversed(4000))
 
 
+@pytest.mark.parametrize("steps", [30, 300])
+@pytest.mark.parametrize(
+    "method", [lv.Spark(3), lv.LobattoPair(2), lv.Composition(lv.Spark(1), "Y4"), lv.HHT(-0.1)],
+    ids=str,
+)  # fmt: skip
+def test_members_at_given_times(method, steps):
+    """As runs alone, to the bit: states, tangents and gradients, on many threads."""
+    problem = load("double_pendulum")
+    start, times = starts(problem), [0.0, 0.013, 0.3, 0.31, 0.77, 1.0]
+    run, params = {"t": (0, 1), "steps": steps, "t_eval": times}, {"m2": [1.0, 1.5, 2.0], "g": 0.9}
+    wrt = ["q", "v", "params.l1", "params.m2", "params.g", "t0", "t1"]
+    alone(problem.system, method, wrt, run, start, params)
+    own = {"m2": params["m2"][2], "g": 0.9}
+    one = {name: x[2] for name, x in start.items()}
+    moves = {"params.l1": 1.0, "t1": 1.0, "q": np.eye(4)}
+    many = lv.ensemble(problem.system, method, tangents=moves, params=params, **run, **start)
+    last = lv.integrate(problem.system, method, tangents=moves, params=own, **run, **one)
+    assert many.q.shape == (len(times), 3, 4)
+    for name, tangent in last.tangents.items():
+        found = many.member(2).tangents[name]
+        for state, value in tangent.states.items():
+            np.testing.assert_array_equal(found.states[state], value)
+
+
 def test_a_member_that_fails_and_what_has_no_pullback_are_named():
     problem = load("double_pendulum")
     start = starts(problem)
     call = {"wrt": ["v"], "t": (0, 1), "steps": 20, **start}
     with pytest.raises(TypeError, match="members of an ensemble take equal steps: give h or steps"):
         lv.vjp(problem.system, lv.HHT(), **(call | {"steps": None, "rtol": 1e-6}))
-    with pytest.raises(TypeError, match="of an ensemble go without t_eval="):
-        lv.vjp(problem.system, lv.Spark(2), **call, t_eval=[0.5])
     with pytest.raises(TypeError, match="rtol"):
         lv.vjp(problem.system, lv.Spark(2), **{**call, "steps": None}, rtol=1e-6)
     solution, pullback = lv.vjp(problem.system, lv.Spark(2), **call)

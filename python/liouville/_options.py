@@ -20,7 +20,6 @@ SINGLE = {
     "rtol": "its members take equal steps: give h or steps",
     "atol": "its members take equal steps: give h or steps",
     "control": "its members take equal steps: give h or steps",
-    "t_eval": "give every=, which keeps one step in so many; integrate takes t_eval for one member",
     "store": "solution.save(path) writes what it returns",
 }
 

@@ -33,6 +33,7 @@ def ensemble(
     h: float | None = None,
     steps: int | None = None,
     every: int = 1,
+    t_eval: ArrayLike | None = None,
     events: Mapping[str, Event | Callable[..., Any]] | None = None,
     observe: Mapping[str, Callable[..., Any]] | None = None,
     params: Mapping[str, ArrayLike] | None = None,
@@ -57,10 +58,10 @@ def ensemble(
         Schrodinger: what is integrated.
     method : Method or Plan
         How: any method for the system, with steps of equal size.
-    t, h, steps, every, events, observe, states
-        As for :func:`integrate`; with events, members are not in lock-step. What is kept of all
-        members is what takes memory: ``every=steps`` keeps starts and ends, ``states=False`` only
-        invariants and `observe`.
+    t, h, steps, every, t_eval, events, observe, states
+        As for :func:`integrate`; with events, and on constraints with `t_eval`, members are not in
+        lock-step. What is kept of all members is what takes memory: ``every=steps`` keeps starts
+        and ends, ``states=False`` only invariants and `observe`.
     params : mapping, optional
         Parameters that differ from the defaults. They may have a further, first axis of members: a
         number as shape (P,), a vector of j numbers as (P, j). Fields of such members are split
@@ -115,8 +116,9 @@ def ensemble(
     (11, 2, 3)
     """
     request = Request(
-        t=t, h=h, steps=steps, every=every, events=events, observe=observe, params=params,
-        states=states, tangents=tangents, threads=threads, start=start, is_ensemble=True,
+        t=t, h=h, steps=steps, every=every, t_eval=t_eval, events=events, observe=observe,
+        params=params, states=states, tangents=tangents, threads=threads, start=start,
+        is_ensemble=True,
     )  # fmt: skip
     runner = runner_of(system, method, request)
     if executor is None:
@@ -126,9 +128,10 @@ def ensemble(
     if tangents is not None:
         hint = "leave executor= out: threads of this process take the members"
         raise TypeError(hinted("an ensemble on an executor has no tangents", hint))
-    if events:
+    if events or t_eval is not None:
         hint = "leave executor= out: threads of this process take the members"
-        raise TypeError(hinted("an ensemble on an executor has no events", hint))
+        what = "events" if events else "states at given times"
+        raise TypeError(hinted(f"an ensemble on an executor has no {what}", hint))
     from liouville.distribute import Task, distribute
 
     part = partial(

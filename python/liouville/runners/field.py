@@ -20,10 +20,9 @@ from liouville.points import Points
 from liouville.runners.execute import execute
 from liouville.runners.runner import Request, Runner, kept, threads_of
 from liouville.runners.trial_steps import RECORDS, trial_steps
-from liouville.runners.watch import Watch
+from liouville.runners.watch import Watch, initial_of
 from liouville.splitting import Affine, Split, crossed, described, variables_of
 from liouville.systems import Field, PolynomialField, members
-from liouville.systems.traced import INVARIANT
 from liouville.tangents import Tangent
 from liouville.terms import Function
 
@@ -235,16 +234,17 @@ class FieldRunner(Runner):
         return self._watch.events_of(run, self.system, params)[:2]
 
     @property
-    def initial(self) -> dict[str, float]:
-        """The invariants at the start, where no record is kept of it."""
+    def initial(self) -> dict[str, Any]:
+        """The invariants at the start, where no record is kept of it; see :class:`Solution`."""
         t0, times = self.steps.t0, self._watch.times
         if not self.system.invariants or times is None or times[0] == t0:
             return {}
         x = np.ascontiguousarray(self.x[:, : len(self.system.coordinates)])
-        row = self._observer.map(self.system.values(None), [np.array([[t0]]), x])[0]
-        cuts = np.cumsum([*self.widths.values()])[:-1]
-        found = dict(zip(self.widths, np.split(row, cuts), strict=True))
-        return {name: float(found[INVARIANT + name][0]) for name in self.system.invariants}
+        each, at = self._rows, np.array([[t0]])
+        rows = [
+            self._observer.map(each[k % len(each)], [at, x[k : k + 1]])[0] for k in range(len(x))
+        ]
+        return initial_of(np.array(rows), self.widths, self.system.invariants, bool(self.members))
 
     def _tangents(self) -> np.ndarray | None:
         """Return the directions as the core takes them."""

@@ -229,11 +229,14 @@ class MechanicalRunner(TracedRunner):
         start = self.initial.get("energy", energy[:1])
         return {"work": work, "dissipated": start + work - energy}
 
-    def watch(self) -> _core.EnergyWatch | None:
+    def watch(self, member: int = 0) -> _core.EnergyWatch | None:
         """Return a watch over the energy of a conservative system."""
         if not self.system.is_conservative:
             return None
-        return watch_of(self.columns, self.initial.get("energy"), rises=not self._is_general)
+        start = self.initial.get("energy")
+        if start is not None and self.members:
+            start = float(start[member])
+        return watch_of(self.columns, start, rises=not self._is_general)
 
     def resets(self, events: Mapping[str, Points], member: int = 0) -> list[tuple[float, float]]:
         """Return when resets have changed the energy of a member, and by how much, in order."""

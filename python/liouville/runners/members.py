@@ -62,7 +62,8 @@ class Members(TracedRunner):
             )  # fmt: skip
             return self.alone(self.system, self.choice, own).adjoint(own, wrt)
 
-        return MembersAdjoint(self, of_member, self.threads)
+        has_times = self.times is not None
+        return MembersAdjoint(self, of_member, self.threads, has_times=has_times)
 
     @property
     def _each_values(self) -> np.ndarray:

@@ -33,9 +33,10 @@ class MembersAdjoint(Adjoint):
         threads: int,
         *,
         holds_runs: bool = False,
+        has_times: bool = False,
     ) -> None:
         self.runner, self._of_member, self._threads = runner, of_member, threads
-        self._holds_runs = holds_runs
+        self._holds_runs, self._has_times = holds_runs, has_times
         self._first, (self._count,) = of_member(0), runner.members
         self.is_complex = self._first.is_complex
         each = self._first.directions.items()
@@ -79,8 +80,9 @@ class MembersAdjoint(Adjoint):
         cotangents: Mapping[str, np.ndarray],
     ) -> Gradients:
         steps, checkpoints = adjoint.runner.steps.count, adjoint.checkpoints
-        # the run of a member that an event ended has fewer steps, and a last state there
-        is_whole = member not in solution.endings
+        # the run of a member that an event ended has fewer steps, and a last state there; between
+        # steps cotangents add up piece by piece
+        is_whole = member not in solution.endings and not self._has_times
         try:
             if self._holds_runs:
                 own = solution.member(member)

@@ -128,8 +128,8 @@ class Runner(ABC):
         return 8 * (1 + math.prod(self.members) * sum(self.columns.values()))
 
     @property
-    def initial(self) -> dict[str, float]:
-        """The invariants at the start, where no record is kept of it."""
+    def initial(self) -> dict[str, Any]:
+        """The invariants at the start, where no record is kept of it; see :class:`Solution`."""
         return {}
 
     @property
@@ -167,8 +167,9 @@ class Runner(ABC):
         del request, wrt
         raise TypeError(f"{self.method} has no pullback for {self.system!r}")
 
-    def watch(self) -> _core.EnergyWatch | None:
+    def watch(self, member: int = 0) -> _core.EnergyWatch | None:
         """Return a watch over the energy of a motion, None where nothing tells what it may be."""
+        del member
         return None
 
     def remark(self, t: np.ndarray, rows: np.ndarray, events: Mapping[str, Points]) -> str:
@@ -185,7 +186,7 @@ class Runner(ABC):
     ) -> Iterator[Found | None]:
         """Give what is found of each member, one after another."""
         for member in range(math.prod(self.members)):
-            watch = self.watch()
+            watch = self.watch(member)
             if watch is None:
                 return
             for reset in self.resets(events, member):

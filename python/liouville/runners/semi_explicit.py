@@ -83,8 +83,7 @@ class SemiExplicitRunner(TracedRunner):
             )
         return super()._monitored(control)
 
-    def _point(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return y at the start, and the z that follows from it; where none does, the guess."""
-        y, z = self._begin
-        found = self.system.problem.unknowns(self.steps.t0, y, z, self._values)
-        return y, z if isinstance(found, dict) else found
+    def _first_z(self, y: np.ndarray, z: np.ndarray, values: np.ndarray) -> np.ndarray:
+        """Return the z that follows from a start; where none does, the guess."""
+        found = self.system.problem.unknowns(self.steps.t0, y, z, values)
+        return z if isinstance(found, dict) else found

@@ -65,9 +65,6 @@ def check_covered(system: Any, method: Any, request: Request) -> None:
     """
     base = method.base if isinstance(method, Composition) else method
     events, has_times = request.events is not None, request.t_eval is not None
-    if request.is_ensemble and has_times:
-        sentence = "tangents of an ensemble go without t_eval="
-        raise TypeError(hinted(sentence, "make a run of each member"))
     is_field = isinstance(system, Field)
     without = {"events": events and is_field, "t_eval": has_times and is_field}
     without["store"] = request.is_stored

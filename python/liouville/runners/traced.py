@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Mapping
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,9 +17,8 @@ from liouville.errors import Description
 from liouville.methods import Composition, Method
 from liouville.points import Points
 from liouville.runners.runner import Request, Runner, kept
-from liouville.runners.watch import Watch
+from liouville.runners.watch import Watch, initial_of
 from liouville.systems import Mechanics, SemiExplicit
-from liouville.systems.traced import INVARIANT
 
 if TYPE_CHECKING:
     from liouville.runners.adjoint import Adjoint
@@ -188,17 +187,19 @@ class TracedRunner(Runner):
         is_whole = self.every == 1 and self._watch.times is None and self._states
         return self._order if is_whole else 0
 
-    @property
-    def initial(self) -> dict[str, float]:
-        """The invariants at the start, where no record is kept of it."""
+    @cached_property
+    def initial(self) -> dict[str, Any]:
+        """The invariants at the start, where no record is kept of it; see :class:`Solution`."""
         times, t0 = self._watch.times, self.steps.t0
         if times is None or times[0] == t0:
             return {}
-        args = [np.array([[t0]]), *(x[None] for x in self._point())]
-        cuts = np.cumsum([*self.widths.values()])[:-1]
-        parts = np.split(self._observer.map(self._values, args)[0], cuts)
-        found = dict(zip(self.widths, parts, strict=True))
-        return {name: float(found[INVARIANT + name][0]) for name in self.system.invariants}
+        each, rows = np.atleast_2d(self._each_values), []
+        starts = zip(*(np.atleast_2d(x) for x in self._begin[:2]), strict=True)
+        for k, (y, z) in enumerate(starts):
+            values = each[k % len(each)]
+            args = [np.array([[t0]]), y[None], self._first_z(y, z, values)[None]]
+            rows.append(self._observer.map(values, args)[0])
+        return initial_of(np.array(rows), self.widths, self.system.invariants, bool(self.members))
 
     def stats(self, run: _core.Run) -> dict[str, Any]:
         """Return the numbers of a run that this method has."""
@@ -262,10 +263,10 @@ class TracedRunner(Runner):
         """Whether the start satisfies the hidden constraints."""
         return True
 
-    def _point(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return y and z at the start."""
-        y, z = self._begin[:2]
-        return y, z
+    def _first_z(self, y: np.ndarray, z: np.ndarray, values: np.ndarray) -> np.ndarray:
+        """Return z at a start."""
+        del y, values
+        return z
 
     def _own(self) -> dict[str, int]:
         """Return the columns of the states."""

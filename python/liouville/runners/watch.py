@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from itertools import repeat
 from typing import Any
 
@@ -13,6 +13,7 @@ from liouville.errors import hinted
 from liouville.events import AFTER, DIRECTIONS, Event, Impact, named
 from liouville.points import Points
 from liouville.systems import Field, Mechanics, SemiExplicit
+from liouville.systems.traced import INVARIANT
 
 #: The watch as it crosses the border: the order of the method, the times, and the events.
 Crossed = tuple[int, np.ndarray | None, list[_job.Event]]
@@ -119,6 +120,16 @@ class Watch:
             return None
         ratio = last[-1] / last[-2]
         return float(t + np.copysign(ratio / (1 - ratio) * last[-1], t - hits[0]))
+
+
+def initial_of(
+    rows: np.ndarray, widths: Mapping[str, int], invariants: Collection[str], is_ensemble: bool
+) -> dict[str, Any]:
+    """Name the invariants at a start, of an ensemble those of all members, in rows of records."""
+    parts = np.split(rows, np.cumsum([*widths.values()])[:-1], axis=1)
+    found = dict(zip(widths, parts, strict=True))
+    each = {name: found[INVARIANT + name][:, 0] for name in invariants}
+    return each if is_ensemble else {name: float(x[0]) for name, x in each.items()}
 
 
 def _states_at(

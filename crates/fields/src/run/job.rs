@@ -39,7 +39,7 @@ pub struct Job {
     pub span: Span,
     /// Its records.
     pub recorded: Recorded,
-    /// When a single run without tangents is recorded, in its order; every so many steps where this is empty.
+    /// When runs without tangents are recorded, in their order; every so many steps where this is empty.
     pub times: Vec<f64>,
     /// Functions of (t, x, params) whose zeros are events, of runs with observables and without tangents.
     pub events: Vec<(Tape, EventRule)>,
@@ -68,7 +68,7 @@ impl Job {
                     == self.directions.len() / n * (count_coefficients(split) + 1))
             && (self.varied.is_empty() || self.varied.len() == members && self.members.is_some())
             && self.varied.iter().all(|split| split.n() == n)
-            && (self.times.is_empty() || self.members.is_none() && self.directions.is_empty())
+            && (self.times.is_empty() || self.directions.is_empty())
             && (self.events.is_empty() || self.directions.is_empty())
             && match &self.recorded {
                 Recorded::Observables { tape, params, .. } => {
@@ -79,9 +79,7 @@ impl Job {
                 Recorded::Section(plane) => {
                     plane.normal.len() == *visible && self.members.is_some() && self.is_plain()
                 }
-                Recorded::Determinants => {
-                    self.members.is_none() && self.times.is_empty() && self.is_plain()
-                }
+                Recorded::Determinants => self.members.is_none() && self.is_plain(),
             };
         if fits {
             return Ok(());
@@ -91,9 +89,9 @@ impl Job {
         )))
     }
 
-    /// Whether there are neither tangents nor events.
+    /// Whether there are neither tangents nor events nor given times.
     fn is_plain(&self) -> bool {
-        self.directions.is_empty() && self.events.is_empty()
+        self.directions.is_empty() && self.events.is_empty() && self.times.is_empty()
     }
 
     /// The parameters of a member.

@@ -192,8 +192,9 @@ impl Starter {
         );
         let rows = usize::from(states) + self.job.directions.len() / self.split.n();
         let width = self.observed() + rows * self.job.variables.n;
+        let given = Some(self.job.times.clone()).filter(|times| !times.is_empty());
         let layout = Layout::Aligned {
-            times: span.times()?,
+            times: given.map_or_else(|| span.times(), Ok)?,
             width,
         };
         if self.has_tangents() || !self.job.varied.is_empty() || !self.job.events.is_empty() {

@@ -171,11 +171,8 @@ impl Job {
             let name = self.control.name();
             return invalid(format!("this method has no control {name:?}"));
         }
-        let has_times =
-            (self.detection.as_ref()).is_some_and(|detection| detection.times.is_some());
-        let is_plain = matches!(self.control, Control::Fixed) && !has_times;
-        if self.members.is_some() && !is_plain {
-            return invalid("an ensemble has equal steps, and records at their ends");
+        if self.members.is_some() && !matches!(self.control, Control::Fixed) {
+            return invalid("an ensemble has equal steps");
         }
         match &self.control {
             Control::Adaptive { tolerance, .. } if tolerance.atol.len() != n => {

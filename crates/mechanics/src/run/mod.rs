@@ -110,8 +110,10 @@ impl Starter {
         // blocks no larger than leaves one for each thread
         let fair = members.div_ceil(threads.max(1));
         let block = self.block().min(fair);
+        let detection = self.job.detection.as_ref();
+        let given = detection.and_then(|detection| detection.times.clone());
         let layout = Layout::Aligned {
-            times: span.times()?,
+            times: given.map_or_else(|| span.times(), Ok)?,
             width: self.width(),
         };
         let begin = Box::new(move |members: &[usize]| self.begin(members));
