@@ -32,10 +32,13 @@ def several(name):
 
 
 @pytest.mark.parametrize("name", ["impact", "velocities", "none", "general", "ball", "HHT"])
-def test_members_have_the_tangents_and_pullbacks_of_runs_alone(name):
+@pytest.mark.parametrize("has_times", [False, True], ids=["steps", "t_eval"])
+def test_members_have_the_tangents_and_pullbacks_of_runs_alone(name, has_times):
     """Also where an event ends their runs, each at a time of its own."""
     system, method, run, rows, params = several(name)
-    t0 = run["t"][0]
+    t0, t1 = run["t"]
+    if has_times:
+        run = {**run, "every": 1, "t_eval": np.linspace(t0, t1, 9)[1:]}
     each = [
         {x: value[k] if np.ndim(value) else value for x, value in params.items()} for k in range(4)
     ]

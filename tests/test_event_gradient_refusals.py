@@ -3,19 +3,12 @@
 import casadi as ca
 import numpy as np
 import pytest
-from event_cases import ball, pendulum
+from event_cases import ball
 
 import liouville as lv
 
 
 def test_what_has_no_derivative_is_refused():
-    system, start, _ = pendulum()
-    call = {"system": system, "method": lv.Spark(2), "t": (0.1, 3), "steps": 60, **start,
-            "tangents": {"params.l": 1.0}}  # fmt: skip
-    beside = lv.Event(lambda t, q, v, lam, params: q[0] + 0.3,
-                      reset=lambda t, q, v, lam, params: {"q": 1.001 * q, "v": -v})  # fmt: skip
-    with pytest.raises(lv.IntegrationError, match="leads beside the constraints"):
-        lv.integrate(**call, events={"wall": beside})
     free, *_ = ball()
     fall = lv.Lagrangian(lambda t, q, v, params: v[0] ** 2 / 2 - params.g * q[0], q=1,
                          params={"g": 9.81})  # fmt: skip

@@ -60,6 +60,39 @@ def test_pullbacks_where_every_function_is_nonlinear():
     assert paired(system, lv.Spark(2), (0.2, 1.4), start, directions, **run) < 1e-12
 
 
+@pytest.mark.parametrize(
+    "method", [lv.Spark(2), lv.LobattoPair(3), lv.Composition(lv.Spark(1), "Y4"), lv.HHT()], ids=str
+)
+def test_a_reset_that_leaves_the_constraints(method):
+    """The way back to them is differentiated, correction by correction."""
+    system, start, directions = pendulum()
+
+    def beside(t, q, v, lam, params):
+        return {"q": (1.2 + t / 99) * q + ca.vertcat(params.wall, q[0] / 9), "v": -params.e * v}
+
+    wall = lv.Event(lambda t, q, v, lam, params: q[0] + params.wall, reset=beside, terminal=2)
+    run = {"t": (0.1, 3.3), "steps": 62, "events": {"wall": wall}, "every": 4}
+    more = directions | ENDS
+    bound = 1e-9 if isinstance(method, lv.HHT) else None
+    found = check(system, method, start=start, directions=more, bound=bound, **run)
+    assert len(found.events["wall"]) == 2
+    assert paired(system, method, start=start, directions=more, **run) < 1e-12
+
+
+def test_a_reset_that_leaves_the_constraints_of_every_nonlinear_function():
+    system, events, start = general()
+    law = {"y": lambda t, y, z, params: y * (1.1 + t / 9) + params.a * z / 20}
+    events["turn"] = lv.Event(
+        events["turn"].function,
+        reset=lambda t, y, z, lam, params: {"y": law["y"](t, y, z, params), "z": -params.c * z},
+    )
+    directions = directions_of(system, "t0", "t1")
+    run = {"steps": 20, "events": events, "every": 3}
+    found = check(system, lv.Spark(2), (0.2, 1.4), start, directions, **run)
+    assert len(found.events["turn"])
+    assert paired(system, lv.Spark(2), (0.2, 1.4), start, directions, **run) < 1e-12
+
+
 @pytest.mark.parametrize("method", [lv.Spark(2), lv.HHT(), lv.ArnoldBruls(0.8)], ids=str)
 def test_the_time_of_free_fall(method):
     system, events, _, _ = ball()

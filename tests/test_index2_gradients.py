@@ -131,13 +131,20 @@ def test_events_that_jump_or_bend_have_no_derivative(points):
             pullback(events={"pull": {"t": np.ones(len(solution.events["pull"]))}})
 
 
-def test_a_reset_beside_the_constraints_has_no_derivative():
-    system, start, _ = started()
-    law = {"reset": lambda t, y, z, params: 1.001 * y}
-    events = {"side": lv.Event(lambda t, y, z, params: y[2] + 0.75, **law)}
-    call = {"t": (0.2, 2.2), "steps": 24, "events": events, "tangents": {"params.c": 1.0}}
-    with pytest.raises(lv.IntegrationError, match="leads beside the constraints"):
-        lv.integrate(system, lv.Spark(2), **call, **start)
+@pytest.mark.parametrize("points", ["gauss", "radau"])
+def test_a_reset_that_leaves_the_constraints(points):
+    """The way back to them is differentiated, correction by correction."""
+    system, start, directions = started()
+
+    def beside(t, y, z, params):
+        return {"y": (1.2 + t / 9) * y * params.l + z[0] / 20}
+
+    side = lv.Event(lambda t, y, z, params: y[2] + 0.75, reset=beside, terminal=3)
+    run = {"steps": 24, "events": {"side": side}, "every": 5}
+    method = lv.Spark(2, points=points)
+    found = check(system, method, (0.2, 2.2), start, directions, **run)
+    assert len(found.events["side"]) == 3
+    assert paired_with_events(system, method, (0.2, 2.2), start, directions, **run) < 1e-12
 
 
 @pytest.mark.parametrize("control", [

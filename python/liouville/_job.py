@@ -18,8 +18,9 @@ Reset = tuple[_core.Tape, bool, _core.Tape | None]
 #: A derivative along a direction, and its transpose.
 Pair = tuple[_core.Tape, _core.Tape]
 
-#: The derivatives of an event: its gradient, and those of its reset and of the impulses after it.
-Slopes = tuple[_core.Tape, Pair | None, Pair | None]
+#: The derivatives of an event: its gradient, and those of its reset, of what moves coordinates to
+#: the constraints after it, and of the impulses then.
+Slopes = tuple[_core.Tape, Pair | None, Pair | None, Pair | None]
 
 #: The derivatives of a step of the alpha family: by its unknowns, with the pattern of that, by all
 #: else, of its end and of the start of a run.

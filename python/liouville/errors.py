@@ -250,18 +250,11 @@ def _no_derivative(error: dict[str, Any]) -> Description:
             "write one that is smooth there, and two conditions as two events",
             event,
         )
-    if error["why"] == "flat":
-        return (
-            f"the function of event '{event}' has no slope along the motion at t = {t:.6g}, where "
-            "its time has no derivative",
-            "write one with a slope where it is crossed, such as t - 1 in place of (t - 1)**3; one "
-            "that is only touched is met twice or never by motions nearby",
-            event,
-        )
     return (
-        f"the reset of event '{event}' at t = {t:.6g} leads beside the constraints, and what moves "
-        "it back has no derivative",
-        "return positions on the constraints",
+        f"the function of event '{event}' has no slope along the motion at t = {t:.6g}, where "
+        "its time has no derivative",
+        "write one with a slope where it is crossed, such as t - 1 in place of (t - 1)**3; one "
+        "that is only touched is met twice or never by motions nearby",
         event,
     )
 

@@ -61,8 +61,6 @@ pub enum Obstacle {
     Jump,
     /// The zeros of its function are on two surfaces, one before and one after it.
     Kink,
-    /// Its reset leaves the constraints.
-    Beside,
 }
 
 impl Obstacle {
@@ -72,7 +70,6 @@ impl Obstacle {
             Self::Flat => "flat",
             Self::Jump => "jump",
             Self::Kink => "kink",
-            Self::Beside => "beside",
         }
     }
 }

@@ -160,20 +160,23 @@ type EventOf<'py> = (
     Option<SlopesOf<'py>>,
 );
 
-/// Derivatives of an event: its gradient, and of its reset and of impulses the derivative with its transpose, or None.
+/// Derivatives of an event: its gradient, and of its reset, of what moves coordinates after it and of impulses the
+/// derivative with its transpose, or None.
 type SlopesOf<'py> = (
     PyRef<'py, convert::Tape>,
+    Option<Pair<'py>>,
     Option<Pair<'py>>,
     Option<Pair<'py>>,
 );
 type Pair<'py> = (PyRef<'py, convert::Tape>, PyRef<'py, convert::Tape>);
 
-fn slopes((event, reset, impulse): &SlopesOf<'_>) -> EventSlopes {
+fn slopes((event, reset, moves, impulse): &SlopesOf<'_>) -> EventSlopes {
     let copied = |tape: &PyRef<'_, convert::Tape>| Tape::clone(&tape.0);
     let pair = |(push, pull): &Pair<'_>| [copied(push), copied(pull)];
     EventSlopes {
         event: copied(event),
         reset: reset.as_ref().map(pair),
+        moves: moves.as_ref().map(pair),
         impulse: impulse.as_ref().map(pair),
     }
 }

@@ -46,13 +46,37 @@ def _slopes(
     s = system._symbols
     x = ca.vertcat(s.t, s.y, s.z, _multipliers(system), s.params.vector)
     gradient = record(f"slopes of {what}", _inputs(system), ca.densify(ca.gradient(value, x)))
-    reset = impulse = None
+    reset = moves = impulse = None
     if law and not is_impact:
         reset = _pair(f"the reset of {what}", system, x, ca.vertcat(*law), {})
+        if not ca.is_equal(law[0], s.y):
+            moves = _moves(system, what, x)
     # of a semi-explicit system z follows from y, behind a reset too
     if law and isinstance(system, Mechanics):
         impulse = _impulses(system, what, value, x, law[:1] if is_impact else [])
-    return gradient, reset, impulse
+    return gradient, reset, moves, impulse
+
+
+def _moves(system: Mechanics | SemiExplicit, what: str, x: ca.SX) -> Pair | None:
+    """Record the derivatives of a correction that moves coordinates to the constraints, if any."""
+    s = system._symbols
+    if not isinstance(system, Mechanics):
+        field, k = (system._expressions.columns[name] for name in ("field", "constraint"))
+        held = ca.SX.sym("held", k.numel())
+        change = ca.jtimes(field, s.z, held)
+        found = ca.vertcat(ca.jtimes(k, s.y, change) - k, change)
+        return _pair(f"moves of {what}", system, x, found, {"move": ca.SX(0, 1), "held": held})
+    model, own = system._model, system._model.nonholonomic
+    if not model.g.numel():
+        return None
+    move, held = ca.SX.sym("move", s.z.numel()), ca.SX.sym("held", model.g.numel() + own.k.numel())
+    hidden = ca.vertcat(total_derivative(model.g, s, model.v), own.k)
+    missed = ca.vertcat(model.g, ca.SX.zeros(own.k.numel(), 1))
+    balance = ca.jtimes(model.p, s.z, move) - _reactions(system, held)
+    found = ca.vertcat(
+        balance, ca.jtimes(hidden, s.z, move) + missed, ca.jtimes(model.v, s.z, move)
+    )
+    return _pair(f"moves of {what}", system, x, found, {"move": move, "held": held})
 
 
 def _impulses(
@@ -90,15 +114,21 @@ def _balance(
     p, w, v = ca.vertsplit(ends, [0, n, n + m, 2 * n + m])
     momentum = p - model.p
     if m:
-        lam = ca.vertcat(model.lam, own.nu)
-        reactions = model.r + own.rn if own.nu.numel() else model.r
-        momentum -= ca.substitute(ca.jtimes(reactions, lam, held[:m]), lam, ca.SX.zeros(m, 1))
+        momentum -= _reactions(system, held[:m])
     if not restitution:
         return ca.vertcat(momentum, w)
     gradient = ca.gradient(value, s.y)
     before = total_derivative(value, s, model.v)
     rate = ca.dot(gradient, v - model.v) + (1 + restitution[0]) * before
     return ca.vertcat(momentum - gradient * held[m], w, rate)
+
+
+def _reactions(system: Mechanics, held: ca.SX) -> ca.SX:
+    """Return the reactions to small multipliers, in which they are linear."""
+    model, own = system._model, system._model.nonholonomic
+    lam = ca.vertcat(model.lam, own.nu)
+    reactions = model.r + own.rn if own.nu.numel() else model.r
+    return ca.substitute(ca.jtimes(reactions, lam, held), lam, ca.SX.zeros(held.numel(), 1))
 
 
 def _multipliers(system: Mechanics | SemiExplicit) -> ca.SX:

@@ -6,21 +6,41 @@
 //!     p(y⁺, z⁺) = p(y⁺, ẑ) + r_λ μ + e_yᵀ Λ,   w(y⁺, z⁺) = 0
 //!
 //! and k(t, y⁺, z⁺) = 0 with the reactions to it, and an impact has y⁺ = y, ẑ = z and e_y (v⁺ − v) = −(1 + ε) (e_t +
-//! e_y v). Where ŷ is on the constraints, x is zero and its derivative that of a projection. Linear equations have the
-//! matrix of accelerations, bordered by e_y.
+//! e_y v). Coordinates are corrected one after another, by
+//!
+//!     p_z x − r_λ μ = 0,   w_z x + g = 0,   y ← y + v_z x
+//!
+//! where they are, and so are their derivatives, with those of these equations. Linear equations have the matrix of
+//! accelerations, bordered by e_y.
 
 use super::slopes::{Before, LinearReset, SlopesModel};
 use liouville_base::error::StepError;
-use liouville_base::linalg::{add_scaled, copy, dot};
-use liouville_problem::{Model, Saddle, SensitivityModel};
+use liouville_base::linalg::{add_scaled, copy, dot, max_norm};
+use liouville_problem::{Model, Saddle};
+
+/// More corrections than a law takes to the constraints.
+const MOST_CORRECTIONS: usize = 100;
+/// The corrections end with that after one of this part of y.
+const NEAR: f64 = 1e-10;
+
+/// A correction of coordinates: from where, by which x and μ, with the matrix there.
+#[derive(Clone, Debug)]
+struct Correction {
+    saddle: Saddle,
+    y: Vec<f64>,
+    x: Vec<f64>,
+    mu: Vec<f64>,
+}
 
 /// A reset that is linearised.
 #[derive(Clone, Debug)]
 pub struct LinearImpulse {
     model: Model,
-    sensitivity: SensitivityModel,
-    /// The matrices at (ŷ, ẑ) and at (y⁺, z⁺).
-    moved: Saddle,
+    /// How many numbers time and parameters have.
+    width: usize,
+    /// What leads from ŷ to y⁺.
+    corrections: Vec<Correction>,
+    /// The matrix at (y⁺, z⁺).
     end: Saddle,
     none: Vec<f64>,
     /// ŷ, ẑ; y⁺, z⁺; μ with Λ behind.
@@ -38,13 +58,14 @@ pub struct LinearImpulse {
 }
 
 impl LinearImpulse {
-    /// Memory for this model.
-    pub fn new(model: Model, sensitivity: SensitivityModel) -> Self {
+    /// Memory for this model, with so many derivatives by time and parameters.
+    pub fn new(model: Model, width: usize) -> Self {
         let (n, m) = (model.problem.n, model.problem.multipliers());
         let zeros = || vec![0.0; n];
         let pair = || [zeros(), vec![0.0; m]];
         Self {
-            moved: Saddle::new(&model),
+            width,
+            corrections: Vec::new(),
             end: Saddle::new(&model),
             none: vec![0.0; model.problem.multipliers()],
             jumped: [zeros(), zeros()],
@@ -57,7 +78,6 @@ impl LinearImpulse {
             x: zeros(),
             mu: vec![0.0; m],
             model,
-            sensitivity,
         }
     }
 
@@ -103,55 +123,81 @@ impl LinearImpulse {
         Ok(())
     }
 
-    /// Moves dŷ along the constraints.
-    fn project(&mut self, t: f64, along: &[f64], multipliers: usize, dy: &mut [f64]) {
-        let (n, problem) = (dy.len(), self.sensitivity.problem.clone());
-        let at = &problem.mechanical.patterns;
-        self.x.fill(0.0);
-        self.mu.fill(0.0);
-        at.g_y
-            .multiply_add(self.moved.g_y(), -1.0, dy, &mut self.mu);
-        let mut tau = vec![along[0]];
-        tau.extend_from_slice(&along[1 + 2 * n + multipliers..]);
-        let [y, z] = &self.jumped;
-        let lam = &self.none[..self.model.problem.m];
-        let g_tau = self.sensitivity.node(t, y, lam)[0];
-        let by_tau = &problem.patterns.g_tau;
-        by_tau.multiply_add(g_tau, -1.0, &tau, &mut self.mu);
-        self.moved.solve(&self.model, &mut self.x, &mut self.mu);
-        match &at.v_z {
-            Some(pattern) => {
-                let v_z = self.model.stage_blocks(t, y, z)[1];
-                pattern.multiply_add(v_z, 1.0, &self.x, dy);
+    /// Moves ŷ to the constraints, and keeps each correction that this takes.
+    fn correct(&mut self, t: f64) -> Result<(), StepError> {
+        let (m, [mut y, z]) = (self.model.problem.m, self.jumped.clone());
+        let mut is_near = false;
+        for _ in 0..MOST_CORRECTIONS {
+            let mut saddle = Saddle::new(&self.model);
+            saddle.update(&mut self.model, t, &y, &z, &self.none)?;
+            let (mut x, mut mu) = (vec![0.0; y.len()], self.none.clone());
+            let g = self.model.node(t, &y, &self.none[..m])[0];
+            add_scaled(&mut mu[..m], -1.0, g);
+            saddle.solve(&self.model, &mut x, &mut mu);
+            let from = y.clone();
+            saddle.mass.add_velocity(&x, &mut y);
+            let moved = from.iter().zip(&y).map(|(a, b)| (a - b).abs());
+            let is_over = is_near;
+            is_near = moved.fold(0.0, f64::max) <= NEAR * max_norm(&y);
+            let y = from;
+            self.corrections.push(Correction { saddle, y, x, mu });
+            if is_over {
+                break;
             }
-            None => add_scaled(dy, 1.0, &self.x),
         }
+        Ok(())
     }
 
-    fn project_back(&mut self, t: f64, multipliers: usize, of_y: &mut [f64], found: &mut [f64]) {
-        let (n, problem) = (of_y.len(), self.sensitivity.problem.clone());
-        let at = &problem.mechanical.patterns;
-        let [y, z] = &self.jumped;
-        self.x.fill(0.0);
-        self.mu.fill(0.0);
-        match &at.v_z {
-            Some(pattern) => {
-                let v_z = self.model.stage_blocks(t, y, z)[1];
-                pattern.multiply_add_transposed(v_z, 1.0, of_y, &mut self.x);
-            }
-            None => copy(&mut self.x, of_y),
+    /// Takes dŷ through all corrections, with what else moves of (t, y, z, λ, θ).
+    fn push_corrections(
+        &mut self,
+        slopes: &mut SlopesModel,
+        (t, lam): (f64, &[f64]),
+        mut along: Vec<f64>,
+        dy: &mut [f64],
+    ) -> Result<(), StepError> {
+        let n = dy.len();
+        for correction in &mut self.corrections {
+            let Correction { saddle, y, x, mu } = correction;
+            copy(&mut along[1..=n], dy);
+            let point: Before<'_> = (t, [y, &self.jumped[1], lam]);
+            let moved = slopes.moves(point, [x, mu], &along, false)?;
+            let (equations, change) = moved.split_at(n + mu.len());
+            self.x.fill(0.0);
+            self.mu.fill(0.0);
+            add_scaled(&mut self.x, -1.0, &equations[..n]);
+            add_scaled(&mut self.mu, -1.0, &equations[n..]);
+            saddle.solve(&self.model, &mut self.x, &mut self.mu);
+            add_scaled(dy, 1.0, change);
+            saddle.mass.add_velocity(&self.x, dy);
         }
-        self.moved
-            .solve_transposed(&self.model, &mut self.x, &mut self.mu);
-        at.g_y
-            .multiply_add_transposed(self.moved.g_y(), -1.0, &self.mu, of_y);
-        let mut tau = vec![0.0; problem.width()];
-        let lam = &self.none[..self.model.problem.m];
-        let g_tau = self.sensitivity.node(t, y, lam)[0];
-        let by_tau = &problem.patterns.g_tau;
-        by_tau.multiply_add_transposed(g_tau, -1.0, &self.mu, &mut tau);
-        found[0] += tau[0];
-        add_scaled(&mut found[1 + 2 * n + multipliers..], 1.0, &tau[1..]);
+        Ok(())
+    }
+
+    /// Takes cotangents of y⁺ to those of ŷ and ẑ, and of all else.
+    fn pull_corrections(
+        &mut self,
+        slopes: &mut SlopesModel,
+        (t, lam): (f64, &[f64]),
+        [of_y, of_z]: [&mut [f64]; 2],
+        found: &mut [f64],
+    ) -> Result<(), StepError> {
+        let n = of_y.len();
+        for correction in self.corrections.iter_mut().rev() {
+            let Correction { saddle, y, x, mu } = correction;
+            self.x.fill(0.0);
+            self.mu.fill(0.0);
+            saddle.mass.add_velocity_transposed(-1.0, of_y, &mut self.x);
+            saddle.solve_transposed(&self.model, &mut self.x, &mut self.mu);
+            let back = [&self.x[..], &self.mu, of_y].concat();
+            let point: Before<'_> = (t, [y, &self.jumped[1], lam]);
+            let moved = slopes.moves(point, [x, mu], &back, true)?;
+            add_scaled(of_y, 1.0, &moved[1..=n]);
+            add_scaled(of_z, 1.0, &moved[1 + n..=2 * n]);
+            found[0] += moved[0];
+            add_scaled(&mut found[1 + 2 * n..], 1.0, &moved[1 + 2 * n..]);
+        }
+        Ok(())
     }
 }
 
@@ -163,9 +209,10 @@ impl LinearReset for LinearImpulse {
         [y, z]: [&[f64]; 2],
     ) -> Result<(), StepError> {
         let (t, [y0, z0, _]) = before;
-        let (n, m) = (self.model.problem.n, self.model.problem.m);
+        let n = self.model.problem.n;
         copy(&mut self.after[0], y);
         copy(&mut self.after[1], z);
+        self.corrections.clear();
         let is_impact = slopes.is_impact;
         let law = slopes.law(before)?;
         if is_impact {
@@ -177,10 +224,8 @@ impl LinearReset for LinearImpulse {
             copy(&mut self.jumped[0], jumped_y);
             copy(&mut self.jumped[1], jumped_z);
         }
-        slopes.check_jump(t, &self.jumped[0], y)?;
-        if m > 0 && !slopes.is_impact {
-            let [y, z] = &self.jumped;
-            self.moved.update(&mut self.model, t, y, z, &self.none)?;
+        if slopes.has_moves() {
+            self.correct(t)?;
         }
         if slopes.has_impulse() {
             self.find_impulses(t, slopes.is_impact)?;
@@ -197,7 +242,7 @@ impl LinearReset for LinearImpulse {
     ) -> Result<(), StepError> {
         let (t, [y0, z0, lam]) = before;
         let problem = &self.model.problem;
-        let (n, m, multipliers) = (problem.n, problem.m, problem.multipliers());
+        let (n, multipliers) = (problem.n, problem.multipliers());
         let mut along = along.to_vec();
         if slopes.is_impact {
             copy(dy, &along[1..=n]);
@@ -205,11 +250,11 @@ impl LinearReset for LinearImpulse {
             let (found_y, found_z) = slopes.reset(before, &along, false)?.split_at(n);
             copy(dy, found_y);
             copy(dz, found_z);
-            if m > 0 {
-                self.project(t, &along, lam.len(), dy);
+            copy(&mut along[1 + n..=2 * n], dz);
+            if slopes.has_moves() {
+                self.push_corrections(slopes, (t, lam), along.clone(), dy)?;
             }
             copy(&mut along[1..=n], dy);
-            copy(&mut along[1 + n..=2 * n], dz);
         }
         if !slopes.has_impulse() {
             return Ok(());
@@ -243,7 +288,7 @@ impl LinearReset for LinearImpulse {
     ) -> Result<Vec<f64>, StepError> {
         let (t, [y0, z0, lam]) = before;
         let n = self.model.problem.n;
-        let width = 1 + 2 * n + lam.len() + self.sensitivity.problem.width() - 1;
+        let width = 2 * n + lam.len() + self.width;
         let (mut found, mut of_y, mut of_z) = (vec![0.0; width], of_y.to_vec(), of_z.to_vec());
         if slopes.has_impulse() {
             copy(&mut self.x, &of_z);
@@ -278,8 +323,9 @@ impl LinearReset for LinearImpulse {
         add_scaled(&mut of_z, 1.0, own_z);
         own_y.fill(0.0);
         own_z.fill(0.0);
-        if self.model.problem.m > 0 {
-            self.project_back(t, lam.len(), &mut of_y, &mut found);
+        if slopes.has_moves() {
+            let of = [&mut of_y[..], &mut of_z];
+            self.pull_corrections(slopes, (t, lam), of, &mut found)?;
         }
         let back = [of_y, of_z].concat();
         add_scaled(&mut found, 1.0, slopes.reset(before, &back, true)?);

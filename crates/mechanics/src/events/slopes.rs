@@ -2,7 +2,6 @@
 
 use super::reset::Law;
 use liouville_base::error::{Obstacle, Quantity, StepError};
-use liouville_base::linalg::max_norm;
 use liouville_base::tape::{Registers, Tape};
 
 /// The derivatives of an event e by x = (t, y, z, λ, θ); each input is a tape's, before the parameters.
@@ -12,6 +11,9 @@ pub struct EventSlopes {
     pub event: Tape,
     /// The derivative of a reset (y, z)⁺ along a direction, (t, y, z, λ, dx), and its transpose, (t, y, z, λ, c).
     pub reset: Option<[Tape; 2]>,
+    /// The same of what moves coordinates that a reset has left beside the constraints, (t, y, z, λ, x, μ, dx) and
+    /// (t, y, z, λ, x, μ, c), with x and μ held: of the equations of a correction, and of the change of y that it makes.
+    pub moves: Option<[Tape; 2]>,
     /// The same of the equations of an impulse, (t, y, z, λ, z⁺, Λ, dx) and (t, y, z, λ, z⁺, Λ, c), with the impulses
     /// held: of p⁺ − p − r_λ μ − e_yᵀ Λ, of w⁺ and of an impact's e_y (v⁺ − v) + (1 + ε) (e_t + e_y v).
     pub impulse: Option<[Tape; 2]>,
@@ -30,6 +32,14 @@ impl EventSlopes {
             .reset
             .as_ref()
             .map(|[push, pull]| takes(push, &[x], n + l) && takes(pull, &[n + l], x));
+        let of_moves = self.moves.as_ref().map(|[push, pull]| {
+            let (parts, rows) = match push.inputs() {
+                [_, _, _, _, a, b, ..] => ([*a, *b], push.outputs()),
+                _ => return false,
+            };
+            let [a, b] = parts;
+            takes(push, &[a, b, x], rows) && takes(pull, &[a, b, rows], x) && rows == a + b + n
+        });
         let of_impulse = self.impulse.as_ref().map(|[push, pull]| {
             let (own, rows) = match push.inputs() {
                 [_, _, _, _, _, own, ..] => (*own, n + own),
@@ -40,6 +50,7 @@ impl EventSlopes {
         takes(&self.event, &[], x)
             && of_reset.is_some() == matches!(law, Some(Law::State(_)))
             && of_reset != Some(false)
+            && of_moves != Some(false)
             && of_impulse != Some(false)
             && (!is_impact || of_impulse.is_some())
     }
@@ -57,6 +68,7 @@ pub struct SlopesModel {
     /// Whether its reset is an impact.
     pub(super) is_impact: bool,
     reset: Option<[Ready; 2]>,
+    moves: Option<[Ready; 2]>,
     impulse: Option<[Ready; 2]>,
 }
 
@@ -78,6 +90,7 @@ impl SlopesModel {
             is_impact: law.is_some_and(|(_, is_impact)| is_impact),
             law: law.map(|(tape, _)| ready(tape)),
             reset: slopes.reset.as_ref().map(pair),
+            moves: slopes.moves.as_ref().map(pair),
             impulse: slopes.impulse.as_ref().map(pair),
         }
     }
@@ -126,6 +139,28 @@ impl SlopesModel {
             Some(pair) => {
                 let own = &mut pair[usize::from(is_transposed)];
                 Self::eval(own, self.index, t, [&[t], y, z, lam, x])
+            }
+            None => Ok(&[]),
+        }
+    }
+
+    /// Whether its reset may leave the constraints.
+    pub(super) fn has_moves(&self) -> bool {
+        self.moves.is_some()
+    }
+
+    /// The derivative of a correction of coordinates along dx, or its transpose.
+    pub(super) fn moves(
+        &mut self,
+        (t, [y, z, lam]): Before<'_>,
+        [x, mu]: [&[f64]; 2],
+        along: &[f64],
+        is_transposed: bool,
+    ) -> Result<&[f64], StepError> {
+        match &mut self.moves {
+            Some(pair) => {
+                let own = &mut pair[usize::from(is_transposed)];
+                Self::eval(own, self.index, t, [&[t], y, z, lam, x, mu, along])
             }
             None => Ok(&[]),
         }
@@ -190,27 +225,6 @@ pub trait LinearReset: Send + Sync {
         before: Before<'_>,
         of: [&[f64]; 2],
     ) -> Result<Vec<f64>, StepError>;
-}
-
-/// A law may leave the constraints by this much of the coordinates.
-const LEAVES: f64 = 1e-9;
-
-impl SlopesModel {
-    /// Refuses a law that leaves the constraints: the way back to them has no derivative yet.
-    ///
-    /// # Errors
-    /// It leaves them.
-    pub(super) fn check_jump(&self, t: f64, jumped: &[f64], y: &[f64]) -> Result<(), StepError> {
-        let moved = jumped.iter().zip(y).map(|(a, b)| (a - b).abs());
-        if moved.fold(0.0, f64::max) <= LEAVES * max_norm(y).max(f64::MIN_POSITIVE) {
-            return Ok(());
-        }
-        Err(StepError::Undifferentiable {
-            event: self.index,
-            t,
-            why: Obstacle::Beside,
-        })
-    }
 }
 
 /// An event that a part of a step has led to.

@@ -46,12 +46,9 @@ impl Starter {
             model.problem.n,
             model.problem.multipliers(),
         ];
-        let point = PointAdjoint::new(model.clone(), derivatives.clone());
-        (
-            point,
-            Box::new(LinearImpulse::new(model, derivatives)),
-            sizes,
-        )
+        let reset = LinearImpulse::new(model.clone(), derivatives.problem.width());
+        let point = PointAdjoint::new(model, derivatives);
+        (point, Box::new(reset), sizes)
     }
 }
 

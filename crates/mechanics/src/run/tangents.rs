@@ -180,7 +180,10 @@ impl Starter {
             between: point(),
             derivatives: MotionDerivatives {
                 point: point(),
-                reset: Box::new(LinearImpulse::new(model.clone(), sensitivity.clone())),
+                reset: Box::new(LinearImpulse::new(
+                    model.clone(),
+                    tangents.sensitivity.width(),
+                )),
                 carried: Some(carried),
             },
             of: Member {
