@@ -189,6 +189,24 @@ def gridded():
     return Problem(field, start, (0.0, 1.0), floor=1e-11, best=best, best_steps=400)
 
 
+def potential():
+    """Return a field by a potential that is no sum of waves, with time."""
+
+    def function(t, x, params):
+        x, y, z = ca.vertsplit(x)
+        return [
+            ca.sin(y + z) / (2 + ca.cos(x) * ca.sin(z)),
+            ca.tanh(ca.sin(x - z)) / (1.5 + ca.cos(y)),
+            ca.log(2 + 0.9 * ca.cos(x) * ca.sin(y)) * (1 + 0.3 * ca.cos(t)),
+        ]
+
+    field = lv.PotentialField(function, x=("x", "y", "z"))
+    best = lv.VolumeSplitting(composition="SS10s35", compensated=True)
+    return Problem(
+        field, {"x": [0.3, 0.2, -0.4]}, (0.0, 1.0), floor=3e-13, best=best, best_steps=400
+    )
+
+
 # --- wave functions ------------------------------------------------------------------------------
 
 CHAIN = lv.Lattice(8, potential=np.cos(np.arange(8.0)))
@@ -281,6 +299,7 @@ FAMILIES = {
     "five variables": polynomial("maxwell_bloch", 16.0),
     "cubic charge": polynomial("cubic_charge", 8.0),
     "waves on a grid": gridded(),
+    "vector potential": potential(),
     "chain": chain(),
     "driven chain": driven(),
     "flux": flux(),

@@ -299,7 +299,14 @@ _ON_GRIDS = Row(
     (20, 26, 34, 44), room=0.24,
 )  # fmt: skip
 
-FIELDS = [*volumes(), _ON_GRIDS]
+#: Planes of a potential leave the order as it is.
+_BY_POTENTIAL = [
+    Row(lv.VolumeSplitting(composition=name), order, ("vector potential",),
+        ("volume", "reversibility"), (10, 14, 20, 28), room=0.2)
+    for name, order in (("S2", 2), ("BM4", 4), ("BM6", 6))
+]  # fmt: skip
+
+FIELDS = [*volumes(), _ON_GRIDS, *_BY_POTENTIAL]
 
 #: Symplectic and reversible as maps of (Re psi, Im psi); those of the grid keep the norm too.
 _SHEARS = ("symplectic form", "reversibility")

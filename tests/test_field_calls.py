@@ -99,7 +99,7 @@ ROWS = [
         "plan one",
         lambda: plan(PENDULUM.system),
         TypeError,
-        "PolynomialField or a Schrodinger equation, not Lagrangian",
+        "a plan is for a field or a Schrodinger equation, not Lagrangian",
     ),
     # the method alone
     ("scheme", lambda: V(composition="BM5"), ValueError, r"'BM5'.*\nhint: did you mean 'BM6'\?"),

@@ -256,6 +256,10 @@ class Plane:
         coefficients: NDArray[np.float64],
         mean: Sequence[NDArray[np.float64]],
     ) -> Plane: ...
+    @staticmethod
+    def traced(
+        frozen: int, tapes: Sequence[Tape], params: NDArray[np.float64], is_separable: bool
+    ) -> Plane: ...
     def sample(self, points: NDArray[np.float64]) -> NDArray[np.float64]: ...
 
 @final

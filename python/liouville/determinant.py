@@ -73,11 +73,11 @@ def determinant(
     if not isinstance(system, Field):
         raise TypeError(f"determinants are those of a field without divergence, not of {system!r}")
     from liouville.planner import FieldPlan
-    from liouville.runners.determinant import DeterminantRunner, GriddedDeterminantRunner
+    from liouville.runners.determinant import DeterminantRunner, PlaneDeterminantRunner
 
     if not isinstance(method, VolumeSplitting | FieldPlan):
         raise no_runner(method, "field", "polynomial fields")
     is_polynomial = isinstance(system, PolynomialField)
-    kind = DeterminantRunner if is_polynomial else GriddedDeterminantRunner
+    kind = DeterminantRunner if is_polynomial else PlaneDeterminantRunner
     request = Request(t=t, h=h, steps=steps, every=every, params=params, start={"x": x})
     return execute(kind(system, method, request), progress)

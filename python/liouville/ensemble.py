@@ -54,8 +54,8 @@ def ensemble(
     Parameters
     ----------
     system : System
-        A Lagrangian, Hamiltonian, Mechanical, Structure, SemiExplicit, PolynomialField or
-        Schrodinger: what is integrated.
+        A Lagrangian, Hamiltonian, Mechanical, Structure, SemiExplicit, PolynomialField,
+        GriddedField, PotentialField or Schrodinger: what is integrated.
     method : Method or Plan
         How: any method for the system, with steps of equal size.
     t, h, steps, every, t_eval, events, observe, states

@@ -86,7 +86,8 @@ class Event:
         ``v`` are the system's own states: ``q`` and ``p`` of a ``Hamiltonian``, ``y`` and ``z`` of
         a ``Mechanical``. The multipliers are solved for only where it uses them. Of a
         ``SemiExplicit`` system, whose z takes their place, ``function(t, y, z, params)``; of a
-        ``PolynomialField`` or ``GriddedField``, without resets, ``function(t, x, params)``.
+        ``PolynomialField``, ``GriddedField`` or ``PotentialField``, without resets,
+        ``function(t, x, params)``.
     direction : {"both", "up", "down"}
         Whether :math:`e` must grow or fall where it changes its sign, in the order of the run:
         one that goes backwards in time passes it the other way.

@@ -104,7 +104,7 @@ def lyapunov(
 
     Parameters
     ----------
-    system : Mechanics, PolynomialField or GriddedField
+    system : Mechanics, PolynomialField, GriddedField or PotentialField
         What moves, without nonholonomic constraints.
     method : Method or Plan
         ``Spark``, ``LobattoPair`` or a ``Composition`` of them; also of the alpha family, without

@@ -49,8 +49,8 @@ def integrate(
     Parameters
     ----------
     system : System
-        A Lagrangian, Hamiltonian, Mechanical, Structure, SemiExplicit, PolynomialField or
-        Schrodinger: what is integrated.
+        A Lagrangian, Hamiltonian, Mechanical, Structure, SemiExplicit, PolynomialField,
+        GriddedField, PotentialField or Schrodinger: what is integrated.
     method : Method or Plan
         How; see :doc:`/choose`. ``"auto"`` for a Schrödinger equation is
         ``SchrodingerSplitting()``. A plan is made by :func:`plan`.

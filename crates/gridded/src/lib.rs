@@ -1,16 +1,22 @@
-//! Plane flows of divergence-free fields that are given on grids.
+//! Plane flows of divergence-free fields that are given on grids, or by a vector potential.
 //!
 //! A field v = curl A is the sum of three, each of one component of A. That of A_k moves two coordinates by the Hamiltonian
-//! A_k with the third one frozen, and a symplectic map of them keeps volume. A_k is a spline, a sum of products of
-//! [`Basis`] functions; [`Plane`] makes the map. Source: feng1995.
+//! A_k with the third one frozen, and a symplectic map of them keeps volume. A_k is a [`Spline`], a sum of products
+//! of [`Basis`] functions, or [`Traced`], programs of it and its derivatives; [`PlaneFlow`] makes the map. Source: feng1995.
 
 mod basis;
 mod derivative;
+mod flow;
 mod plane;
+mod spline;
+mod traced;
 mod window;
 
 pub use basis::{Basis, Bounds};
-pub use plane::{Fault, MOST_CORRECTIONS, Plane, PlaneFlow};
+pub use flow::{Fault, MOST_CORRECTIONS, PlaneFlow};
+pub use plane::Plane;
+pub use spline::Spline;
+pub use traced::{Memory, Traced};
 
 /// The defect of a basis or a plane.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]

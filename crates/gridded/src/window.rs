@@ -2,7 +2,7 @@
 #![allow(clippy::inline_always)] // all of a kernel is compiled for one instruction set
 
 use crate::basis::{Basis, MOST, Place};
-use crate::plane::Plane;
+use crate::spline::Spline;
 
 /// Coefficients of F and of its derivative by the other coordinate, of the functions from `first` on: those of three
 /// cells. `M` is two more than the functions of a cell.
@@ -14,7 +14,7 @@ pub(crate) struct Window<const M: usize> {
 
 /// The place of frozen coordinates: the coefficients there, and the values of their functions.
 pub(crate) struct Frozen<'a, const K: usize> {
-    plane: &'a Plane,
+    spline: &'a Spline,
     offset: [usize; K],
     count: [usize; K],
     weights: [[f64; MOST]; K],
@@ -23,13 +23,13 @@ pub(crate) struct Frozen<'a, const K: usize> {
 
 impl<'a, const K: usize> Frozen<'a, K> {
     #[inline(always)]
-    pub(crate) fn new(plane: &'a Plane, bases: &[Basis], places: [Place; K]) -> Self {
-        let mut strides = [plane.axes[0].functions() * plane.axes[1].functions(); K];
+    pub(crate) fn new(spline: &'a Spline, bases: &[Basis], places: [Place; K]) -> Self {
+        let mut strides = [spline.axes[0].functions() * spline.axes[1].functions(); K];
         for k in (1..K).rev() {
             strides[k - 1] = strides[k] * bases[k].functions();
         }
         let mut frozen = Self {
-            plane,
+            spline,
             offset: [0; K],
             count: [0; K],
             weights: [[0.0; MOST]; K],
@@ -79,21 +79,21 @@ impl<const M: usize> Window<M> {
         near: usize,
         is_inner: bool,
     ) -> Self {
-        let plane = frozen.plane;
-        let implicit = &plane.axes[usize::from(is_inner)];
+        let spline = frozen.spline;
+        let implicit = &spline.axes[usize::from(is_inner)];
         let first = near.saturating_sub(1).min(implicit.cells() - 3);
         let mut window = Self {
             first,
             values: [0.0; M],
             slopes: [0.0; M],
         };
-        let stride = plane.axes[1].functions();
+        let stride = spline.axes[1].functions();
         if is_inner {
             let mut patch = [[0.0; M]; N];
             let corner = cell * stride + first;
             frozen.each(
                 #[inline(always)]
-                |weight, place| plane.gather(&mut patch, weight, place + corner, stride),
+                |weight, place| spline.gather(&mut patch, weight, place + corner, stride),
             );
             for i in 0..N {
                 for m in 0..M {
@@ -106,7 +106,7 @@ impl<const M: usize> Window<M> {
             let corner = first * stride + cell;
             frozen.each(
                 #[inline(always)]
-                |weight, place| plane.gather(&mut patch, weight, place + corner, stride),
+                |weight, place| spline.gather(&mut patch, weight, place + corner, stride),
             );
             for m in 0..M {
                 for i in 0..N {

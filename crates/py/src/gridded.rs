@@ -1,8 +1,8 @@
-//! Planes of gridded fields: spline coefficients in, a Hamiltonian of two coordinates out.
+//! Planes of fields: spline coefficients or programs in, a Hamiltonian of two coordinates out.
 
-use crate::convert::{self, Values};
+use crate::convert::{self, Tape, Values};
 use crate::errors::refused;
-use liouville_gridded::{Basis, Bounds};
+use liouville_gridded::{Basis, Bounds, Spline, Traced};
 use numpy::{
     PyArray1, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArrayDyn, PyUntypedArrayMethods,
 };
@@ -41,7 +41,7 @@ impl BasisOf<'_> {
     }
 }
 
-/// A spline as the Hamiltonian of two coordinates, others frozen.
+/// A spline, or programs, as the Hamiltonian of two coordinates, others frozen.
 #[pyclass(frozen, module = "liouville._core")]
 pub(crate) struct Plane(pub(crate) Arc<liouville_gridded::Plane>);
 
@@ -61,12 +61,30 @@ impl Plane {
         let mean = [u.as_slice()?.to_vec(), v.as_slice()?.to_vec()];
         let coefficients = coefficients.as_slice()?.to_vec();
         let frozen = frozen.collect::<PyResult<_>>()?;
-        let plane = liouville_gridded::Plane::new(frozen, axes, coefficients, mean);
-        Ok(Self(Arc::new(plane.map_err(refused)?)))
+        let spline = Spline::new(frozen, axes, coefficients, mean).map_err(refused)?;
+        Ok(Self(Arc::new(liouville_gridded::Plane::Spline(Box::new(
+            spline,
+        )))))
+    }
+
+    /// Tapes of the coordinates, `frozen` ones first, and parameters: F; F_v, F_w and F_vw; and these, F_vv and F_ww among
+    /// them in the order of rows, then F_v and F_w by each frozen coordinate and by each parameter.
+    #[staticmethod]
+    fn traced(
+        frozen: usize,
+        tapes: [PyRef<'_, Tape>; 3],
+        params: Values<'_>,
+        is_separable: bool,
+    ) -> PyResult<Self> {
+        let [value, slopes, jet] = tapes.map(|tape| tape.0.clone());
+        let params = params.as_slice()?.to_vec();
+        let traced = Traced::new(frozen, value, slopes, jet, params, is_separable);
+        let traced = traced.map_err(refused)?;
+        Ok(Self(Arc::new(liouville_gridded::Plane::Traced(traced))))
     }
 
     /// The potential and the rates of the two coordinates at points, rows of the frozen coordinates and the two; NaN
-    /// outside the grid.
+    /// outside the grid, and where F is not finite.
     fn sample<'py>(
         &self,
         py: Python<'py>,
@@ -77,10 +95,11 @@ impl Plane {
             return Err(refused(format!("points are rows of {width} values")));
         }
         let mut rates = Vec::with_capacity(3 * points.shape()[0]);
+        let mut memory = self.0.memory();
         for point in points.as_slice()?.chunks_exact(width) {
             let mut x = [0.0; 4];
             x[..width].copy_from_slice(point);
-            rates.extend(self.0.sample(x).unwrap_or([f64::NAN; 3]));
+            rates.extend(self.0.sample(x, &mut memory).unwrap_or([f64::NAN; 3]));
         }
         Ok(PyArray1::from_vec(py, rates))
     }

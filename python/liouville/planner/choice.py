@@ -60,7 +60,7 @@ def plan(
 
     Parameters
     ----------
-    system : PolynomialField, GriddedField or Schrodinger
+    system : PolynomialField, GriddedField, PotentialField or Schrodinger
         What is to be integrated.
     method : Method, optional
         What is fixed already; nothing by default. A ``VolumeSplitting`` for a field; for a wave
@@ -114,7 +114,7 @@ def plan(
     if isinstance(system, Schrodinger):
         _refuse(system, h=h, x=x)
         return _of_wave(system.with_params(params), method, t, psi)
-    raise TypeError(f"a plan is for a PolynomialField or a Schrodinger equation, not {system!r}")
+    raise TypeError(f"a plan is for a field or a Schrodinger equation, not {system!r}")
 
 
 def _refuse(system: Any, **given: Any) -> None:
@@ -131,7 +131,7 @@ def _of_field(
         raise TypeError(f"{method!r} does not split fields: method is a VolumeSplitting")
     for name, value in (("h", h), ("x", x)):
         if value is None:
-            raise TypeError(f"{name} is missing: a plan for a PolynomialField takes h= and x=")
+            raise TypeError(f"{name} is missing: a plan for a field takes h= and x=")
     step, time = number("h is a number", h), number("t is a number", t)
     if not (np.isfinite(step) and step > 0):
         raise ValueError(f"h is positive and finite, not {step}")
@@ -139,17 +139,17 @@ def _of_field(
         raise ValueError(f"t is finite, not {time}")
     if isinstance(seed, bool) or not isinstance(seed, int) or seed < 0:
         raise ValueError(f"seed is an integer from 0 on, not {seed!r}")
-    if not isinstance(system, PolynomialField):
-        from liouville.planner.fields.gridded import plan_gridded
-        from liouville.systems.gridded import GriddedField
-
-        assert isinstance(system, GriddedField)
-        system.start({"x": x}, np.ndim(x) == 2)
-        return plan_gridded(system, method or VolumeSplitting(), step)[0]
     states = np.atleast_2d(system.start({"x": x}, np.ndim(x) == 2))
+    rows = system.extended(states, time)
+    if not isinstance(system, PolynomialField):
+        from liouville.planner.fields.planes import plan_planes
+        from liouville.systems._plane_field import PlaneField
+
+        assert isinstance(system, PlaneField)
+        return plan_planes(system, method or VolumeSplitting(), step, rows)[0]
     found, _ = plan_field(
-        system.terms, method or VolumeSplitting(), step, system.extended(states, time), seed,
-        count("trials", trials), system.variables,
+        system.terms, method or VolumeSplitting(), step, rows, seed, count("trials", trials),
+        system.variables,
     )  # fmt: skip
     return found
 

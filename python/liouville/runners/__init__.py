@@ -31,7 +31,6 @@ from liouville.runners.semi_explicit import SemiExplicitRunner as SemiExplicitRu
 from liouville.systems import (
     Field,
     Mechanics,
-    PolynomialField,
     Schrodinger,
     SemiExplicit,
     System,
@@ -90,7 +89,7 @@ def check_system(system: Any) -> None:
         return
     sentence = (
         "system is a Lagrangian, Hamiltonian, Mechanical, Structure, SemiExplicit, "
-        f"PolynomialField, GriddedField or Schrodinger, not {system!r}"
+        f"PolynomialField, GriddedField, PotentialField or Schrodinger, not {system!r}"
     )
     is_assembly = hasattr(system, "system")
     raise TypeError(hinted(sentence, "take its system()") if is_assembly else sentence)
@@ -142,15 +141,16 @@ def _are_varied(system: Schrodinger, params: Any) -> bool:
 def _of_fields(system: Field, method: Any, request: Request) -> Runner:
     from liouville.planner import FieldPlan
     from liouville.runners.field import FieldRunner
+    from liouville.systems._plane_field import PlaneField
 
-    is_polynomial = isinstance(system, PolynomialField)
+    kind = system.kind if isinstance(system, PlaneField) else "polynomial"
     if not isinstance(method, VolumeSplitting | FieldPlan):
-        raise no_runner(method, "field", f"{'polynomial' if is_polynomial else 'gridded'} fields")
-    if is_polynomial:
+        raise no_runner(method, "field", f"{kind} fields")
+    if not isinstance(system, PlaneField):
         return FieldRunner(system, method, request)
-    from liouville.runners.gridded import GriddedRunner
+    from liouville.runners.planes import PlaneRunner
 
-    return GriddedRunner(system, method, request)
+    return PlaneRunner(system, method, request)
 
 
 def no_runner(method: Any, form: str, systems: str) -> TypeError:

@@ -11,7 +11,7 @@ from liouville.errors import Description
 from liouville.methods import VolumeSplitting
 from liouville.planner import FieldPlan
 from liouville.runners.field import FieldRunner
-from liouville.runners.gridded import GriddedRunner
+from liouville.runners.planes import PlaneRunner
 from liouville.runners.runner import Request
 from liouville.splitting import crossed
 from liouville.systems import Field
@@ -49,5 +49,5 @@ class DeterminantRunner(Determinants):
     """Runs a polynomial field with tangents."""
 
 
-class GriddedDeterminantRunner(Determinants, GriddedRunner):
-    """Runs a gridded field with tangents."""
+class PlaneDeterminantRunner(Determinants, PlaneRunner):
+    """Runs a field by planes with tangents."""

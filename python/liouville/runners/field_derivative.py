@@ -17,8 +17,8 @@ from liouville.runners.execute import Checkpoints, execute
 from liouville.runners.runner import Request
 from liouville.runners.tangents import PARAMS, Directions, Place, check_names
 from liouville.solution import Solution
-from liouville.splitting import crossed
-from liouville.splitting.coefficients import coefficients, derivative
+from liouville.splitting import PlaneSplit, crossed
+from liouville.splitting.coefficients import coefficients, derivative, of_parameter
 from liouville.systems import Field, PolynomialField
 from liouville.tangents import Tangent
 
@@ -74,6 +74,8 @@ def by_parameter(runner: FieldRunner, number: int) -> np.ndarray:
         The parameter is in more than the coefficients of the field's terms.
     """
     system, plan, parts = runner.system, runner.choice, runner.split
+    if isinstance(parts, PlaneSplit):
+        return of_parameter(parts, number)
     assert isinstance(system, PolynomialField)
     assert isinstance(plan, FieldPlan)
     try:

@@ -9,7 +9,7 @@ import numpy as np
 
 from liouville.splitting.border import packed
 from liouville.splitting.pieces import Split
-from liouville.splitting.planes import PlaneSplit
+from liouville.splitting.planes import Plane, PlaneSplit
 from liouville.terms import Terms
 
 #: By which part of the field's size it is moved: no coefficient that is a short fraction vanishes.
@@ -20,10 +20,24 @@ def coefficients(split: Split | PlaneSplit) -> np.ndarray:
     """Return the coefficients of all pieces, one after another as the core numbers them.
 
     They are those of terms, row by row, the rates of an exponential, or the entries of an affine
-    piece's matrix and vector. A plane has none.
+    piece's matrix and vector. Those of a plane are the parameters.
     """
-    found = [_parted(packed(piece))[0] for piece in split.pieces]
+    found = [
+        piece.coefficients if isinstance(piece, Plane) else _parted(packed(piece))[0]
+        for piece in split.pieces
+    ]
     return np.concatenate([np.empty(0), *found])
+
+
+def of_parameter(split: PlaneSplit, number: int) -> np.ndarray:
+    """Return the derivatives of the coefficients of planes by one of the parameters' numbers."""
+    found = []
+    for piece in split.pieces:
+        own = piece.coefficients if isinstance(piece, Plane) else _parted(packed(piece))[0]
+        found.append(np.zeros(own.size))
+        if isinstance(piece, Plane):
+            found[-1][number] = 1.0
+    return np.concatenate(found)
 
 
 def derivative(

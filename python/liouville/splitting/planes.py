@@ -1,4 +1,4 @@
-"""A gridded field as a sum of planes, each a Hamiltonian field of two coordinates."""
+"""A field as a sum of planes, each a Hamiltonian field of two coordinates."""
 
 from __future__ import annotations
 
@@ -9,26 +9,23 @@ import numpy as np
 
 from liouville import _core
 from liouville.splitting.pieces import Natural
-from liouville.systems.gridded import GriddedField
-
-#: Newton's corrections of a flow, about.
-CORRECTIONS = 3
+from liouville.systems._plane_field import PlaneField
 
 
 @dataclass(frozen=True, eq=False)
 class Plane:
-    """The flow of two variables by a spline, by symplectic Euler.
+    """The flow of two variables by a Hamiltonian, by symplectic Euler.
 
-    It is one of the planes of a gridded field, by its number, and is pickled with that field.
+    It is one of the planes of a field, by its number, and is pickled with that field.
     """
 
-    system: GriddedField
+    system: PlaneField
     number: int
     is_exact: ClassVar[bool] = False
 
     @property
     def plane(self) -> _core.Plane:
-        """The spline, as the core has it."""
+        """The Hamiltonian, as the core has it."""
         return self.system.planes[self.number][0]
 
     @property
@@ -39,10 +36,12 @@ class Plane:
     @property
     def operations(self) -> int:
         """Return about how many additions and multiplications a flow takes."""
-        p = self.system.degree
-        frozen: int = p ** (len(self.variables) - 2)
-        window = (p + 1) * (p + 3)
-        return 2 * window * (frozen + 2) + CORRECTIONS * 6 * (p + 1) ** 2
+        return self.system.operations(self.number)
+
+    @property
+    def coefficients(self) -> np.ndarray:
+        """The numbers that the Hamiltonian has as parameters: a spline has none."""
+        return self.system.values(None)
 
     def described(self, names: tuple[str, ...]) -> str:
         """Describe it with the names of the variables."""
@@ -53,7 +52,7 @@ class Plane:
 
 @dataclass(frozen=True, eq=False)
 class PlaneSplit:
-    """A gridded field as the sum of pieces, which follow one another in this order.
+    """A field as the sum of pieces, which follow one another in this order.
 
     Attributes
     ----------

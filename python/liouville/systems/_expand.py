@@ -329,7 +329,8 @@ class Expansion:
                     sentence = f"component '{name}' contains {function.reason}"
                     hint = (
                         f"other components than that of '{name}' may have any function of it; "
-                        "lv.GriddedField takes any field in the plane or in space, by samples"
+                        "in the plane or in space lv.PotentialField takes any field by its "
+                        "potential, lv.GriddedField by samples"
                     )
                     raise ValueError(sentence if "hint" in sentence else hinted(sentence, hint))
 

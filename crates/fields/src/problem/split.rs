@@ -97,9 +97,9 @@ pub enum Piece {
         /// c
         vector: Vec<f64>,
     },
-    /// Two variables by a spline as their Hamiltonian, the others frozen; stepped by symplectic Euler.
+    /// Two variables by a Hamiltonian, the others frozen; stepped by symplectic Euler.
     Plane {
-        /// The spline.
+        /// The Hamiltonian.
         plane: Arc<Plane>,
         /// Its frozen variables, then the two that move.
         variables: Vec<usize>,

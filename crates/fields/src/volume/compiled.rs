@@ -22,12 +22,13 @@ impl CompiledSplit {
     pub(super) fn new(split: &Split, in_runs: bool) -> Self {
         let order = Order::new(split);
         let mut functions = Functions::default();
-        let pieces = split.pieces().iter();
-        let pieces = pieces.map(|piece| {
+        let pieces = split.pieces().iter().enumerate();
+        let pieces = pieces.map(|(number, piece)| {
             let layout = SplitLayout {
                 split,
                 order: &order,
                 functions: &functions.place(piece, split.n(), &order),
+                number,
                 in_runs,
             };
             layout.flow(piece)

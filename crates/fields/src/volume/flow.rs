@@ -8,6 +8,7 @@ use super::plane::PlanePiece;
 use super::rows::{PolynomialRows, narrow};
 use super::triangular::Triangular;
 use crate::problem::{Piece, Polynomials, Split};
+use liouville_gridded::Memory;
 use std::slice;
 
 /// The flow of a piece, compiled.
@@ -55,6 +56,14 @@ impl Levels<'_> {
 }
 
 impl PieceFlow {
+    /// Memory of its own for the flows of a plane.
+    pub(super) fn memory(&self) -> Memory {
+        match self {
+            Self::Plane(piece) => piece.memory(),
+            _ => Memory::default(),
+        }
+    }
+
     /// The levels of a flow, or of its adjoint, that only changes rows.
     #[inline]
     pub(super) fn levels(&self, is_adjoint: bool) -> Option<Levels<'_>> {
@@ -84,6 +93,8 @@ pub(super) struct SplitLayout<'a> {
     pub(super) order: &'a Order,
     /// The places of the piece's functions.
     pub(super) functions: &'a [u32],
+    /// The number of the piece.
+    pub(super) number: usize,
     /// Whether rows are joined to runs, which is for states of one trajectory.
     pub(super) in_runs: bool,
 }
@@ -129,7 +140,12 @@ impl SplitLayout<'_> {
             }
             Piece::Plane { plane, variables } => {
                 let places = variables.iter().map(|v| self.order.place_of(*v));
-                PieceFlow::Plane(PlanePiece::new(plane.clone(), variables, places))
+                PieceFlow::Plane(PlanePiece::new(
+                    plane.clone(),
+                    self.number,
+                    variables,
+                    places,
+                ))
             }
         }
     }

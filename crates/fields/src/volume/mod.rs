@@ -42,6 +42,7 @@ use liouville_base::composition::{Flow, Parts};
 use liouville_base::error::StepError;
 use liouville_base::parallel::Workers;
 use liouville_base::simd::{ForEach, InstructionSet, Kernel, SimdView, SimdViews, Stored};
+use liouville_gridded::Memory;
 use std::sync::Arc;
 
 /// The variables of a trajectory, or of several in lock-step.
@@ -72,6 +73,8 @@ pub struct Volume<S> {
     workers: Option<Workers>,
     is_compensated: bool,
     scratch: FlowScratch<S>,
+    /// Of each piece that is a plane.
+    planes: Vec<Memory>,
     changes: Changes,
     clock: Option<u32>,
     kept: Option<State<S>>,
@@ -93,7 +96,9 @@ impl<S: Stored> Volume<S> {
             stages: stages.collect(),
             functions: FunctionScratch::new(&compiled.functions),
         };
+        let planes = compiled.piece_flows.iter().map(PieceFlow::memory);
         Self {
+            planes: planes.collect(),
             split,
             compiled,
             machine: InstructionSet::default(),
@@ -209,7 +214,9 @@ impl<S: Stored> Volume<S> {
                 PieceFlow::Plane(piece) => {
                     let start = t + flow.offset * h;
                     let length = before + flow.weight * h;
-                    piece.flow(self.machine, flow.is_adjoint, (start, length), state)?;
+                    let memory = &mut self.planes[flow.part];
+                    let span = (start, length);
+                    piece.flow(self.machine, flow.is_adjoint, span, state, memory)?;
                 }
                 _ => self.single_thread(std::slice::from_ref(flow), before, (t, h), state)?,
             }

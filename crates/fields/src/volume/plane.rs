@@ -1,16 +1,18 @@
-//! The flow of a plane of a gridded field, one member after another: each is in a cell of its own.
+//! The flow of a plane, one member after another: each is in a cell of its own, or has an equation of its own.
 
 use super::State;
 use liouville_base::error::StepError;
 use liouville_base::real::Scalar;
 use liouville_base::simd::InstructionSet;
-use liouville_gridded::{Fault, Plane, PlaneFlow};
+use liouville_gridded::{Fault, Memory, Plane, PlaneFlow};
 use std::sync::Arc;
 
 /// A plane, and where its coordinates are.
 #[derive(Clone, Debug)]
 pub(super) struct PlanePiece {
     plane: Arc<Plane>,
+    /// Its number among the pieces.
+    number: usize,
     /// The frozen variables, then the two that move, and their places in a state.
     variables: Vec<usize>,
     places: Vec<usize>,
@@ -19,14 +21,21 @@ pub(super) struct PlanePiece {
 impl PlanePiece {
     pub(super) fn new(
         plane: Arc<Plane>,
+        number: usize,
         variables: &[usize],
         places: impl Iterator<Item = usize>,
     ) -> Self {
         Self {
             plane,
+            number,
             variables: variables.to_vec(),
             places: places.collect(),
         }
+    }
+
+    /// Memory for flows.
+    pub(super) fn memory(&self) -> Memory {
+        self.plane.memory()
     }
 
     /// Moves each member from `t` over `h`.
@@ -37,6 +46,7 @@ impl PlanePiece {
         is_adjoint: bool,
         (t, h): (f64, f64),
         state: &mut State<S>,
+        memory: &mut Memory,
     ) -> Result<(), StepError> {
         let mut last = None;
         for member in 0..S::MEMBERS {
@@ -51,8 +61,9 @@ impl PlanePiece {
                 self.set(state, member, &x, after);
                 continue;
             }
-            let flow = PlaneFlow {
+            let mut flow = PlaneFlow {
                 plane: &self.plane,
+                memory: &mut *memory,
                 x,
                 is_adjoint,
                 h,
@@ -83,6 +94,12 @@ impl PlanePiece {
             },
             Fault::Outside(k) => StepError::Outside {
                 index: self.variables[k],
+                member,
+                t,
+            },
+            Fault::NotFinite => StepError::Function {
+                piece: self.number,
+                function: 0,
                 member,
                 t,
             },

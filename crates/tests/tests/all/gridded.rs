@@ -1,7 +1,11 @@
-//! Planes of gridded fields: their flows and adjoints, and what makes no plane.
+//! Planes of fields, by splines and by programs: their flows and adjoints, and what makes no plane.
 
 use liouville_base::simd::InstructionSet;
-use liouville_gridded::{Basis, Bounds, Fault, Malformed, Plane, PlaneFlow};
+use liouville_gridded::{
+    Basis, Bounds, Fault, Malformed, Memory, Plane, PlaneFlow, Spline, Traced,
+};
+use liouville_tests::{Expr, input, tape};
+use std::sync::Arc;
 
 /// The cubic functions of a periodic axis with cells of width one, by powers of s.
 const CUBIC: [f64; 16] = [
@@ -34,13 +38,39 @@ fn plane(bounds: Bounds) -> Plane {
     let coefficient = |k: usize| (3.0 * (k / 11 % 8) as f64 + 5.0 * (k % 11 % 8) as f64).sin();
     let coefficients = (0..121).map(coefficient).collect();
     let axes = [8, 8].map(|cells| axis(cells, bounds).expect("an axis"));
-    Plane::new(Vec::new(), axes, coefficients, [vec![0.1], vec![0.0]]).expect("a plane")
+    let spline = Spline::new(Vec::new(), axes, coefficients, [vec![0.1], vec![0.0]]);
+    Plane::Spline(Box::new(spline.expect("a plane")))
 }
 
-fn flow_of(plane: &Plane, [v, w]: [f64; 2], is_adjoint: bool, h: f64) -> PlaneFlow<'_> {
+/// F = p sin(v + w) + v w² by programs.
+fn traced(p: f64) -> Plane {
+    let (v, w) = (input(0, 0), input(0, 1));
+    let f = (&v + &w).sin() * input(1, 0) + &v * &w * &w;
+    let by = |x: &Expr| [x.d(0, 0), x.d(0, 1)];
+    let [f_v, f_w] = by(&f);
+    let ([f_vv, f_vw], [_, f_ww]) = (by(&f_v), by(&f_w));
+    let by_p = [f_v.d(1, 0), f_w.d(1, 0)];
+    let slopes = [f_v.clone(), f_w.clone(), f_vw.clone()];
+    let jet: Vec<Expr> = [f_v, f_w, f_vv, f_vw, f_ww]
+        .into_iter()
+        .chain(by_p)
+        .collect();
+    let [value, slopes, jet] =
+        [&[f][..], &slopes, &jet].map(|outputs| Arc::new(tape([2, 1], outputs)));
+    let made = Traced::new(0, value, slopes, jet, vec![p], false);
+    Plane::Traced(made.expect("a plane"))
+}
+
+fn flow_of<'a>(
+    plane: &'a Plane,
+    memory: &'a mut Memory,
+    [v, w]: [f64; 2],
+    (is_adjoint, h): (bool, f64),
+) -> PlaneFlow<'a> {
     let x = [v, w, v, v];
     PlaneFlow {
         plane,
+        memory,
         x,
         is_adjoint,
         h,
@@ -48,7 +78,7 @@ fn flow_of(plane: &Plane, [v, w]: [f64; 2], is_adjoint: bool, h: f64) -> PlaneFl
 }
 
 fn flow(plane: &Plane, x: [f64; 2], is_adjoint: bool, h: f64) -> Result<[f64; 2], Fault> {
-    flow_of(plane, x, is_adjoint, h).run(InstructionSet::default())
+    flow_of(plane, &mut plane.memory(), x, (is_adjoint, h)).run(InstructionSet::default())
 }
 
 #[test]
@@ -63,28 +93,62 @@ fn an_adjoint_undoes_its_flow_across_cells_and_periods() {
 }
 
 #[test]
+fn a_flow_by_programs_solves_its_equation_and_is_undone() {
+    let (plane, p) = (traced(0.7), 0.7);
+    for (h, start) in [(0.2, [0.4, -0.9]), (-0.15, [0.0, 1.2]), (0.1, [0.0, 0.0])] {
+        let there = flow(&plane, start, false, h).expect("a flow");
+        let [v0, w0] = start;
+        let [v1, w1] = there;
+        // w1 = w0 − h F_v(v0, w1), v1 = v0 + h F_w(v0, w1)
+        let slope = p * (v0 + w1).cos();
+        assert!((w1 - w0 + h * (slope + w1 * w1)).abs() < 1e-15);
+        assert!((v1 - v0 - h * (slope + 2.0 * v0 * w1)).abs() < 1e-15);
+        let back = flow(&plane, there, true, -h).expect("a flow");
+        assert!((back[0] - v0).abs() < 1e-15 && (back[1] - w0).abs() < 1e-15);
+    }
+}
+
+#[test]
+fn an_equation_without_a_solution_is_no_flow() {
+    // w1 = w0 - h (cos w1 p + w1²) has none near 0 for h = -1 and large p
+    let fault = flow(&traced(9.0), [0.0, 0.0], false, -1.0);
+    assert!(matches!(fault, Err(Fault::NotConverged(_))), "{fault:?}");
+    let far = flow(&traced(0.7), [1e200, 1e200], false, 0.1);
+    assert!(
+        matches!(far, Err(Fault::NotFinite | Fault::NotConverged(_))),
+        "{far:?}"
+    );
+}
+
+#[test]
 fn the_derivative_of_a_flow_is_that_of_its_differences_and_has_determinant_one() {
-    let plane = plane(Bounds::Periodic);
+    for plane in [plane(Bounds::Periodic), traced(0.7)] {
+        has_its_derivative(&plane);
+    }
+}
+
+fn has_its_derivative(plane: &Plane) {
     let (start, h) = ([0.9, 2.4], 0.6);
     for is_adjoint in [false, true] {
-        let made = flow_of(&plane, start, is_adjoint, h);
+        let (mut memory, mut columns) = (plane.memory(), Vec::new());
+        let mut made = flow_of(plane, &mut memory, start, (is_adjoint, h));
         let after = made.run(InstructionSet::default()).expect("a flow");
-        let rows = made.derivative(after).expect("a derivative");
-        let determinant = rows[0][0] * rows[1][1] - rows[0][1] * rows[1][0];
+        made.derivative(after, &mut columns).expect("a derivative");
+        let determinant = columns[0][0] * columns[1][1] - columns[0][1] * columns[1][0];
         assert!((determinant - 1.0).abs() < 1e-14, "{determinant}");
-        assert!((rows[0][0] - 1.0).abs() > 1e-2);
+        assert!((columns[0][0] - 1.0).abs() > 1e-2);
         for column in 0..3 {
             let apart = |by: f64| {
                 let mut at = [start[0], start[1], h];
                 at[column] += by;
-                flow(&plane, [at[0], at[1]], is_adjoint, at[2]).expect("a flow")
+                flow(plane, [at[0], at[1]], is_adjoint, at[2]).expect("a flow")
             };
             let d = 1e-3;
             let ends = [apart(d), apart(-d), apart(2.0 * d), apart(-2.0 * d)];
             for i in 0..2 {
                 let slope = |a: [f64; 2], b: [f64; 2]| a[i] - b[i];
                 let near = 8.0 * slope(ends[0], ends[1]) - slope(ends[2], ends[3]);
-                let error = near / (12.0 * d) - rows[i][column];
+                let error = near / (12.0 * d) - columns[column][i];
                 assert!(error.abs() < 1e-9, "{i}, {column}: {error:e}");
             }
         }
@@ -96,8 +160,9 @@ fn every_instruction_set_gives_the_same_bits() {
     let plane = plane(Bounds::Periodic);
     let x = [1.3, 5.6, 0.0, 0.0];
     let ends = InstructionSet::all().into_iter().map(|machine| {
-        let flow = PlaneFlow {
+        let mut flow = PlaneFlow {
             plane: &plane,
+            memory: &mut plane.memory(),
             x,
             is_adjoint: false,
             h: 0.5,
@@ -148,7 +213,7 @@ fn what_makes_no_basis_or_plane_is_refused() {
         })
     );
     let axes = [3, 3].map(|cells| axis(cells, Bounds::Open).expect("an axis"));
-    let short = Plane::new(Vec::new(), axes, vec![0.0; 35], [vec![0.0], vec![0.0]]);
+    let short = Spline::new(Vec::new(), axes, vec![0.0; 35], [vec![0.0], vec![0.0]]);
     let wanted = Malformed::Size {
         name: "coefficients",
         found: 35,

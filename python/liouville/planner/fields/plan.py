@@ -72,8 +72,10 @@ class FieldPlan(Plan):
         The first pieces in words, and why.
     trials : tuple of Trial
         The candidates of the trial run, the best one first.
-    is_gridded : bool
-        Whether the pieces are planes of a gridded field, whose coefficients are counted as terms.
+    has_planes : bool
+        Whether the pieces are planes.
+    counted : str
+        What is counted as terms: "coefficients" of a gridded field, "operations" of a potential.
     """
 
     form: ClassVar[str] = "field"
@@ -88,7 +90,8 @@ class FieldPlan(Plan):
     cost: float
     pieces: tuple[str, ...] = ()
     trials: tuple[Trial, ...] = field(default=(), repr=False)
-    is_gridded: bool = False
+    has_planes: bool = False
+    counted: str = "terms"
 
     def split(self, terms: Terms, names: Sequence[str] | None = None) -> Split:
         """Split a field as planned; `names` are those of its variables, for messages.
@@ -98,7 +101,7 @@ class FieldPlan(Plan):
         ValueError
             The plan was made for another field.
         """
-        if self.is_gridded or (terms.n, len(terms)) != (self.n, self.terms):
+        if self.has_planes or (terms.n, len(terms)) != (self.n, self.terms):
             raise ValueError(
                 hinted(
                     f"the plan is for a field of {self.n} variables and {self.terms} terms, not "
@@ -123,12 +126,10 @@ class FieldPlan(Plan):
 
     def _lines(self) -> list[str]:
         m = self.method
-        words, counted = _words(m), "terms"
-        if self.is_gridded:
-            words, counted = "planes by symplectic Euler", "coefficients"
+        words = "planes by symplectic Euler" if self.has_planes else _words(m)
         lines = [
             f"{m.composition} of {len(self.order)} pieces: {words}",
-            f"  {self.n} variables, {self.terms} {counted}, h = {self.h:g}; "
+            f"  {self.n} variables, {self.terms} {self.counted}, h = {self.h:g}; "
             f"a step takes about {self.cost:.3g} operations",
             *self._why,
             "pieces, in the order of the first half of a step",
@@ -155,7 +156,7 @@ class FieldPlan(Plan):
         )
         method = _splitting(given.pop("method"))
         plan = cls(method=method, trials=trials, **decoded(given))
-        if plan.method.is_open and not (plan.is_gridded and plan.method.order):
+        if plan.method.is_open and not (plan.has_planes and plan.method.order):
             raise ValueError("its method leaves something to choose")
         check_kinds(plan, {"n": int, "terms": int, "seed": int, "h": float, "cost": float})
         counts = (("order", len(plan.order)), ("directions", plan.n if plan.directions else 0))

@@ -12,17 +12,20 @@ from numpy.typing import ArrayLike
 from liouville.errors import hinted
 from liouville.systems import _trace
 from liouville.systems._expressions import Symbols
-from liouville.systems._field import Field
 from liouville.systems._observer import Observer
+from liouville.systems._plane_field import PlaneField, Planes, planes_of
 from liouville.systems.gridded import checks, islands, reading
 from liouville.systems.gridded.axis import Array
 from liouville.systems.gridded.coordinates import KINDS, Coordinates
 from liouville.systems.gridded.data import Given
-from liouville.systems.gridded.planes import Planes, made_of, planes_of
+from liouville.systems.gridded.planes import made_of
 from liouville.systems.gridded.potential import Potential, steepest
 
+#: Newton's corrections of a flow, about.
+CORRECTIONS = 3
 
-class GriddedField(Field):
+
+class GriddedField(PlaneField):
     r"""A divergence-free vector field given on a grid, in two or three dimensions.
 
     .. math::
@@ -125,6 +128,8 @@ class GriddedField(Field):
     GriddedField(x, y, z; 16 x 16 x 16 cells, splines of degree 3)
     >>> run = lv.integrate(field, lv.VolumeSplitting(), t=(0, 5), h=0.1, x=[0.1, 0.2, 0.3])
     """
+
+    kind, counted = "gridded", "coefficients"
 
     def __init__(
         self,
@@ -283,14 +288,11 @@ class GriddedField(Field):
         )
         self._made: Planes | None = None
 
-    # the core
+    # planes
 
-    @property
-    def planes(self) -> Planes:
-        """The planes as the core has them, each with its variables: frozen ones, then two."""
-        if self._made is None:
-            self._made = made_of(self._axes, self._time, self._a, self._means)
-        return self._made
+    def _make(self) -> Planes:
+        """Hand the planes to the core."""
+        return made_of(self._axes, self._time, self._a, self._means)
 
     def _state(self) -> dict[str, Any]:
         """Return what is pickled: the planes are made again."""
@@ -320,6 +322,22 @@ class GriddedField(Field):
         """How many coefficients there are."""
         return sum(each.size for each in self._a)
 
+    def operations(self, number: int) -> int:
+        """Return about how many additions and multiplications a flow of a plane takes."""
+        p = self.degree
+        frozen: int = p ** (len(self.planes[number][1]) - 2)
+        window = (p + 1) * (p + 3)
+        return 2 * window * (frozen + 2) + CORRECTIONS * 6 * (p + 1) ** 2
+
+    def said(self) -> list[str]:
+        """Say what there is to know of the field, for plans."""
+        return [f"{self.divergence:.1e} of the velocity was taken off, which had a divergence"]
+
+    def steepness(self, rows: np.ndarray) -> float:
+        """Return a bound of the mixed derivatives of A, the same at all states."""
+        del rows
+        return self.steepest
+
     def with_params(self, params: Mapping[str, ArrayLike] | np.ndarray | None) -> Self:
         """Return the field: it has no parameters; ValueError names one that is given."""
         if not isinstance(params, np.ndarray):
@@ -342,31 +360,6 @@ class GriddedField(Field):
                 hint = "field.states_of translates points" if self._kind.kind != "cartesian" else ""
                 raise ValueError(hinted(sentence, hint) if hint else sentence)
         return x
-
-    def velocity(self, x: ArrayLike, t: float = 0.0) -> Array:
-        """Return the velocity of states x, shape (..., n); NaN outside the grid."""
-        return self._sampled(x, t)[1]
-
-    def potential(self, x: ArrayLike, t: float = 0.0) -> Array:
-        """Return the potential at states x: of a plane the stream function, shape (...), else A.
-
-        The mean flow has none on a periodic axis, and is not in it.
-        """
-        return self._sampled(x, t)[0]
-
-    def _sampled(self, x: ArrayLike, t: float) -> tuple[Array, Array]:
-        x = np.asarray(x, dtype=float)
-        n = len(self.coordinates)
-        if x.ndim == 0 or x.shape[-1] != n:
-            raise ValueError(f"x has shape {x.shape}, wanted (..., {n})")
-        rows = self.extended(x.reshape(-1, n), t)
-        a, v = np.zeros((len(rows), 3)), np.zeros((len(rows), n))
-        for plane, order in self.planes:
-            found = plane.sample(np.ascontiguousarray(rows[:, order])).reshape(-1, 3)
-            a[:, 3 - sum(order[-2:])] = found[:, 0]
-            v[:, order[-2:]] += found[:, 1:]
-        potential = a[:, 2] if n == 2 else a
-        return potential.reshape((*x.shape[:-1], *potential.shape[1:])), v.reshape(x.shape)
 
     def states_of(self, points: ArrayLike) -> Array:
         """Return the states of points in the user's coordinates, shape (..., n)."""

@@ -7,16 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from liouville import _core
+from liouville.systems._plane_field import Planes, planes_of
 from liouville.systems.gridded.axis import Array, Axis
 from liouville.systems.gridded.potential import kinds_of
-
-#: Planes, each with its variables: frozen ones, then the two that move.
-Planes = list[tuple[_core.Plane, tuple[int, ...]]]
-
-
-def planes_of(n: int) -> list[tuple[int | None, tuple[int, int]]]:
-    """Return the frozen coordinate of each component of the potential, and its plane."""
-    return [(None, (0, 1))] if n == 2 else [(0, (1, 2)), (1, (2, 0)), (2, (0, 1))]
 
 
 def made_of(

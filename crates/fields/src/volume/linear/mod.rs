@@ -18,6 +18,7 @@ use affine::AffineFlows;
 use liouville_base::error::StepError;
 use liouville_base::real::Number;
 use liouville_base::tape::Registers;
+use liouville_gridded::Memory;
 use map::LinearMap;
 use std::sync::Arc;
 pub(crate) use steps::LinearSteps;
@@ -50,6 +51,9 @@ struct LinearScratch {
     stages: [Vec<f64>; 2],
     order: Vec<usize>,
     affine: AffineFlows,
+    /// Of each piece that is a plane, and columns of the derivative of its flow.
+    planes: Vec<Memory>,
+    columns: Vec<[f64; 2]>,
 }
 
 /// A flow whose derivative is wanted.
@@ -66,7 +70,8 @@ struct LinearFlow {
 /// No place in an order.
 const NOWHERE: usize = usize::MAX;
 
-/// How many coefficients a piece has: those of its terms, rates, or entries of a matrix row by row and a vector.
+/// How many coefficients a piece has: those of its terms, rates, entries of a matrix row by row and a vector, or the
+/// parameters of a plane.
 fn coefficients(piece: &Piece, n: usize) -> usize {
     match piece {
         Piece::Natural { change, .. }
@@ -75,7 +80,7 @@ fn coefficients(piece: &Piece, n: usize) -> usize {
         | Piece::Triangular { change, .. } => change.terms(),
         Piece::Exponential { rates, .. } => rates.len(),
         Piece::Affine { .. } => n * n + n,
-        Piece::Plane { .. } => 0,
+        Piece::Plane { plane, .. } => plane.params().len(),
     }
 }
 
@@ -114,6 +119,7 @@ impl LinearFlows {
             places: (0..n).chain(functions..results).collect(),
             registers: registers.collect(),
             order: vec![NOWHERE; n],
+            planes: split.pieces().iter().map(pieces::memory).collect(),
             ..LinearScratch::default()
         };
         Self {

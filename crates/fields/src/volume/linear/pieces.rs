@@ -1,11 +1,11 @@
 //! The derivatives of shears, scalings, exponentials and planes.
 
-use super::{LinearFlow, LinearFlows, LinearMap};
+use super::{LinearFlow, LinearFlows, LinearMap, LinearScratch};
 use crate::problem::{Piece, Polynomials};
 use liouville_base::error::StepError;
 use liouville_base::real::Number;
 use liouville_base::simd::InstructionSet;
-use liouville_gridded::{Plane, PlaneFlow};
+use liouville_gridded::{Memory, Plane, PlaneFlow};
 
 /// How many intermediate results the derivative of a piece's flow has.
 pub(super) fn results(piece: &Piece, n: usize) -> usize {
@@ -15,6 +15,14 @@ pub(super) fn results(piece: &Piece, n: usize) -> usize {
         Piece::Exponential { .. } | Piece::Plane { .. } => 2,
         Piece::Triangular { order, b, .. } => 2 * order.len() * b.len(),
         Piece::Affine { .. } => 2 * n,
+    }
+}
+
+/// Memory for the flows of a piece that is a plane.
+pub(super) fn memory(piece: &Piece) -> Memory {
+    match piece {
+        Piece::Plane { plane, .. } => plane.memory(),
+        _ => Memory::default(),
     }
 }
 
@@ -145,16 +153,23 @@ impl LinearFlows {
         for (x, variable) in x.iter_mut().zip(variables) {
             *x = self.scratch.values[*variable];
         }
-        let made = PlaneFlow {
+        let LinearScratch {
+            planes, columns, ..
+        } = &mut self.scratch;
+        let mut made = PlaneFlow {
             plane,
+            memory: &mut planes[flow.part],
             x,
             is_adjoint: flow.is_adjoint,
             h: flow.h,
         };
         let after = made.run(InstructionSet::default());
-        let found = after.and_then(|after| Ok((after, made.derivative(after)?)));
+        let found = after.and_then(|after| {
+            made.derivative(after, columns)?;
+            Ok(after)
+        });
         // the step itself has been made before, and says more
-        let Ok((after, rows)) = found else {
+        let Ok(after) = found else {
             return Err(StepError::Outside {
                 index: variables[0],
                 member: 0,
@@ -162,12 +177,19 @@ impl LinearFlows {
             });
         };
         let moved = &variables[plane.frozen()..];
-        for (k, row) in rows.iter().enumerate() {
+        let columns = &self.scratch.columns;
+        let (own, others) = columns.split_at(variables.len());
+        for k in 0..2 {
             map.scale(self.results + k, 0.0);
-            for (variable, entry) in variables.iter().zip(row) {
-                map.add(self.results + k, *variable, *entry);
+            for (variable, column) in variables.iter().zip(own) {
+                map.add(self.results + k, *variable, column[k]);
             }
-            self.by_length(self.results + k, flow.weight * row[variables.len()], map);
+            self.by_length(self.results + k, flow.weight * others[0][k], map);
+            if self.has_coefficients {
+                for (slot, column) in (self.first[flow.part]..).zip(&others[1..]) {
+                    map.add(self.results + k, slot, column[k]);
+                }
+            }
         }
         for (k, &variable) in moved.iter().enumerate() {
             map.scale(variable, 0.0);

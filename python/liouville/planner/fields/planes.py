@@ -1,4 +1,4 @@
-"""Plans of gridded fields: their pieces are known, the step has to be short enough."""
+"""Plans of fields by planes: their pieces are known, the step has to be short enough."""
 
 from __future__ import annotations
 
@@ -12,21 +12,23 @@ from liouville.methods.composition import SCHEMES
 from liouville.planner.fields.plan import FieldPlan
 from liouville.planner.plan import AGAIN
 from liouville.splitting import Natural, Plane, PlaneSplit
-from liouville.systems.gridded import GriddedField
+from liouville.systems._plane_field import PlaneField
 from liouville.terms import Terms
 
-#: The composition where none is asked for, by the degree of the splines: of higher ones the order
+#: The composition where none is asked for, by the degree of splines: of higher ones the order
 #: is lost at the faces of cells.
-USUAL = {3: "BM4", 5: "BM6"}
+USUAL = {None: "BM4", 3: "BM4", 5: "BM6"}
 
 #: Equations have a solution below 1, which is near to its start below this.
 MOST = 0.9
 
 
-def plan_gridded(
-    system: GriddedField, method: VolumeSplitting | FieldPlan, h: float
+def plan_planes(
+    system: PlaneField, method: VolumeSplitting | FieldPlan, h: float, rows: np.ndarray
 ) -> tuple[FieldPlan, PlaneSplit]:
-    """Return the plan of a gridded field for steps h, and the field split by it.
+    """Return the plan of a field for steps h from states, and the field split by it.
+
+    The rows of states have the time too, if the field depends on it.
 
     Raises
     ------
@@ -37,25 +39,26 @@ def plan_gridded(
     """
     parts = split_of(system)
     if isinstance(method, FieldPlan):
-        if not method.is_gridded or (method.n, method.terms) != (parts.n, system.size):
+        if not method.has_planes or (method.n, method.terms) != (parts.n, system.size):
             sentence = (
-                f"the plan is not for a gridded field of {parts.n} variables and {system.size} "
-                f"coefficients: {method!r}"
+                f"the plan is not for a {system.kind} field of {parts.n} variables and "
+                f"{system.size} {system.counted}: {method!r}"
             )
             raise ValueError(hinted(sentence, AGAIN))
-        check_step(system, method.method.composition, h)
+        check_step(system, method.method.composition, h, rows)
         return method, parts
     _check_method(method)
     name = USUAL[system.degree] if method.composition == "auto" else method.composition
     scheme = SCHEMES[name]
-    theta = check_step(system, name, h)
-    order = min(int(scheme["order"]), system.degree)
+    theta = check_step(system, name, h, rows)
+    order = order_of(system, int(scheme["order"]))
     found = replace(method, composition=name)
+    splines = "" if system.degree is None else f"splines of degree {system.degree}: "
     reasons = [
         f"equations of a flow: theta = {theta:.2g} of the {MOST} that are taken; h up to "
-        f"{longest_step(system, name):.3g}",
-        f"splines of degree {system.degree}: order {order}",
-        f"{system.divergence:.1e} of the velocity was taken off, which had a divergence",
+        f"{longest_step(system, name, rows):.3g}",
+        f"{splines}order {order}",
+        *system.said(),
     ]
     cost = len(scheme["flows"]) * sum(piece.operations for piece in parts.pieces)
     names = system.variables
@@ -66,13 +69,18 @@ def plan_gridded(
     plan = FieldPlan(
         method=found, order=tuple(range(len(parts.pieces))), directions=(), n=parts.n,
         terms=system.size, h=abs(h), seed=0, cost=float(cost), pieces=pieces,
-        reasons=tuple(reasons), is_gridded=True,
+        reasons=tuple(reasons), has_planes=True, counted=system.counted,
     )  # fmt: skip
     return plan, parts
 
 
-def split_of(system: GriddedField) -> PlaneSplit:
-    """Return the pieces of a gridded field."""
+def order_of(system: PlaneField, order: int) -> int:
+    """Return the order of a composition for this field."""
+    return order if system.degree is None else min(order, system.degree)
+
+
+def split_of(system: PlaneField) -> PlaneSplit:
+    """Return the pieces of a field."""
     n = len(system.variables)
     time = Terms(n, np.array([n - 1]), np.ones(1), np.full((1, 1), -1))
     shear = (Natural(time),) if system.is_driven else ()
@@ -80,23 +88,25 @@ def split_of(system: GriddedField) -> PlaneSplit:
     return PlaneSplit(n, (*shear, *planes))
 
 
-def longest_step(system: GriddedField, scheme: str) -> float:
-    """Return the longest step that is taken."""
-    largest = max(abs(float(alpha)) for alpha in _stages(scheme))
-    return MOST / (largest * system.steepest) if system.steepest else np.inf
+def longest_step(system: PlaneField, scheme: str, rows: np.ndarray) -> float:
+    """Return the longest step that is taken, from these states."""
+    largest, steep = max(abs(float(alpha)) for alpha in _stages(scheme)), system.steepness(rows)
+    return MOST / (largest * steep) if steep else np.inf
 
 
-def check_step(system: GriddedField, scheme: str, h: float) -> float:
+def check_step(system: PlaneField, scheme: str, h: float, rows: np.ndarray) -> float:
     """Refuse a step whose equations may have no solution, else return theta."""
-    longest = longest_step(system, scheme)
+    longest = longest_step(system, scheme, rows)
     theta = MOST * abs(h) / longest
     if theta >= MOST:
+        what, more = ("grid", "; smoother data take longer steps")
+        if system.degree is None:
+            what, more = ("field and start", "")
         sentence = (
-            f"a step of {abs(h):g} is too long for this grid: the equations of {scheme} have "
+            f"a step of {abs(h):g} is too long for this {what}: the equations of {scheme} have "
             f"solutions for sure up to {longest:.3g}"
         )
-        hint = f"give a smaller h, up to {0.99 * longest:.3g}; smoother data take longer steps"
-        raise ValueError(hinted(sentence, hint))
+        raise ValueError(hinted(sentence, f"give a smaller h, up to {0.99 * longest:.3g}{more}"))
     return theta
 
 
@@ -108,5 +118,5 @@ def _check_method(method: VolumeSplitting) -> None:
     usual = VolumeSplitting()
     for name in ("diagonal", "off_diagonal", "linear", "runge_kutta"):
         if getattr(method, name) != getattr(usual, name):
-            sentence = f"{name}= is for polynomial fields: a gridded field is split into planes"
+            sentence = f"{name}= is for polynomial fields: this field is split into planes"
             raise TypeError(hinted(sentence, "VolumeSplitting(composition='BM4') has all there is"))

@@ -1,4 +1,4 @@
-"""Runs of a gridded field, or of an ensemble of its states."""
+"""Runs of a field by planes, or of an ensemble of its states."""
 
 from __future__ import annotations
 
@@ -10,12 +10,18 @@ from liouville.control import Steps
 from liouville.errors import hinted
 from liouville.methods import VolumeSplitting
 from liouville.planner import FieldPlan
-from liouville.planner.fields.gridded import USUAL, longest_step, plan_gridded
+from liouville.planner.fields.planes import (
+    USUAL,
+    longest_step,
+    order_of,
+    plan_planes,
+    split_of,
+)
 from liouville.runners.field import TAKES, FieldRunner
 from liouville.runners.runner import Request
-from liouville.splitting import PlaneSplit
+from liouville.splitting import Plane, PlaneSplit
 from liouville.systems import Field
-from liouville.systems.gridded import GriddedField
+from liouville.systems._plane_field import PlaneField
 
 #: Trial runs begin with this part of the longest step.
 FIRST = 0.5
@@ -24,38 +30,45 @@ FIRST = 0.5
 ROUNDOFF = 1e-12
 
 
-class GriddedRunner(FieldRunner):
-    """Runs a gridded field, or an ensemble of its states; see :class:`FieldRunner`."""
+class PlaneRunner(FieldRunner):
+    """Runs a field by planes, or an ensemble of its states; see :class:`FieldRunner`."""
 
     split: PlaneSplit
 
     def __init__(
         self, system: Field, method: VolumeSplitting | FieldPlan, request: Request
     ) -> None:
-        _check_times(_gridded(system), request.steps_of(system, TAKES))
+        _check_times(_planar(system), request.steps_of(system, TAKES))
         super().__init__(system, method, request)
 
     def _planned(self, method: VolumeSplitting | FieldPlan, h: float) -> Any:
         """Return the plan for steps h, and the field split by it."""
-        return plan_gridded(_gridded(self.system), method, h)
+        return plan_planes(_planar(self.system), method, h, self.x)
+
+    def _own_plan(self, system: Field, h: float) -> Any:
+        """Return the plan of all, and the field of a member split by it."""
+        del h
+        return self.choice, split_of(_planar(system))
 
     def _rates(self, x: np.ndarray, t: float) -> np.ndarray:
         """Return the rates of states x, shape (P, n)."""
-        return np.nan_to_num(_gridded(self.system).velocity(x, t))
+        rates: np.ndarray = np.nan_to_num(_planar(self.system).velocity(x, t))
+        return rates
 
     def _planned_once(
         self, method: VolumeSplitting | FieldPlan, h: float, x: np.ndarray, t: float
     ) -> tuple[VolumeSplitting | FieldPlan, int, float]:
         """Return the plan for trial runs, its order, and the step that they begin with."""
-        del x, t
-        system = _gridded(self.system)
+        system = _planar(self.system)
+        rows = system.extended(x, t)
         own = method.method if isinstance(method, FieldPlan) else method
         name = USUAL[system.degree] if own.composition == "auto" else own.composition
-        h = float(np.copysign(min(abs(h), FIRST * longest_step(system, name)), h))
-        plan, _ = plan_gridded(system, method, h)
+        longest = FIRST * longest_step(system, name, rows)
+        h = float(np.copysign(min(abs(h), longest), h))
+        plan, _ = plan_planes(system, method, h, rows)
         order = plan.method.order
         assert order is not None, "a plan leaves nothing open"
-        return plan, min(order, system.degree), h
+        return plan, order_of(system, order), h
 
     def _described(self, error: dict[str, Any]) -> Any:
         if error["kind"] == "outside" and self.system.variables[error["index"]] == "t":
@@ -70,15 +83,24 @@ class GriddedRunner(FieldRunner):
                 "try a smaller h",
                 "stages",
             )
+        if error["kind"] == "singular function":
+            piece = self.split.pieces[error["piece"]]
+            assert isinstance(piece, Plane)
+            what = piece.described(self.system.variables)
+            return (
+                f"the potential of the {what} is not finite, or its derivatives are not",
+                "keep away from where it is singular, or try a smaller h",
+                "potential",
+            )
         return super()._described(error)
 
 
-def _gridded(system: Field) -> GriddedField:
-    assert isinstance(system, GriddedField)
+def _planar(system: Field) -> PlaneField:
+    assert isinstance(system, PlaneField)
     return system
 
 
-def _check_times(system: GriddedField, steps: Steps) -> None:
+def _check_times(system: PlaneField, steps: Steps) -> None:
     """Refuse a run beyond the samples of a field that depends on time."""
     if system.times is None:
         return

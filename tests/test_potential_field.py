@@ -1,0 +1,242 @@
+"""Fields by their vector potential: volume, orders, derivatives, and what is refused."""
+
+import pickle
+
+import casadi as ca
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import liouville as lv
+
+V = lv.VolumeSplitting
+X = [0.3, 0.2, -0.4]
+
+
+def in_space(t, x, params):
+    """Return a potential that is no sum of waves, with time and parameters."""
+    x, y, z = ca.vertsplit(x)
+    return [
+        params.a * ca.sin(y + z) / (2 + ca.cos(x) * ca.sin(z)),
+        ca.tanh(ca.sin(x - z)) / (1.5 + ca.cos(y)),
+        ca.log(2 + ca.cos(x) * params.b[0] * ca.sin(y)) * (1 + params.b[1] * ca.cos(t)),
+    ]
+
+
+def space():
+    return lv.PotentialField(in_space, x=("x", "y", "z"), params={"a": 1.0, "b": [0.9, 0.3]})
+
+
+def plane():
+    """Return a steady flow whose stream function is no product."""
+
+    def psi(t, x, params):
+        return ca.log(1 + x[0] ** 2 + 2 * x[1] ** 2 + x[0] * x[1] ** 2)
+
+    return lv.PotentialField(psi, x=("x", "y"), invariants={"psi": psi})
+
+
+def test_the_velocity_is_the_curl_and_a_run_follows_it():
+    field, d = space(), 1e-3
+    point, t = np.array(X), 0.7
+
+    def slope(j):
+        step = d * np.eye(3)[j]
+        ends = [field.potential(point + k * step, t) - field.potential(point - k * step, t)
+                for k in (1, 2, 3)]  # fmt: skip
+        return (45 * ends[0] - 9 * ends[1] + ends[2]) / (60 * d)
+
+    by = np.array([slope(j) for j in range(3)])  # by[j, k] = dA_k/dx_j
+    curl = [by[1, 2] - by[2, 1], by[2, 0] - by[0, 2], by[0, 1] - by[1, 0]]
+    assert np.abs(field.velocity(point, t) - curl).max() < 1e-12
+    run = lv.integrate(field, V(composition="BM6"), t=(0, 4), steps=400, x=X)
+    exact = solve_ivp(
+        lambda t, x: field.velocity(x, t), (0, 4), X, method="DOP853", rtol=1e-13, atol=1e-14
+    )
+    assert np.abs(run.x[-1] - exact.y[:, -1]).max() < 1e-12
+    assert np.abs(run.x[-1] - X).max() > 1
+
+
+@pytest.mark.parametrize(("name", "order"), [("S2", 2), ("BM4", 4), ("BM6", 6)])
+def test_steps_have_the_order_of_their_composition(name, order):
+    field, run = space(), {"t": (0, 4), "x": X}
+    best = lv.integrate(field, V(composition="SS10s35"), steps=400, **run).x[-1]
+    ends = [
+        lv.integrate(field, V(composition=name), steps=20 * 2**k, **run).x[-1] for k in range(4)
+    ]
+    slopes = -np.diff(np.log2([np.abs(end - best).max() for end in ends]))
+    assert np.abs(slopes - order).max() < 0.1
+    assert abs(slopes[-1] - order) < 0.02
+
+
+@pytest.mark.parametrize("make", [space, plane])
+def test_a_step_keeps_volume_and_is_undone(make):
+    field = make()
+    start = X[: len(field.coordinates)]
+    found = lv.determinant(field, V(), t=(0, 100), h=0.1, every=1000, x=start).observed
+    assert found["defect"][-1] < 2e-14
+    assert abs(found["log_determinant"][-1]) < 1e-12
+    there = lv.integrate(field, V(), t=(0, 10), h=0.1, x=start)
+    back = lv.integrate(field, V(), t=(10, 0), h=0.1, x=there.x[-1])
+    assert np.abs(back.x[-1] - start).max() < 1e-12
+
+
+def test_volume_is_kept_over_a_hundred_thousand_steps():
+    found = lv.determinant(space(), V(), t=(0, 1e4), h=0.1, every=10**5, x=X).observed
+    assert found["defect"][-1] < 1e-12
+    assert abs(found["log_determinant"][-1]) < 1e-11
+
+
+def test_a_steady_stream_function_does_not_drift():
+    field = plane()
+    psi = lv.integrate(field, V(), t=(0, 2000), h=0.1, every=20, x=[0.3, 0.2]).invariants["psi"]
+    early, late = (np.abs(part - psi[0]).max() for part in (psi[:200], psi[-200:]))
+    assert 0 < late < 2 * early < 1e-4
+
+
+def test_derivatives_are_those_of_the_discrete_run():
+    field = space()
+    found = lv.check_gradient(
+        field, V(), wrt=["x", "params.a", "params.b", "t0", "t1"], t=(0.2, 3), steps=20, x=X,
+        size=1e-3,
+    )  # fmt: skip
+    assert found.dot < 1e-13
+    assert found.differences < 1e-8
+    run = lv.integrate(field, V(), t=(0, 3), h=0.1, x=X, tangents={"params.b": [0.0, 1.0]})
+    d = 1e-3
+    ends = [
+        lv.integrate(field, V(), t=(0, 3), h=0.1, x=X, params={"b": [0.9, 0.3 + k * d]}).x[-1]
+        for k in (-2, -1, 1, 2)
+    ]
+    slope = (8 * (ends[2] - ends[1]) - (ends[3] - ends[0])) / (12 * d)
+    assert np.abs(run.tangents["params.b"].x[-1] - slope).max() < 1e-9
+
+
+def test_members_are_single_runs_with_parameters_of_their_own():
+    field, a = space(), np.array([0.8, 1.0, 1.3])
+    starts = np.random.default_rng(3).normal(size=(3, 3))
+    many = lv.ensemble(field, V(), t=(0, 3), h=0.1, x=starts, params={"a": a}, threads=2)
+    for k in range(3):
+        one = lv.integrate(field, V(), t=(0, 3), h=0.1, x=starts[k], params={"a": a[k]})
+        assert np.array_equal(one.x, many.x[:, k])
+    together = lv.ensemble(field, V(), t=(0, 3), h=0.1, x=starts)
+    assert np.array_equal(together.x[:, 1], many.x[:, 1])
+
+
+def test_a_member_without_a_solution_fails_alone():
+    def psi(t, x, params):
+        return ca.sqrt(x[0]) + 50 * x[0] * x[1] ** 2
+
+    field = lv.PotentialField(psi, x=("x", "y"))
+    starts = [[1.0, 0.02], [-1.0, 0.02], [1.0, 8.0]]
+    many = lv.ensemble(field, V(), t=(0, 0.05), h=0.01, x=starts)
+    assert set(many.failures) == {1, 2}
+    assert "potential of the plane of x and y is not finite" in str(many.failures[1])
+    assert "the equation of a plane was not solved" in str(many.failures[2])
+
+
+def test_times_events_sections_and_a_tolerance():
+    field = space()
+    times = [0.05, 1.23, 2.9]
+    at = lv.integrate(field, V(composition="BM6"), t=(0, 3), h=0.1, x=X, t_eval=times)
+    exact = solve_ivp(
+        lambda t, x: field.velocity(x, t), (0, 3), X, method="DOP853", rtol=1e-13, atol=1e-14,
+        t_eval=times,
+    )  # fmt: skip
+    assert np.abs(at.x - exact.y.T).max() < 2e-7
+    met = lv.integrate(
+        field, V(), t=(0, 3), h=0.1, x=X,
+        events={"up": lv.Event(lambda t, x, params: x[2] + 1.5, terminal=True)},
+    )  # fmt: skip
+    assert abs(met.x[-1, 2] + 1.5) < 1e-10
+    flat = lv.section(plane(), V(), t=(0, 60), h=0.1, plane="y", x=[[0.3, 0.2]])
+    assert len(flat.x) > 3
+    controlled = lv.integrate(field, V(), t=(0, 3), rtol=1e-7, x=X)
+    assert np.abs(controlled.x[-1] - lv.integrate(
+        field, V(composition="BM6"), t=(0, 3), steps=600, x=X).x[-1]).max() < 1e-7  # fmt: skip
+
+
+def test_flows_without_an_iteration_are_explicit():
+    """A separable potential needs no iteration, and the plan says so."""
+    field = lv.PotentialField(lambda t, x, params: x[0] ** 2 / 2 + ca.cosh(x[1]), x=("x", "y"))
+    plan = lv.plan(field, h=0.1, x=[0.1, 0.2])
+    assert "1 of the flows need no iteration" in str(plan)
+    again = lv.integrate(field, plan, t=(0, 1), h=0.1, x=[0.1, 0.2])
+    assert np.array_equal(again.x, lv.integrate(field, V(), t=(0, 1), h=0.1, x=[0.1, 0.2]).x)
+    one = lv.integrate(field, V(composition="S2"), t=(0, 0.2), steps=1, x=[0.1, 0.2]).x[-1]
+    # the adjoint for half a step, then the flow: x is first in the one, y in the other
+    x, y, h = 0.1, 0.2, 0.1
+    x = x + h * np.sinh(y)
+    y = y - h * x
+    y = y - h * x
+    x = x + h * np.sinh(y)
+    assert np.abs(one - [x, y]).max() < 1e-15
+
+
+def test_a_pickle_runs_alike():
+    field = space()
+    other = pickle.loads(pickle.dumps(field))
+    ends = [lv.integrate(f, V(), t=(0, 1), h=0.1, x=X, params={"a": 1.1}).x for f in (field, other)]
+    assert np.array_equal(*ends)
+    assert repr(other) == "PotentialField(x, y, z; 3 planes, driven)"
+
+
+@pytest.mark.parametrize(
+    ("call", "error", "sentence"),
+    [
+        (
+            lambda: lv.PotentialField(lambda t, x, params: x[0], x=4),
+            ValueError,
+            "two or three coordinates, not of 4\nhint: PolynomialField",
+        ),
+        (
+            lambda: lv.PotentialField(lambda t, x, params: [x[0], x[1]], x=("x", "y", "z")),
+            ValueError,
+            "potential returns 2 values, wanted 3",
+        ),
+        (
+            lambda: lv.PotentialField(lambda t, x, params: [x[0], x[1]], x=("x", "y")),
+            ValueError,
+            "potential returns 2 values, wanted a scalar",
+        ),
+        (
+            lambda: lv.PotentialField(lambda t, x, params: {"w": x[0]}, x=("x", "y", "z")),
+            ValueError,
+            "potential has a value for 'w', which is no coordinate",
+        ),
+        (
+            lambda: lv.PotentialField(lambda t, x, params: t, x=("x", "y")),
+            ValueError,
+            "nothing moves",
+        ),
+        (lambda: lv.PotentialField(3.0, x=2), TypeError, "potential is a function, not 3.0"),
+        (
+            lambda: lv.integrate(plane(), V(), t=(0, 90), h=30.0, x=X[:2]),
+            ValueError,
+            "a step of 30 is too long for this field and start: the equations of BM4",
+        ),
+        (
+            lambda: lv.integrate(plane(), V(diagonal="shears"), t=(0, 1), h=0.1, x=X[:2]),
+            TypeError,
+            "diagonal= is for polynomial fields",
+        ),
+        (
+            lambda: lv.integrate(plane(), lv.Spark(), t=(0, 1), h=0.1, x=X[:2]),
+            TypeError,
+            "Spark.*does not step potential fields; methods that do: VolumeSplitting, a plan",
+        ),
+        (
+            lambda: lv.integrate(plane(), V(), t=(0, 1), h=0.1, x=X[:2], params={"a": 1}),
+            ValueError,
+            "there is no parameter 'a'",
+        ),
+        (
+            lambda: lv.integrate(plane(), lv.plan(space(), h=0.1, x=X), t=(0, 1), h=0.1, x=X[:2]),
+            ValueError,
+            "the plan is not for a potential field of 2 variables and .* operations",
+        ),
+    ],
+)
+def test_what_makes_no_field_or_run_is_refused(call, error, sentence):
+    with pytest.raises(error, match=sentence):
+        call()
