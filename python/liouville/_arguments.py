@@ -20,7 +20,7 @@ SHORTEST = 1e-130
 
 
 def number(wanted: str, value: Any) -> float:
-    """Return a real number as a float; TypeError says what is wanted."""
+    """Return a real number as a float; TypeError has the type wanted."""
     if type(value) is float:
         return value
     if isinstance(value, (bool, np.bool_)) or not isinstance(

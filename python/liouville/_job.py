@@ -1,4 +1,4 @@
-"""What a run of the core begins with, beside its system and its method."""
+"""The job of a run: its start, steps, records and events, beside system and method."""
 
 from __future__ import annotations
 

@@ -25,7 +25,7 @@ SINGLE = {
 
 
 def check_options(names: Iterable[str], call: str) -> None:
-    """Refuse names that are meant as options of a call; TypeError says how they are spelled."""
+    """Refuse names that are meant as options of a call; TypeError has their spelling."""
     for name in names:
         hint = SPELLINGS.get(name)
         if call == "ensemble":

@@ -9,7 +9,7 @@ from liouville.errors import hinted
 
 
 def scipy(module: str, what: str) -> Any:
-    """Import a module of SciPy; ImportError says what needs it and which extra has it."""
+    """Import a module of SciPy; ImportError names what needs it and the extra that has it."""
     try:
         return import_module(f"scipy.{module}")
     except ImportError as error:

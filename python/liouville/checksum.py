@@ -122,5 +122,5 @@ def _crc_of(opened: Any, left: int) -> tuple[int, bytes]:
 
 
 def _crc_of_document(document: Document) -> str:
-    """Return the checksum of what a document says, however it is laid out."""
+    """Return the checksum of a document's content, independent of its layout."""
     return f"{zlib.crc32(json.dumps(document, sort_keys=True).encode()):08x}"

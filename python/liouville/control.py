@@ -152,7 +152,7 @@ class Steps:
 
     @property
     def unit(self) -> str:
-        """What progress is counted in."""
+        """The unit of progress."""
         return "steps" if self.control is None else "of time"
 
     def mean(self, end: float, steps: int) -> float:

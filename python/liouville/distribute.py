@@ -141,8 +141,8 @@ def distribute(
 def integrate_chunk(
     name: str, work: bytes | None, start: dict[str, Any], attempt: int
 ) -> Solution | None:
-    """Integrate a chunk, in a worker; None if the worker does not know the system of this name."""
-    del attempt  # it tells calls apart: some executors take equal ones for one
+    """Integrate a chunk, in a worker; None if the worker has no system of this name."""
+    del attempt  # it makes calls differ: some executors run equal ones once
     integrate = _cache.get(name)
     if integrate is None:
         if work is None:
@@ -367,7 +367,7 @@ def _has_died(error: BaseException) -> bool:
 
 
 def _workers(executor: Executor) -> int:
-    """Return how many threads an executor's workers have, as far as it tells."""
+    """Return how many threads an executor's workers have, as far as it is known."""
     for name in ("num_workers", "_max_workers"):
         found = getattr(executor, name, None)
         if isinstance(found, int) and found > 0:

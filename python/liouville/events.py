@@ -10,7 +10,7 @@ import numpy as np
 
 from liouville.errors import hinted
 
-#: What the states after a reset are called, behind the names of those before.
+#: The suffix of the names of states after a reset.
 AFTER = "_after"
 
 #: Which zeros count: the sign of the change.
@@ -97,7 +97,7 @@ class Event:
         The state after the event, with which the run goes on: an :class:`Impact`, or a function of
         the same arguments that returns the velocities after it (``p`` of a ``Hamiltonian``, ``z``
         of a ``Mechanical``, ``y`` of a ``SemiExplicit``), or a mapping of states, such as
-        ``{"q": ..., "v": ...}``. What it says is moved to the constraints, as
+        ``{"q": ..., "v": ...}``. This state is moved onto the constraints, as
         ``system.consistent`` moves a start, by impulses in the velocities. ``solution.events`` has
         both states: ``q`` and ``v`` before, ``q_after`` and ``v_after``.
 

@@ -68,7 +68,7 @@ class Pullback:
     wrt : tuple of str
         What gradients are by.
     adjoint : Adjoint
-        What the family of the system brings to it.
+        The part of it that the family of the system has.
     """
 
     def __init__(self, adjoint: Adjoint, solution: Solution) -> None:

@@ -1,4 +1,4 @@
-"""The one way to run anything."""
+"""The function that runs any system."""
 
 from __future__ import annotations
 
@@ -49,10 +49,10 @@ def integrate(
     Parameters
     ----------
     system : System
-        A Lagrangian, Hamiltonian, Mechanical, Structure, SemiExplicit, PolynomialField,
-        GriddedField, PotentialField or Schrodinger: what is integrated.
+        The system: a Lagrangian, Hamiltonian, Mechanical, Structure, SemiExplicit, PolynomialField,
+        GriddedField, PotentialField or Schrodinger.
     method : Method or Plan
-        How; see :doc:`/choose`. ``"auto"`` for a Schrödinger equation is
+        The method; see :doc:`/choose`. ``"auto"`` for a Schrödinger equation is
         ``SchrodingerSplitting()``. A plan is made by :func:`plan`.
     t : tuple of two floats, or sequence of float
         Start and end, in the system's unit of time; an end before the start goes backwards. A
@@ -65,7 +65,7 @@ def integrate(
     steps : int, optional
         Number of steps, instead of `h`.
     rtol : float, optional
-        Relative tolerance, which asks for controlled steps: the estimated error that a step adds
+        Relative tolerance, which makes the steps controlled: the estimated error that a step adds
         to the coordinates is at most ``atol + rtol * |y|``, in the root mean square over them; see
         :class:`Adaptive`. A polynomial field takes equal steps all the same, as many as keep the
         error of x within this until the end by trial runs of the whole time; `h` is the first step
@@ -74,8 +74,8 @@ def integrate(
         Absolute tolerance, for all coordinates or for each, in their own unit; ``rtol / 1000`` by
         default.
     control : Adaptive or Reversible, optional
-        What decides on the steps: an estimate of their error, which `rtol` alone asks for too, or
-        a monitor of the motion. By default they are equal. ``rtol`` alone gives the alpha family
+        The control of the steps: by an estimate of their error, as with `rtol` alone, or by a
+        monitor of the motion. By default they are equal. ``rtol`` alone gives the alpha family
         reversible steps on conservative systems, see :doc:`/theory/steps`; ``Adaptive()`` does not.
     every : int, default 1
         Keep one state in this many; the start and the end are always kept.
@@ -139,7 +139,7 @@ def integrate(
     ValueError
         An argument is out of range, or the start violates the constraints.
     MemoryError
-        What is to be kept would not fit in memory, or the matrices of the method.
+        The records, or the matrices of the method, would not fit in memory.
     IntegrationError
         A step failed; ``error.solution`` is what was computed before it.
     FileExistsError
@@ -148,7 +148,7 @@ def integrate(
     Notes
     -----
     Times are :math:`t_0 + n h`, computed and not summed up; those of steps that are not equal are
-    summed with what rounding loses.
+    sums with compensated rounding.
     """
     request = Request(
         t=t, h=h, steps=steps, rtol=rtol, atol=atol, control=control, every=every, t_eval=t_eval,

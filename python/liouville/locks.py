@@ -20,10 +20,10 @@ else:
 #: The byte that is locked; what is written before it can be read by all.
 BYTE = 1 << 20
 
-#: What systems answer where another process has the lock.
+#: Error numbers where another process has the lock.
 HELD = (errno.EACCES, errno.EAGAIN, errno.EDEADLK)
 
-#: The files locked here: the system knows processes, and no threads.
+#: The files locked here: locks of the system are between processes, not threads.
 _own: set[tuple[int, str]] = set()
 _guard = threading.Lock()
 

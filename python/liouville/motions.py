@@ -1,4 +1,4 @@
-"""What solutions of assemblies give besides: the motions of their bodies and joints."""
+"""The part of solutions for assemblies: the motions of their bodies and joints."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Motions:
         Raises
         ------
         ValueError
-            There is no such joint, or the solution is an ensemble or knows no system.
+            There is no such joint, or the solution is an ensemble or has no system.
         TypeError
             The system is not made of bodies.
         AttributeError

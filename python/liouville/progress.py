@@ -11,10 +11,10 @@ from typing import Any
 
 from liouville.errors import hinted
 
-#: What is called with how much is done, and of how much.
+#: A function of the amount done and of the total.
 Report = Callable[[float, float], None]
 
-#: What a call takes as ``progress=``.
+#: Values of ``progress=``.
 Progress = bool | Report | None
 
 #: Seconds between two lines of the plain bar.

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from liouville.planner import FieldPlan
     from liouville.runners.field import FieldRunner
 
-#: What the event is called that a surface is.
+#: Name of the event of a surface.
 SURFACE = "plane"
 
 #: Times are counted in periods to roundoff.

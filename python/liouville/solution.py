@@ -58,7 +58,7 @@ class Solution(States, Motions):
         ``constraint`` is :math:`g(t, q)`, ``hidden`` is :math:`g_t + g_q v`; ``nonholonomic``, of
         shape (k, l) and only where there are such constraints, is :math:`k(t, q, v)`.
     observed : dict of str to ndarray, shape (k,) or (k, j)
-        What ``observe=`` asked for, by name; of a wave function also its complex
+        The quantities of ``observe=``, by name; of a wave function also its complex
         ``autocorrelation``, :math:`\langle \psi(0) | \psi(t) \rangle`.
     balance : dict of str to ndarray, shape (k,)
         Where the energy of a Lagrangian or a Structure went, if the method records it: ``work``
@@ -109,7 +109,7 @@ class Solution(States, Motions):
         Members of an ensemble that an event ended, with which and when; what they have after it is
         NaN.
     tangents : dict of str to Tangent
-        Derivatives of the states in the directions that ``tangents=`` asked for, by name:
+        Derivatives of the states in the directions of ``tangents=``, by name:
         ``solution.tangents["params.l"].q``. Files do not keep them.
     reactions : ndarray, shape (k, n), or None
         The reaction forces of a solution that was loaded; :meth:`reaction` gives them.
@@ -277,7 +277,7 @@ class Solution(States, Motions):
         Raises
         ------
         ValueError
-            A time is outside the run; not all steps are kept; the solution was loaded and knows no
+            A time is outside the run; not all steps are kept; the solution was loaded and has no
             system, or is that of an ensemble; or the accelerations cannot be solved for.
         TypeError
             t is no array of numbers.
@@ -368,7 +368,7 @@ class Solution(States, Motions):
         Raises
         ------
         ValueError
-            There is no such constraint, or the solution knows no system or not all coordinates.
+            There is no such constraint, or the solution has no system or not all coordinates.
         TypeError
             The constraint is neither a name nor an index.
         AttributeError

@@ -1,4 +1,4 @@
-"""CasADi functions as tapes; this file alone knows CasADi's instruction codes."""
+"""CasADi functions as tapes; the only file with CasADi's instruction codes."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from liouville.errors import hinted
 
 _INPUT, _CONSTANT, _OUTPUT = -1, -2, -3
 
-#: What helps where an expression has another operation than those of a tape.
+#: The hint where an expression has another operation than those of a tape.
 ELEMENTARY = (
     "a tape takes + - * / and powers, square roots, exp, log, trigonometric and hyperbolic "
     "functions, fabs, sign, fmin, fmax, floor, ceil, comparisons and if_else of CasADi's"
@@ -175,7 +175,7 @@ def _function(
 
 
 def _ask(function: ca.Function, what: str) -> partial[Any]:
-    """Return the function that tells something of an instruction, without CasADi's wrapper.
+    """Return a query of an instruction, without CasADi's wrapper.
 
     Large systems have 10^5 instructions and more, and through the methods of the class each call
     takes three times as long.

@@ -1,4 +1,4 @@
-"""What is asked of a mechanism, or of a wave function, besides its motion."""
+"""Analyses of a mechanism, or of a wave function, besides its motion."""
 
 from liouville.analysis.equilibrium import Equilibrium, equilibrium
 from liouville.analysis.ground_state import GroundState, ground_state

@@ -26,7 +26,7 @@ DENSE = 128
 #: Vectors that Lanczos' method keeps, and how often it may begin again from the best of them.
 KEPT, RESTARTS = 20, 1000
 
-#: What roundoff leaves of an energy, as a part of the largest one.
+#: Roundoff of an energy, relative to the largest one.
 ROUNDOFF = 2e-15
 
 #: States that overlap by more than this are the same one.

@@ -69,7 +69,7 @@ class Linearization:
     lam: Array
 
     def __repr__(self) -> str:
-        """Count freedoms and say how far from an equilibrium the state is."""
+        """Show the number of freedoms and the distance of the state from an equilibrium."""
         free, rates = self.stiffness.shape[1], len(self.mass)
         rates_too = "" if rates == free else f", {rates} of velocities"
         off = np.abs(self.acceleration).max()

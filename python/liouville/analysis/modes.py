@@ -122,7 +122,7 @@ class Modes:
         return len(self.eigenvalues)
 
     def __repr__(self) -> str:
-        """List the first modes, and say which grow."""
+        """List the first modes, with those that grow."""
         lines = [f" {' '.join(filter(None, row))}" for row in self._rows(SHOWN)]
         if len(self) > SHOWN:
             lines.append(f" and {len(self) - SHOWN} more")

@@ -16,7 +16,7 @@ Signal = Callable[..., Any]
 
 
 class Actuation:
-    """What all actuators of a hinge or slide exert along it.
+    """The force of all actuators of a hinge or slide along it.
 
     An actuator makes gain times signal plus bias of its length, which is the joint's by the gear;
     both may be affine in length and rate. Signals, and forces, are kept to their ranges.

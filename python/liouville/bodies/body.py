@@ -300,7 +300,7 @@ def called(
     namespace: Any,
     size: int | None = 1,
 ) -> ca.SX:
-    """Call a user's function of expressions, by symbols of its own that messages know."""
+    """Call a user's function of expressions, by symbols of its own, which messages name."""
     fresh = {name: ca.SX.sym(name, ca.SX(x).numel()) for name, x in args.items()}
     found = _trace.column(what, function, {**fresh, "params": Known(namespace)}, size)
     return ca.substitute(

@@ -53,7 +53,7 @@ class Element:
 
     @property
     def functions(self) -> Iterator[tuple[str, Value, int]]:
-        """What is a function of the parameters, as that of a joint."""
+        """Its functions of the parameters, as those of a joint."""
         found = [("at", point, 3) for point in self.points]
         if self.kind == "spring":
             found += [(name, x, 1) for name, x in self.values.items()]

@@ -54,7 +54,7 @@ Frictions = Mapping[tuple[str, ...], "Coulomb"]
 
 @dataclass(frozen=True, kw_only=True)
 class Coulomb:
-    r"""Dry friction that knows its normal force N, regularised: ``friction=`` of a joint.
+    r"""Dry friction by the joint's own normal force N, regularised: ``friction=`` of a joint.
 
     .. math::
 

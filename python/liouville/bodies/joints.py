@@ -157,7 +157,7 @@ class Joint:
 
     @property
     def coordinates(self) -> tuple[str, ...]:
-        """What it leaves free and measures."""
+        """Its free coordinates and measures."""
         return tuple(axis.name for axis in self.axes) or KINDS[self.kind].coordinates
 
     @property
@@ -168,7 +168,7 @@ class Joint:
 
     @property
     def functions(self) -> Iterator[tuple[str, Value, int]]:
-        """What is a function of the parameters: its name, itself and how many numbers it has."""
+        """Its functions of the parameters: name, function and number of values of each."""
         found = [("at", point, 3) for point in self.points]
         found += [("at", axis.point, 3) for axis in self.axes]
         found += [("damping", x, 1) for x in self.damping.values()]
@@ -188,7 +188,7 @@ class Joint:
 
     @property
     def pattern(self) -> tuple[Any, ...]:
-        """What joints have in common whose equations have the same form."""
+        """The common part of joints whose equations have the same form."""
         return self.kind, *(axis.turns for axis in self.axes)
 
 
@@ -226,7 +226,7 @@ class Ends:
 
     @property
     def moving(self) -> tuple[Any, ...]:
-        """The velocity of b's point as a sees it, by components in the world."""
+        """The velocity of b's point relative to a, by components in the world."""
         return rot.minus(self.d_rate, rot.cross(self.of(self.poses.omega, 0), self.d))
 
     @property

@@ -1,4 +1,4 @@
-"""The Lagrangian of an assembly, which still knows its bodies and joints by name."""
+"""The Lagrangian of an assembly, with its bodies and joints by name."""
 
 from __future__ import annotations
 

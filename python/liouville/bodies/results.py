@@ -119,7 +119,7 @@ class JointMotion:
 
     @property
     def effort(self) -> Array:
-        """What dampers, motors and friction exert along the first coordinate, shape (k,)."""
+        """The force of dampers, motors and friction along the first coordinate, shape (k,)."""
         return self._only(self.efforts, next(iter(self.efforts), "effort"))
 
     def _only(self, found: dict[str, Array], name: str) -> Array:

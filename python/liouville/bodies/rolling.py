@@ -1,4 +1,4 @@
-"""What a ball or a wheel on a plane keeps: the height of its lowest point, and that it sticks."""
+"""Constraints of a ball or a wheel on a plane: the height of its lowest point, and rolling."""
 
 from __future__ import annotations
 

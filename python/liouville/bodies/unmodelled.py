@@ -1,4 +1,4 @@
-"""What a compiled model of MuJoCo's has and an assembly has not, by names that can be left out."""
+"""Features of MuJoCo's models that an assembly has not, by names that can be left out."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ EQUALITIES = ("connect", "weld", "joint")
 #: The most names of where something is.
 SHOWN = 6
 
-#: What can be left out, with what it is of.
+#: Features that can be left out, with the elements that have them.
 KNOWN: dict[str, str] = {
     "contact": "bodies",
     "limits": "joints",

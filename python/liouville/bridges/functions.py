@@ -166,7 +166,7 @@ class ConstrainedPoint(RunPoint):
 
     @property
     def wrt(self) -> list[str]:
-        """What the pullback is by: all states of a start that was moved."""
+        """The arguments of the pullback: all states, where the start was moved."""
         if self._is_consistent:
             return super().wrt
         others = [name for name in self.function.inputs if name not in self._moved]

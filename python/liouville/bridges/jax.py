@@ -15,10 +15,10 @@ from liouville.errors import hinted
 from liouville.methods import Method
 from liouville.runners import Request
 
-#: What runs make of arguments, of which they have a row for each member.
+#: Results of runs for arguments with a row for each member.
 Call = Callable[[RunMembers, list[Any]], list[Any]]
 
-#: What switches numbers of 64 bits on.
+#: The setting that enables numbers of 64 bits.
 SWITCH = 'jax.config.update("jax_enable_x64", True) before the first array'
 
 

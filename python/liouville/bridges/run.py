@@ -31,7 +31,7 @@ DOUBLE, COMPLEX = "float64", "complex128"
 
 
 def library(name: str, what: str) -> Any:
-    """Import a library that is an extra of its name; ImportError says what needs it."""
+    """Import a library that is an extra of its name; ImportError names what needs it."""
     try:
         return import_module(name)
     except ImportError as error:
@@ -206,7 +206,7 @@ class RunPoint:
 
     @property
     def wrt(self) -> list[str]:
-        """What the pullback is by."""
+        """The arguments of the pullback."""
         return [*self.function.inputs]
 
     @cached_property

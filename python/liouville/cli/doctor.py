@@ -74,7 +74,7 @@ def _version(name: str) -> str | None:
 
 
 def _features() -> set[str]:
-    """Return what NumPy knows of this processor; nothing where it does not say."""
+    """Return NumPy's description of this processor; nothing where there is none."""
     try:
         found = importlib.import_module("numpy._core._multiarray_umath").__cpu_features__
     except (ImportError, AttributeError):

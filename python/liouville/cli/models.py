@@ -1,4 +1,4 @@
-"""Models by name or file, and what they say of themselves."""
+"""Models by name or file, and their descriptions."""
 
 from __future__ import annotations
 

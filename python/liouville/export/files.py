@@ -31,7 +31,7 @@ PACKAGES = {
     ".parquet": ("pyarrow", "pyarrow.parquet"),
 }
 
-#: What other programs read and liouville does not, with what it lacks.
+#: Formats of other programs that liouville does not read, with what they lack.
 FOREIGN = {
     ".mat": "a MATLAB file holds arrays without the names of their axes",
     ".parquet": "a Parquet file holds only columns of numbers",
@@ -121,7 +121,7 @@ def _save_zarr(solution: Solution, path: Path) -> None:
     write_zarr(paired(to_xarray(solution)), path, {})
 
 
-#: What writes a solution, by the suffix of the file.
+#: Writers of a solution, by the suffix of the file.
 WRITERS: dict[str, Callable[[Solution, Path], None]] = {
     ".nc": _save_netcdf,
     ".zarr": _save_zarr,

@@ -17,7 +17,7 @@ from liouville.export.layout import Layout, laid_out, reactions
 from liouville.points import Points
 from liouville.solution import Solution
 
-#: The key of what an .npz file says of its arrays.
+#: The key of the description of the arrays in an .npz file.
 DESCRIPTION = "liouville"
 
 #: MATLAB takes names of so many letters.

@@ -15,7 +15,7 @@ from liouville.points import STATES, Points
 from liouville.solution import Array, Solution
 from liouville.systems import Mechanics
 
-# The attribute that tells our files from others, and the version of their layout.
+# The attribute that marks liouville's files, and the version of their layout.
 MARK, VERSION = "liouville_solution", 3
 
 # The axis of a state, where it is not "coordinate".

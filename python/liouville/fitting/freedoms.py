@@ -1,4 +1,4 @@
-"""What may be fitted, by name, and the directions in which a start may move."""
+"""The quantities that may be fitted, by name, and the directions in which a start may move."""
 
 from __future__ import annotations
 

@@ -13,7 +13,7 @@ from liouville.analysis.point import Array
 from liouville.errors import hinted
 from liouville.systems import Mechanics, SemiExplicit
 
-#: What is fitted.
+#: The quantities that are fitted.
 System: TypeAlias = Mechanics | SemiExplicit
 
 #: Times may be so far from equal distances, in units of these.

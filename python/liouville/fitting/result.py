@@ -1,4 +1,4 @@
-"""What a fit has found."""
+"""The result of a fit."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from liouville.solution import Solution
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Fit:
-    """What fits best, and how well it is known.
+    """The best fit, and its uncertainty.
 
     Attributes
     ----------

@@ -41,7 +41,7 @@ Method = (
     | WaveMethod
 )
 
-#: Every method by the name the command line knows it by.
+#: Every method by its name on the command line.
 METHODS: dict[str, type[Method]] = {
     "spark": Spark,
     "lobatto-pair": LobattoPair,

@@ -10,7 +10,7 @@ from liouville._arguments import number
 
 Coefficients = tuple[float, float, float, float]
 
-#: The reactions of a step are told apart by 1 - 2b, and roundoff in them grows as its inverse.
+#: The reactions of a step differ by 1 - 2b, and roundoff in them grows as its inverse.
 LEAST_GAP = 0.01
 
 _B = "weight of the last reaction of a step in the positions, not 1/2"
@@ -56,7 +56,7 @@ class HHT:
         From -1/3, which damps most, to 0, which damps nothing.
     b : float, default 1/3
         Weight of :math:`A_1` in the positions. With 1/3 the reactions add nothing to the leading
-        error of y; near 1/2 they cannot be told apart. Modes that taut constraints keep stiff are
+        error of y; near 1/2 they cannot be separated. Modes that taut constraints keep stiff are
         stable for :math:`h \omega < 2 / \sqrt{1 - 2 b}`, and for every h with b above 1/2.
     less_implicit : bool, default False
         Take :math:`A_1` at :math:`Y = y_0 + h z_0`, which is known before the step; order 2 too.

@@ -1,4 +1,4 @@
-"""Methods for the Schrödinger equation that know the Hamiltonian by its products."""
+"""Methods for the Schrödinger equation that use products with the Hamiltonian."""
 
 from __future__ import annotations
 
@@ -317,7 +317,7 @@ class StabilitySplitting:
 
 @dataclass(frozen=True)
 class GrayManolopoulos:
-    """Shears of an order in h, as many as the order asks for.
+    """Shears of an order in h, as many as the order takes.
 
     For steps of a size given by something else; at a tolerance, :class:`SchrodingerSplitting`
     takes fewer products.

@@ -12,10 +12,10 @@ MOST_STAGES = 64
 
 SOLVERS = ("auto", "node-schur", "newton")
 
-#: A looser iteration says nothing.
+#: The largest tolerance of the iteration.
 LARGEST_NEWTON_TOL = 1e-2
 
-NEWTON_TOL_HELP = "what the stage equations are solved to, by default roundoff"
+NEWTON_TOL_HELP = "the tolerance of the stage equations, by default roundoff"
 
 #: Where the stages are.
 POINTS = ("gauss", "radau")

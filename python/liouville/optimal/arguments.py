@@ -1,4 +1,4 @@
-"""What a user gives of an optimal control problem, checked: controls, bounds, times, guesses."""
+"""Arguments of an optimal control problem, checked: controls, bounds, times, guesses."""
 
 from __future__ import annotations
 

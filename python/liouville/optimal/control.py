@@ -75,7 +75,7 @@ def optimal_control(
     controls : sequence of str
         The parameters that are functions of time; an array is as many controls.
     cost : callable, optional
-        The running cost l, ``cost(t, q, v, params)``, a scalar that sees controls among `params`.
+        The running cost l, ``cost(t, q, v, params)``, a scalar, with the controls among `params`.
     final_cost : callable, optional
         The cost :math:`\varphi` of the end, ``final_cost(t, q, v, params)``; one of the two is
         needed.

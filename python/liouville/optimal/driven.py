@@ -14,7 +14,7 @@ from liouville.systems._expressions import Expressions
 from liouville.systems._form import Model, Nonholonomic
 from liouville.systems.traced import INVARIANT
 
-#: What a system keeps of its expressions, made again when it is wanted.
+#: Expressions of a system, made again at their first use.
 KEPT = ("_model", "second_order", "separable", "_states_tape")
 
 

@@ -36,7 +36,7 @@ class Hamiltonian:
         return np.array(slope).T, np.array(curvature).T.reshape(N, k, k)
 
     def minimum(self, at: tuple[Array, ...], u: Array, bounds: Array) -> Array | None:
-        """Return where it is least within bounds, from a guess; None where nothing says so.
+        """Return where it is least within bounds, from a guess; None where it is not determined.
 
         Controls that are in it linearly are at a bound, by the sign of its slope.
         """

@@ -21,7 +21,7 @@ from liouville.optimal.result import OptimalControl
 from liouville.optimal.transcription import Equations, Transcription
 from liouville.systems import Mechanics, _trace
 
-#: What IPOPT calls a solution.
+#: IPOPT's words for a solution.
 SOLVED = ("Solve_Succeeded", "Solved_To_Acceptable_Level")
 
 #: A final state may be off the one asked for by this part of its size.
@@ -32,7 +32,7 @@ MOST, TINY = 20, 1e-12
 
 
 class Problem:
-    """What was asked, checked, with its nonlinear program."""
+    """A checked request, with its nonlinear program."""
 
     def __init__(
         self, system: Any, method: Any, controls: Any, cost: Any, final_cost: Any, times: Times,
@@ -172,7 +172,7 @@ class Problem:
         return found
 
     def _nodal(self, t: Array, y: Array, z: Array, pi: Array, stages: Array) -> tuple[Array, str]:
-        """Return controls at nodes, and what is to be said of them."""
+        """Return controls at nodes, and a remark on them."""
         c = self.transcription.table["c"]
         ends = np.linalg.solve(
             np.vander(c, increasing=True).T, np.vander([0.0, 1.0], c.size, True).T

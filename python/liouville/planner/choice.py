@@ -51,7 +51,7 @@ def plan(
     seed: int = 0,
     trials: int = 50,
 ) -> FieldPlan | WavePlan:
-    r"""Choose what a method leaves open, and say why and what it costs, without a run.
+    r"""Choose the open settings of a method, with reasons and costs, without a run.
 
     How to split a polynomial field is chosen by its structure, then by trial runs on the user's own
     states; how to propagate a wave function by bounds of the error and the number of products.

@@ -93,7 +93,7 @@ class Plan(ABC):
     @classmethod
     @abstractmethod
     def _read(cls, given: dict[str, Any]) -> Self:
-        """Make a plan of what a file holds; any error says why it is none."""
+        """Make a plan of what a file holds; an error states why there is none."""
 
 
 def written(method: Any) -> dict[str, Any]:

@@ -2,9 +2,9 @@
 
 Each panel function draws on the axes it is given, or on a figure of its own, and returns the axes:
 ``plot.invariants(solution).figure.savefig("drift.pdf")``. A notebook shows them, and an overview.
-Nothing here touches ``pyplot``, so no window opens and no figure lingers. Colours are those of
-Okabe and Ito, told apart by all eyes; curves beyond seven run through the colours of viridis in
-order. ``plt.style.use(plot.STYLE)`` gives figures of your own the same look.
+Nothing here uses ``pyplot``, so no window opens and no figure lingers. Colours are those of
+Okabe and Ito, distinct in all kinds of colour vision; more than seven curves take the colours of
+viridis in order. ``plt.style.use(plot.STYLE)`` gives figures of your own the same look.
 """
 
 from liouville.plot.canvas import ANIMATIONS, COLOURS, FIGURES, FLOOR, STYLE, check

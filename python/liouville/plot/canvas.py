@@ -20,10 +20,10 @@ if TYPE_CHECKING:
 
 FIGURES, ANIMATIONS = (".png", ".pdf", ".svg"), (".gif", ".html", ".mp4")
 
-# A log axis has no zero: what is exactly kept is drawn here, below the roundoff of one operation.
+# A log axis has no zero: exact values are drawn here, below the roundoff of one operation.
 FLOOR = 1e-17
 
-#: What stands in the place of a unit that is not given.
+#: The unit in labels where none is given.
 UNITS = "(system's units)"
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 GREY = "#6e6e6e"
@@ -182,7 +182,7 @@ def text(name: str) -> str:
 
 def legend(axes: Axes, lines: Sequence[Any], names: Sequence[str], title: str) -> None:
     """Write a title, and below it names for lines, of which very many are not all named."""
-    if len(names) > 14:  # the ends and a few between tell the order of the colours
+    if len(names) > 14:  # the ends and a few between show the order of the colours
         last = len(names) - 1
         shown = [round(k * last / 5) for k in range(6)]
         lines, names = [lines[i] for i in shown], [names[i] for i in shown]

@@ -120,7 +120,7 @@ def draw_sizes(
     axes.set_yscale("log")
     lines = []
     for sizes, colour in zip(columns.values(), colours(len(columns)), strict=True):
-        # The start of a drift is zero by definition: it says nothing and stretches the axis.
+        # The start of a drift is zero by definition, and would stretch the axis.
         at = extremes(sizes)
         at = at[1:] if len(at) > 1 and not solution.initial else at
         shown, worst = np.maximum(sizes, FLOOR)[at], np.fmax.accumulate(sizes)[at]

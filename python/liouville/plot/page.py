@@ -142,7 +142,7 @@ def view(
 
 
 def _motion(scene: Scene, seconds: float | None, unit: str) -> dict[str, Any]:
-    """Return what the page knows of a motion."""
+    """Return the data of a motion for the page."""
     points = np.concatenate([np.empty((len(scene.t), 0, 3)), *scene.lines], axis=1)
     width = scene.poses[0].size + points[0].size + 3 * len(scene.traces)
     rows = thinned(len(scene.t), max(2, NUMBERS // width))

@@ -151,7 +151,7 @@ def invariants(
     -------
     Axes
         Dots are :meth:`~liouville.Solution.invariant_drift`, the largest of an ensemble, lines
-        their maximum so far. The label of the axis, or the name, says where it is absolute.
+        their maximum so far. The label of the axis, or the name, states where it is absolute.
 
     Raises
     ------

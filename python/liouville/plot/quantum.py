@@ -24,7 +24,7 @@ PIXELS = 1000
 # Times are equally far apart if they are so to this part.
 EQUAL = 1e-6
 
-# A spectrum has so many points for each that the times can tell apart.
+# Points of a spectrum for each frequency that the times resolve.
 PADDED = 8
 
 

@@ -17,7 +17,7 @@ from liouville.errors import hinted
 Picture = NDArray[np.uint8]
 Pictures = Callable[[Sequence[int] | None], Iterator[Picture]]
 
-#: Bits of each colour that a palette tells apart.
+#: Bits of each colour that a palette distinguishes.
 BITS = 5
 
 

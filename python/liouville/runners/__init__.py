@@ -1,4 +1,4 @@
-"""Runners: the way of each kind of system, with a method it takes, through the core and back."""
+"""Runners: each takes a kind of system with a method through the core, and returns its records."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ if TYPE_CHECKING:
 SYSTEMS = (Mechanics, SemiExplicit, Field, Schrodinger)
 MECHANICAL = (Spark, LobattoPair, HHT, GeneralizedAlpha, ArnoldBruls, Composition)
 
-#: What helps other systems instead of these options.
+#: Hints for systems without these options.
 INSTEAD: dict[tuple[str, type], str] = {
     ("t_eval", Schrodinger): "t= takes the times of all states to keep",
     ("events", Schrodinger): "observe= records such a function at each kept state",

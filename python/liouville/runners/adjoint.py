@@ -1,4 +1,4 @@
-"""The transposed derivative of a run: what a family of systems brings to a pullback."""
+"""The transposed derivative of a run: the part of a pullback that each family of systems has."""
 
 from __future__ import annotations
 

@@ -7,14 +7,14 @@ from itertools import accumulate
 
 from liouville import _core
 
-#: What a watch has found: see :meth:`liouville._core.EnergyWatch.found`.
+#: A finding of a watch: see :meth:`liouville._core.EnergyWatch.found`.
 Found = tuple[int | None, float, float, float]
 
 
 def watch_of(
     columns: Mapping[str, int], start: float | None, *, rises: bool
 ) -> _core.EnergyWatch | None:
-    r"""Return a watch over the energy of records, None if they have not what it takes.
+    r"""Return a watch over the energy of records, None if they lack the columns.
 
     The watch finds where the energy changed by more than its own size, or jumped and stayed. The
     size of an energy that is :math:`E_0` first is :math:`|E_0|` and the mean so far of the kinetic
@@ -39,7 +39,7 @@ def watch_of(
 
 
 def said_of(found_of_each: Iterable[Found | None], *, is_ensemble: bool) -> str:
-    """Say what watches over one motion, or over each member of an ensemble, have found."""
+    """Return a sentence on the findings of watches, of one motion or of each member."""
     found = [(member, *what) for member, what in enumerate(found_of_each) if what is not None]
     if not found:
         return ""

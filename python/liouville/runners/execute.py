@@ -1,4 +1,4 @@
-"""A run from its start to its end, and the solution that it leaves."""
+"""A run from its start to its end, and its solution."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ Outcome = str | dict[str, Any]
 
 
 class Checkpoints:
-    """States that a run is made again from: about as many as there are steps between two of them.
+    """States from which a run is repeated: about as many as there are steps between two of them.
 
     Of a run whose number of steps is not known every second is dropped as it grows.
 
@@ -128,7 +128,7 @@ def execute(
 def status_of(
     outcome: Outcome, runner: Runner, stats: dict[str, Any], end: str
 ) -> tuple[str, str, str]:
-    """Return status and message of a run, and which quantity is to blame if it failed."""
+    """Return status and message of a run, and which quantity is the cause if it failed."""
     if isinstance(outcome, dict):
         stats["steps"] = outcome.get("step", 0)
         return ("failed", *explain(outcome, runner))
@@ -236,7 +236,7 @@ def advance(
 
 
 def tell(report: Report | None, run: _core.Run, steps: Steps) -> None:
-    """Tell who wants to know how far a run is."""
+    """Report how far a run is."""
     if report is None:
         return
     if steps.control is None:
@@ -265,7 +265,7 @@ def failures_of(run: _core.Run, runner: Runner) -> dict[int, Failure]:
 
 
 def explain(error: dict[str, Any], runner: Runner) -> tuple[str, str]:
-    """Return where and why a run failed and what to try, and which quantity is to blame."""
+    """Return where and why a run failed and what to try, and which quantity is the cause."""
     if "step" in error:
         where = f"step {error['step']}{runner.steps.total} at t = {error['start']:.6g} failed"
     else:

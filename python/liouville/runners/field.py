@@ -285,7 +285,7 @@ class FieldRunner(Runner):
 
     @property
     def control_taken(self) -> str:
-        """What the steps are, where a tolerance was asked for."""
+        """A sentence on the steps, where a tolerance was given."""
         if self.steps.trial is None:
             return ""
         h, made = self.steps.mean(self.steps.t1, self.steps.count), self.steps.trial[1]

@@ -53,7 +53,7 @@ class MechanicalRunner(TracedRunner):
         self._base = method.base if isinstance(method, Composition) else method
         super().__init__(system, method, request)
         self._leave_out()
-        # a control that is asked for by its name is taken as it is
+        # a control given by name is not replaced
         by_rtol = self._control == "error" and request.control is None
         self._is_reversible = by_rtol and not self._is_general and system.is_conservative
         self._is_rattle = isinstance(self._problem, _core.Separable)
@@ -173,7 +173,7 @@ class MechanicalRunner(TracedRunner):
 
     @property
     def control_taken(self) -> str:
-        """What the steps follow, where a tolerance is met by reversible ones."""
+        """A sentence on the steps, where a tolerance is met by reversible ones."""
         return REVERSIBLE if self._is_reversible else ""
 
     def _takes(self) -> Takes:
@@ -222,7 +222,7 @@ class MechanicalRunner(TracedRunner):
         return super()._foreign() | {"newton_steps" if self._is_rattle else "factorizations"}
 
     def balance(self, parts: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-        """Return where the energy went, if forces with a potential are known from others."""
+        """Return where the energy went, if forces with a potential are separate from others."""
         if "work" not in parts or isinstance(self.system, Mechanical):
             return {}
         energy, work = (parts[name][..., 0] for name in ("invariant energy", "work"))

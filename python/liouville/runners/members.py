@@ -21,12 +21,12 @@ if TYPE_CHECKING:
     from liouville.runners.adjoint import Adjoint
 
 
-#: What members differ in from single runs.
+#: The restriction of members, for messages.
 EQUAL = "members of an ensemble take equal steps"
 
 
 class Members(TracedRunner):
-    """What runs of many trajectories do in another way than a run of one.
+    """The parts of a runner that differ for an ensemble.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""The base of all runners, and what a caller asks of one."""
+"""The base of all runners, and the request of a caller."""
 
 from __future__ import annotations
 
@@ -73,9 +73,9 @@ class Request:
 
 
 class Runner(ABC):
-    """A system and a method on their way through the core.
+    """A system with a method, taken through the core.
 
-    A runner checks what was asked, starts the run, and knows what its records mean.
+    A runner checks the request, starts the run, and reads its records.
 
     Attributes
     ----------
@@ -147,7 +147,7 @@ class Runner(ABC):
         return parts
 
     def balance(self, parts: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-        """Return where the energy went; empty where a system does not know."""
+        """Return where the energy went; empty where a system has no such balance."""
         del parts
         return {}
 
@@ -168,7 +168,7 @@ class Runner(ABC):
         raise TypeError(f"{self.method} has no pullback for {self.system!r}")
 
     def watch(self, member: int = 0) -> _core.EnergyWatch | None:
-        """Return a watch over the energy of a motion, None where nothing tells what it may be."""
+        """Return a watch over the energy of a motion, None where its change has no bound."""
         del member
         return None
 
@@ -200,7 +200,7 @@ class Runner(ABC):
         return {}, {}
 
     def look(self, error: dict[str, Any], t: np.ndarray, rows: np.ndarray) -> None:
-        """Add to an error what the last record tells of its cause; by default nothing."""
+        """Add to an error its cause by the last record; by default nothing."""
         del error, t, rows
 
     def contradiction(self, rows: np.ndarray) -> tuple[int, dict[str, Any]] | None:

@@ -32,7 +32,7 @@ from liouville.systems._multipliers import SharedMultipliers
 from liouville.systems._sensitivity import Cotangents
 from liouville.tangents import Tangent
 
-#: What moves on constraints, and is stepped with its tangents.
+#: Systems on constraints, which are stepped with their tangents.
 Constrained = Mechanics | SemiExplicit
 
 #: The prefix of directions that are parameters.
@@ -56,7 +56,7 @@ WITHOUT = {
 
 
 def check_covered(system: Any, method: Any, request: Request) -> None:
-    """Refuse what has no tangents; the sentence says what has.
+    """Refuse runs without tangents; the sentence names those that have them.
 
     Raises
     ------

@@ -80,7 +80,7 @@ class TracedRunner(Runner):
         self.columns = {**self._own(), **self.widths}
         self._check_sizes(request)
         self._directions: ConstrainedDirections | None = None
-        #: What moves of events, by their names.
+        #: Tangents at events, by their names.
         self._moved_events: dict[str, tuple[np.ndarray, np.ndarray | None]] = {}
 
     def _takes(self) -> Takes:

@@ -15,7 +15,7 @@ from liouville.errors import IntegrationError, hinted
 RECORDS, FIRST = 4, 16
 #: All trial runs together take so many steps at most.
 MOST = 4_000_000
-#: The number of steps is as many times the one that the estimate asks for, to the order's root.
+#: The number of steps is as many times that of the estimate, to the order's root.
 SAFETY = 1.5
 #: Errors that fall by this part of what the order promises show it; from there so much more is
 #: believed of them.

@@ -117,7 +117,7 @@ def check_wrt(system: Schrodinger, wrt: Any) -> tuple[str, ...]:
 
 
 class WaveDerivative:
-    """What a run has left, and what moves derivatives through it.
+    """The records of a run, and the operators that take derivatives through it.
 
     All states and cotangents are rows of the core's components; see :class:`Frame`.
     """

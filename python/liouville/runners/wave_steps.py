@@ -1,4 +1,4 @@
-"""What a call says of the start, the steps and the times of a run of a Schrödinger equation."""
+"""The start, the steps and the times of a run of a Schrödinger equation, from the arguments."""
 
 from __future__ import annotations
 

@@ -23,7 +23,7 @@ Array = NDArray[Any]
 #: that of a spline between two samples.
 DEGREE, CUBIC = 14, 3
 
-#: What a polynomial may leave out of a derivative of H, relative to the largest there is.
+#: The part that a polynomial may leave out of a derivative of H, relative to the largest.
 LEFT_OUT = 1e-11
 
 #: Most intervals on which derivatives of a drive are polynomials.

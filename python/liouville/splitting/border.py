@@ -12,7 +12,7 @@ from liouville.splitting.pieces import Affine, Exponential, Natural, Piece, Scal
 from liouville.splitting.planes import Plane, PlaneSplit
 from liouville.terms import Function, Terms, Wave
 
-#: What the core has of the split fields that there are.
+#: Split fields as they are in the core, by those in Python.
 _CROSSED: WeakKeyDictionary[Split | PlaneSplit, _core.Split] = WeakKeyDictionary()
 
 
@@ -26,7 +26,7 @@ def crossed(split: Split | PlaneSplit) -> _core.Split:
 
 
 def packed(piece: Piece | Plane) -> tuple[Any, ...]:
-    """Return a piece as the core reads it; its terms know their rows by number."""
+    """Return a piece as the core reads it; its terms have the numbers of their rows."""
     match piece:
         case Natural():
             return ("natural", *_rows(piece.terms.compact()))

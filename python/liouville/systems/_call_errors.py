@@ -1,4 +1,4 @@
-"""What goes wrong in a user's function that is called with symbols, in the user's names."""
+"""Errors of a user's function that is called with symbols, in the user's names."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from typing import Any
 from liouville import _casadi as ca
 from liouville.errors import hinted
 
-#: Sizes or an index that do not fit: what CasADi says after the place in its own source.
+#: Sizes or an index that do not fit: CasADi's sentence after the place in its own source.
 ASSERTION = re.compile(r"(?s)\S*casadi/core/\S+: (Assertion .* failed:\n)?(?P<reason>.*?)\.?$")
 
 
@@ -22,7 +22,7 @@ def is_undecided(error: Exception) -> bool:
 
 
 def undecided(what: str, function: Callable[..., Any], error: Exception) -> TypeError:
-    """Return the error of a function that asks whether an expression is true."""
+    """Return the error of a function that takes the truth value of an expression."""
     return TypeError(
         hinted(
             f"{what}{_line(function, error)} asks whether an expression is true, which has no "

@@ -36,7 +36,7 @@ def check_divergence(terms: Terms, names: Sequence[str]) -> None:
 
 
 def check_rounding(terms: Terms, names: Sequence[str]) -> None:
-    """Refuse to repair a divergence that rounding cannot have made; ValueError says how large."""
+    """Refuse to repair a divergence that rounding cannot have made; ValueError names its size."""
     part, monomial, value = terms.imbalance()
     if part > REPAIRED:
         raise ValueError(

@@ -40,7 +40,7 @@ ROUNDOFF = 16 * float(np.finfo(float).eps)
 #: Operations of polynomials that functions by cases take in.
 ARITHMETIC = frozenset(("add", "sub", "mul", "div", "inv", "sq", "twice", "neg", "pow", "constpow"))
 
-#: What helps where the phase of a wave moves with time, but not evenly.
+#: The hint where the phase of a wave moves with time, but not evenly.
 SWAYING = (
     "\nhint: a wave of x + f(t) is one of the coordinate X = x + f(t), whose velocity is x' + f'(t)"
 )

@@ -14,7 +14,7 @@ from liouville.tape import record
 
 
 def traced(s: Symbols, velocity: ca.SX, function: Callable[..., Any]) -> tuple[_core.Tape, bool]:
-    r"""Record (t, y, z, z') :math:`\mapsto` s, ds/dt, and say whether z' is in it.
+    r"""Record (t, y, z, z') :math:`\mapsto` s, ds/dt, and return whether z' is in it.
 
     .. math:: ds/dt = s_t + s_y v + s_z z'
     """

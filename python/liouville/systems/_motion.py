@@ -1,4 +1,4 @@
-"""Tapes of what is asked about a motion besides running it, recorded when they are first wanted.
+"""Tapes of quantities of a motion, recorded at their first use.
 
 They stay with the system: a system that was pickled after that needs no CasADi for them.
 """

@@ -24,7 +24,7 @@ _FORM = hinted(
 
 
 def read(names: Sequence[str], given: Any) -> tuple[Terms, bool]:
-    """Read the terms of a field, and say whether the time is among its variables, as the last."""
+    """Read the terms of a field, and whether the time is among its variables, as the last."""
     is_triple = isinstance(given, tuple) and len(given) == 3
     if is_triple and all(isinstance(array, np.ndarray) for array in given):
         return _arrays(names, *given), False

@@ -68,7 +68,7 @@ def redundant(
     cutoff = ROUNDOFF * max(rows, n)
     nearby = _Nearby(system, t, z, params, y, [k for k in kept if k < len(system._holonomic)])
     found = nearby.moved(np.zeros(n))
-    if found is None:  # they contradict one another, which a run says better
+    if found is None:  # they contradict each other, for which a run has the better sentence
         return ()
     y, gradients = found, _gradients(system, t, found, z, params)
     kept, least, _ = _core.independent_rows(gradients, cutoff)
@@ -103,7 +103,7 @@ def are_implied(
 
 
 def without(system: Mechanics, left: tuple[int, ...]) -> Mechanics:
-    """Return the system that has all constraints but these, and whose multipliers know of them."""
+    """Return the system that has all constraints but these, and multipliers that include theirs."""
     if not left:
         return system
     known = _REDUCED.setdefault(system, {})

@@ -114,7 +114,7 @@ class Namespace:
 
 
 def vector_of(namespace: Any) -> ca.SX:
-    """Return the parameters that a user's function sees by name, one after another."""
+    """Return the parameters that a user's function takes by name, one after another."""
     return ca.vertcat(ca.SX(0, 1), *vars(namespace).values())
 
 

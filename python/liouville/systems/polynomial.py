@@ -48,7 +48,7 @@ class PolynomialField(Field):
     x : sequence of str, or int
         Names of the n coordinates, or their number.
     params : mapping of str to float or 1-D array_like, optional
-        Parameters by name, with default values; the function sees ``params.name``. Coefficients may
+        Parameters by name, with default values; functions have ``params.name``. Coefficients may
         depend on them in any way.
     invariants : mapping of str to callable or array, optional
         Quantities to record: functions ``f(t, x, params)``; or, much faster for a million
@@ -103,7 +103,7 @@ class PolynomialField(Field):
     hint: ...
     """
 
-    #: What was made of the terms, by what it was made for.
+    #: Values derived from the terms, by their purpose.
     _kept: Mapping[Hashable, Any]
 
     def __init__(
@@ -272,7 +272,7 @@ class PolynomialField(Field):
         return cls.__new__(cls)._build(given.names, s, given.terms, given.is_driven, functions)
 
     def __repr__(self) -> str:
-        """Name the coordinates, and say how many terms there are."""
+        """Name the coordinates and the number of terms."""
         names = self.coordinates
         if len(names) > 20:
             names = (*names[:3], "...", names[-1])

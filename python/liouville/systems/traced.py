@@ -217,7 +217,7 @@ class TracedSystem(Pickled, ABC):
         return dict(zip(self.states, (self._symbols.y, self._symbols.z), strict=True))
 
     def event(self, name: str, event: Event) -> EventTapes:
-        """Record the functions of an event, and say whether it uses the multipliers."""
+        """Record the functions of an event, and return whether it uses the multipliers."""
         s, what = self._symbols, f"event '{name}'"
         value, law = self.event_expressions(name, event)
         lam = ca.SX(0, 1) if self._multipliers is None else self._multipliers
@@ -273,7 +273,7 @@ class TracedSystem(Pickled, ABC):
         return [restitution, ca.densify(ca.gradient(value, self._symbols.y))]
 
     def monitor(self, function: Function) -> tuple[_core.Tape, bool]:
-        """Record a function of (t, y, z) and its rate along the motion; say if z' is in it."""
+        """Record a function of (t, y, z) and its rate along the motion, and whether z' is in it."""
         return traced(self._symbols, self._velocity, function)
 
     def stepped(self, t: float, y: np.ndarray, z: np.ndarray, params: np.ndarray) -> Self:

@@ -21,7 +21,7 @@ from liouville.terms.waves import Wave, expanded
 #: A sum of floating-point numbers is zero if it is below this times the sum of their sizes.
 ROUNDOFF = 64 * np.finfo(float).eps
 
-#: One monomial: its variables, sorted, each as often as its exponent says.
+#: One monomial: its variables, sorted, each as often as its exponent.
 Monomial = tuple[int, ...]
 
 

@@ -29,7 +29,7 @@ MOST_TRIED = 2000
 #: ... and those of more terms are tried in fewer orders.
 MOST_TERMS, FEW = 2000, 10
 
-#: A plan says what so many of its pieces are.
+#: The most pieces that a plan describes.
 SHOWN = 20
 
 

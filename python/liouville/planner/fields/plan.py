@@ -17,7 +17,7 @@ from liouville.terms import Terms
 #: The name of the methods of the trials.
 NAME = "volume-splitting"
 
-#: Errors below this say nothing.
+#: Errors below this are roundoff.
 ROUNDOFF = 1e-15
 
 

@@ -23,7 +23,7 @@ from liouville.systems import Schrodinger
 from liouville.systems.schrodinger.bounds import Spectrum
 from liouville.systems.schrodinger.foreign import check_sampled
 
-#: What "auto" stands for; messages call it by that word.
+#: The method that "auto" stands for; messages use that word.
 AUTO = SchrodingerSplitting()
 
 

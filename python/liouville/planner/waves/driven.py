@@ -92,7 +92,7 @@ def magnus_cost(
 
 @dataclass(frozen=True)
 class Driving:
-    """What is known of the energies of H(t) over a run: its parts for the core, and bounds."""
+    """The energies of H(t) over a run: its parts for the core, and bounds."""
 
     parts: Parts
     spectrum: Spectrum

@@ -21,7 +21,7 @@ Waves = NDArray[np.complex128]
 Bounds = Literal["periodic", "wall", "open"]
 Kind = Literal["B", "D"]
 
-#: What needs SciPy.
+#: The use of SciPy, for messages.
 WHAT = "a gridded field"
 
 

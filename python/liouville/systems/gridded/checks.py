@@ -1,4 +1,4 @@
-"""What a gridded field is given: axes, arrays and words, checked and brought into order."""
+"""Arguments of a gridded field: axes, arrays and words, checked and brought into order."""
 
 from __future__ import annotations
 

@@ -21,7 +21,7 @@ from liouville.systems.gridded.axis import Array
 #: The kinds of coordinates.
 KINDS = ("cartesian", "cylindrical", "spherical")
 
-#: Nodes nearer to an axis or a pole than this part of the rest cannot be told from it.
+#: Nodes nearer to an axis or a pole than this part of the rest count as being on it.
 POLE = 1e-9
 
 

@@ -24,7 +24,7 @@ from liouville.systems.gridded.potential import (
 
 @dataclass(frozen=True, eq=False)
 class Given:
-    """What is given of a field.
+    """The data of a field.
 
     Attributes
     ----------

@@ -230,7 +230,7 @@ class Bounded(Pickled):
 
     @property
     def guarantee(self) -> str:
-        """What the bounds are: "rigorous", "probable", "with probability 1 - 1e-6" or "given"."""
+        """Their kind: "rigorous", "probable", "with probability 1 - 1e-6" or "given"."""
         return self._spectrum.guarantee
 
     @cached_property

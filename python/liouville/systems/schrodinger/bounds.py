@@ -1,4 +1,4 @@
-"""Bounds of energies as they are given, and what random vectors tell of them."""
+"""Bounds of energies as they are given, and estimates of them by random vectors."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ CLOSE = 0.02
 #: The ways to find bounds.
 WAYS = ("auto", "gershgorin", "lanczos")
 
-#: What bounds are: rigorous, and what the others are.
+#: Kinds of bounds: rigorous, and the others.
 RIGOROUS, PROBABLE, GIVEN = "rigorous", "probable", "given"
 LIKELY = "with probability 1 - 1e-6"
 

@@ -29,7 +29,7 @@ from liouville.systems.schrodinger.sites.system import SiteSystem
 from liouville.systems.schrodinger.spins import SpinChain
 from liouville.systems.schrodinger.time_functions import TimeFunction
 
-#: What is computed once of functions of time and their parameters, ...
+#: Values computed once of functions of time and their parameters, ...
 OF_FUNCTIONS = ("_spectrum", "_known", "sensitivity", "potential_sensitivity")
 
 #: ... and of a potential.

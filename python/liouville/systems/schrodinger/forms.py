@@ -78,7 +78,7 @@ def term_of_matrix(matrix: Entries, frame: Frame, scale: float) -> Term:
 def term_of(
     source: Entries | Product | MovingProduct | Exchange, given: Any, frame: Frame, scale: float
 ) -> Term:
-    """Make the term of H times a number, in a frame; what it was given as may know its bounds."""
+    """Make the term of H times a number, in a frame; its own object may have bounds."""
     if isinstance(source, Product):
         return Term([source.operator(scale, frame.is_doubled)], None)
     if isinstance(source, MovingProduct):

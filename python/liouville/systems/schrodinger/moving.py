@@ -125,7 +125,7 @@ def _operator(
 
 
 def _parameters(function: Callable[..., Any]) -> int:
-    """Return how many arguments a function must have; one if it does not say."""
+    """Return how many arguments a function must have; one if it has no signature."""
     try:
         known = inspect.signature(function).parameters.values()
     except (TypeError, ValueError):  # of some functions that are not written in Python

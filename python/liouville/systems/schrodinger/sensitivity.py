@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-#: At most so many points of a grid tell how a potential's derivatives change in time.
+#: The most points of a grid at which changes of a potential's derivatives in time are found.
 LOOKED = 2048
 
 

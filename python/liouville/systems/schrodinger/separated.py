@@ -37,7 +37,7 @@ MOST = 5
 #: Numbers that stand for a vector, each a sum of a part of its components with random signs.
 SKETCH = 64
 
-#: What is left out of H(t), of the tolerance over the time and of H, and what a check may find.
+#: The part left out of H(t), relative to the tolerance over the time and to H; bound of a check.
 SHARE, ROUNDING, CHECKED = 0.02, 1e-13, 20.0
 
 EPSILON = float(np.finfo(float).eps)

@@ -28,7 +28,7 @@ class TimeFunction:
     function : callable
         ``function(t, params)``, or ``function(t, x, params)`` if there are points.
     params : Parameters
-        The parameters it sees.
+        The parameters it takes.
     axes : int
         Number of coordinates of a point, 0 if there are none.
 

@@ -175,7 +175,7 @@ def _matrices(steps: int, factor: float) -> dict[str, NDArray[np.complex128]]:
 
 
 def _exchange(products: Sum, length: int, up: int | None) -> Exchange | None:
-    """Return spins one half as the core multiplies them; None if there is more than it knows."""
+    """Return spins one half as the core multiplies them; None if there are other terms."""
     field = np.zeros(length)
     xy: dict[tuple[int, ...], set[float]] = defaultdict(set)
     z: dict[tuple[int, ...], float] = {}

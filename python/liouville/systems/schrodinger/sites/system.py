@@ -45,7 +45,7 @@ class SiteSystem:
         Whether the last site is a neighbour of the first.
     """
 
-    #: What helps against too many states.
+    #: The hint where there are too many states.
     _fewer = "fix what the sum conserves, or take fewer sites"
 
     _letters: Letters

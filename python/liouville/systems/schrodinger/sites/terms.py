@@ -13,7 +13,7 @@ from liouville.errors import hinted
 from liouville.systems.schrodinger.entries import check_size
 from liouville.systems.schrodinger.entries import numbers as array_of
 
-#: What is written after the letters of a term whose Hermitian conjugate is to be added.
+#: The suffix of the letters of a term whose Hermitian conjugate is added.
 CONJUGATE = " + h.c."
 
 #: A coefficient that is so much smaller than the largest is what roundoff leaves of a zero.
@@ -84,7 +84,7 @@ class Factor:
 
 @dataclass(frozen=True)
 class Moved:
-    """What moves digits: an amplitude times factors, times a sign for the particles in a mask."""
+    """A move of digits: an amplitude times factors, times a sign for the particles in a mask."""
 
     steps: Steps
     factors: tuple[Factor, ...]
