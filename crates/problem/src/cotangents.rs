@@ -1,7 +1,7 @@
 //! Cotangents of a motion: the derivatives of a function of it by its states, by time and by parameters.
 
 use super::sensitivity::SensitivityModel;
-use super::{Acceleration, Carried, KnotCotangents, Model, Saddle, model::finite};
+use super::{Acceleration, Carried, KnotCotangents, Model, ObservePoint, Saddle, model::finite};
 use liouville_base::error::{Quantity, StepError};
 use liouville_base::linalg::{Pattern, add_scaled, dot};
 
@@ -76,11 +76,81 @@ impl PointAdjoint {
         }
     }
 
-    /// Adds cotangents (y, z, λ) of a point.
+    /// Adds cotangents of z' at a point.
     ///
     /// # Errors
-    /// The multipliers cannot be solved for, or a derivative is not finite.
-    pub fn observe(
+    /// As [`ObservePoint::observe`].
+    pub fn observe_rate(
+        &mut self,
+        (t, point): (f64, &impl Carried),
+        rate: &[f64],
+        of: &mut Cotangents,
+    ) -> Result<(), StepError> {
+        self.a.copy_from_slice(rate);
+        self.b.fill(0.0);
+        self.accelerations((t, point.y(), point.z()), of)
+    }
+
+    /// Takes cotangents `a` and `b` of z' and λ to the point.
+    fn accelerations(
+        &mut self,
+        (t, y, z): (f64, &[f64], &[f64]),
+        of: &mut Cotangents,
+    ) -> Result<(), StepError> {
+        if self.a.iter().chain(&self.b).all(|x| *x == 0.0) {
+            return Ok(());
+        }
+        self.acceleration.solve(&mut self.model, t, y, z)?;
+        let Acceleration { z_dot, lam, .. } = &self.acceleration;
+        self.matrix.update(&mut self.model, t, y, z, lam)?;
+        (self.matrix).solve_transposed(&self.model, &mut self.a, &mut self.b);
+        let problem = self.sensitivity.problem.clone();
+        let at = &problem.patterns;
+        let values = self.sensitivity.motion(t, [y, z, z_dot, lam]);
+        for part in values {
+            finite(part, Quantity::Derivative, t)?;
+        }
+        let (motion, rate) = values.split_at(3);
+        let out = [&mut of.y, &mut of.z, &mut of.tau];
+        for (k, out) in out.into_iter().enumerate() {
+            subtract(&at.motion[k], motion[k], &self.a, out);
+            subtract(&at.rate[k], rate[k], &self.b, out);
+        }
+        Ok(())
+    }
+
+    /// Takes cotangents of p, where a method carries p, at the start of a motion to y, z and τ there.
+    ///
+    /// # Errors
+    /// A derivative that is not finite.
+    pub fn leave_momenta(
+        &mut self,
+        (t, point): (f64, &impl Carried),
+        of: &mut Cotangents,
+    ) -> Result<(), StepError> {
+        let (y, z) = (point.y(), point.z());
+        let problem = self.sensitivity.problem.clone();
+        let at = &problem.mechanical.patterns;
+        let [p_tau, ..] = self.sensitivity.stage(t, y, z);
+        let [p_z, _] = self.model.stage_blocks(t, y, z);
+        (at.p_z).multiply_add_transposed(p_z, 1.0, &of.carried, &mut of.z);
+        let by_tau = &problem.patterns.p_tau;
+        by_tau.multiply_add_transposed(p_tau, 1.0, &of.carried, &mut of.tau);
+        let [p_y, ..] = self.model.stage_jacobian(t, y, z);
+        at.p_y
+            .multiply_add_transposed(p_y, 1.0, &of.carried, &mut of.y);
+        of.carried.fill(0.0);
+        for values in [&of.y, &of.z, &of.tau] {
+            finite(values, Quantity::Derivative, t)?;
+        }
+        Ok(())
+    }
+}
+
+impl ObservePoint for PointAdjoint {
+    type Model = Model;
+
+    fn observe(
         &mut self,
         (t, point): (f64, &impl Carried),
         row: &[f64],
@@ -94,11 +164,7 @@ impl PointAdjoint {
         self.accelerations((t, point.y(), point.z()), of)
     }
 
-    /// Adds cotangents of the values at a knot.
-    ///
-    /// # Errors
-    /// As [`PointAdjoint::observe`].
-    pub fn observe_knot(
+    fn observe_knot(
         &mut self,
         (t, point): (f64, &impl Carried),
         knot: &KnotCotangents,
@@ -140,54 +206,7 @@ impl PointAdjoint {
         self.accelerations((t, y, z), of)
     }
 
-    /// Adds cotangents of z' at a point.
-    ///
-    /// # Errors
-    /// As [`PointAdjoint::observe`].
-    pub fn observe_rate(
-        &mut self,
-        (t, point): (f64, &impl Carried),
-        rate: &[f64],
-        of: &mut Cotangents,
-    ) -> Result<(), StepError> {
-        self.a.copy_from_slice(rate);
-        self.b.fill(0.0);
-        self.accelerations((t, point.y(), point.z()), of)
-    }
-
-    /// Takes cotangents `a` and `b` of z' and λ to the point.
-    fn accelerations(
-        &mut self,
-        (t, y, z): (f64, &[f64], &[f64]),
-        of: &mut Cotangents,
-    ) -> Result<(), StepError> {
-        if self.a.iter().chain(&self.b).all(|x| *x == 0.0) {
-            return Ok(());
-        }
-        self.acceleration.solve(&mut self.model, t, y, z)?;
-        let Acceleration { z_dot, lam, .. } = &self.acceleration;
-        self.matrix.update(&mut self.model, t, y, z, lam)?;
-        (self.matrix).solve_transposed(&self.model, &mut self.a, &mut self.b);
-        let problem = self.sensitivity.problem.clone();
-        let at = &problem.patterns;
-        let values = self.sensitivity.motion(t, [y, z, z_dot, lam]);
-        for part in values {
-            finite(part, Quantity::Derivative, t)?;
-        }
-        let (motion, rate) = values.split_at(3);
-        let out = [&mut of.y, &mut of.z, &mut of.tau];
-        for (k, out) in out.into_iter().enumerate() {
-            subtract(&at.motion[k], motion[k], &self.a, out);
-            subtract(&at.rate[k], rate[k], &self.b, out);
-        }
-        Ok(())
-    }
-
-    /// The derivative along the motion at a point of a function with these cotangents of (y, z, t) there.
-    ///
-    /// # Errors
-    /// As [`PointAdjoint::observe`].
-    pub fn rate(
+    fn rate(
         &mut self,
         (t, point): (f64, &impl Carried),
         of: &Cotangents,
@@ -197,33 +216,6 @@ impl PointAdjoint {
         let v = self.model.end(t, y, z)[2];
         let v = if v.is_empty() { z } else { v };
         Ok(of.tau[0] + dot(&of.y, v) + dot(&of.z, &self.acceleration.z_dot))
-    }
-
-    /// Takes cotangents of p, where a method carries p, at the start of a motion to y, z and τ there.
-    ///
-    /// # Errors
-    /// A derivative that is not finite.
-    pub fn leave_momenta(
-        &mut self,
-        (t, point): (f64, &impl Carried),
-        of: &mut Cotangents,
-    ) -> Result<(), StepError> {
-        let (y, z) = (point.y(), point.z());
-        let problem = self.sensitivity.problem.clone();
-        let at = &problem.mechanical.patterns;
-        let [p_tau, ..] = self.sensitivity.stage(t, y, z);
-        let [p_z, _] = self.model.stage_blocks(t, y, z);
-        (at.p_z).multiply_add_transposed(p_z, 1.0, &of.carried, &mut of.z);
-        let by_tau = &problem.patterns.p_tau;
-        by_tau.multiply_add_transposed(p_tau, 1.0, &of.carried, &mut of.tau);
-        let [p_y, ..] = self.model.stage_jacobian(t, y, z);
-        at.p_y
-            .multiply_add_transposed(p_y, 1.0, &of.carried, &mut of.y);
-        of.carried.fill(0.0);
-        for values in [&of.y, &of.z, &of.tau] {
-            finite(values, Quantity::Derivative, t)?;
-        }
-        Ok(())
     }
 }
 

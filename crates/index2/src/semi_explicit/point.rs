@@ -8,8 +8,8 @@ use super::{Derivatives, SemiExplicitModel, SemiExplicitSensitivityModel};
 use liouville_base::error::{Quantity, StepError};
 use liouville_base::linalg::{Matrix, add_scaled, copy, dot};
 use liouville_problem::{
-    Carried, Cotangents, Directions, Dynamics, KnotCotangents, MotionPoint, RateTangents,
-    TangentView, finite,
+    Carried, Cotangents, Directions, Dynamics, KnotCotangents, MotionPoint, ObservePoint,
+    RateTangents, TangentView, finite,
 };
 
 /// The derivatives at a point, with the memory to find them.
@@ -72,12 +72,12 @@ impl SemiExplicitPoint {
         self.sensitivity.pull(of_z, &mut of.y, &mut of.tau);
         Ok(())
     }
+}
 
-    /// Adds cotangents (y, z) of a point, whose z follows from y.
-    ///
-    /// # Errors
-    /// A derivative that is not finite, or a singular matrix.
-    pub fn observe(
+impl ObservePoint for SemiExplicitPoint {
+    type Model = SemiExplicitModel;
+
+    fn observe(
         &mut self,
         (t, point): (f64, &impl Carried),
         row: &[f64],
@@ -88,11 +88,19 @@ impl SemiExplicitPoint {
         self.leave_z((t, point.y(), point.z()), of_z, of)
     }
 
-    /// Adds cotangents of the values at a knot.
-    ///
-    /// # Errors
-    /// As [`Self::observe`].
-    pub fn observe_knot(
+    fn observe_between(
+        &mut self,
+        _: (f64, &impl Carried),
+        row: &[f64],
+        of: &mut Cotangents,
+    ) -> Result<(), StepError> {
+        let (of_y, of_z) = row.split_at(of.y.len());
+        add_scaled(&mut of.y, 1.0, of_y);
+        add_scaled(&mut of.z, 1.0, of_z);
+        Ok(())
+    }
+
+    fn observe_knot(
         &mut self,
         (t, point): (f64, &impl Carried),
         knot: &KnotCotangents,
@@ -130,9 +138,12 @@ impl SemiExplicitPoint {
         left
     }
 
-    /// The derivative along the motion at a point of a function with these cotangents of (y, t) there.
-    pub fn rate(&mut self, (t, point): (f64, &impl Carried), of: &Cotangents) -> f64 {
-        of.tau[0] + dot(&of.y, self.model.field(t, point.y(), point.z()))
+    fn rate(
+        &mut self,
+        (t, point): (f64, &impl Carried),
+        of: &Cotangents,
+    ) -> Result<f64, StepError> {
+        Ok(of.tau[0] + dot(&of.y, self.model.field(t, point.y(), point.z())))
     }
 }
 

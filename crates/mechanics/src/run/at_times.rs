@@ -1,11 +1,10 @@
 //! Cotangents of a run's states at given times, taken to the ends of its steps as these are made again.
 
-use super::observe::ObservePoint;
 use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch, Numbers};
 use liouville_base::error::StepError;
 use liouville_base::linalg::{Matrix, add_scaled};
 use liouville_base::observe::Observe;
-use liouville_problem::{Cotangents, KnotCotangents, Observer, Path, PathAdjoint};
+use liouville_problem::{Cotangents, KnotCotangents, ObservePoint, Observer, Path, PathAdjoint};
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 

@@ -7,13 +7,12 @@
 //! before the part of the step is followed back. The products with w are what an adjoint step says of its length, so that
 //! part is followed twice: with (ū, t̄), and with the slopes of e.
 
-use super::observe::ObservePoint;
 use super::pullback::StepAdjoint;
 use crate::events::{Before, FollowEvents, LinearReset, Meeting, SlopesModel};
 use liouville_base::error::{Obstacle, StepError};
 use liouville_base::linalg::{Matrix, add_scaled};
 use liouville_base::recorder::{SharedRecords, StepRecord};
-use liouville_problem::{Carried, Cotangents};
+use liouville_problem::{Carried, Cotangents, ObservePoint};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// An event that was met.

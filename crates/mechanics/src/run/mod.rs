@@ -11,7 +11,6 @@ mod index2_pullback;
 mod job;
 mod journal;
 mod member;
-mod observe;
 mod pullback;
 mod spark_pullback;
 mod tangents;
@@ -20,7 +19,6 @@ pub use job::{
     Control, Detection, EventFunction, Job, Method, Problem, SparkMethod, SystemSensitivity,
     Tangents,
 };
-pub use observe::ObservePoint;
 pub use pullback::{Follow, Pullback, StepAdjoint};
 
 use liouville_alpha::Reactions;

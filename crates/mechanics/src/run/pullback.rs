@@ -4,7 +4,6 @@ use super::Starter;
 use super::at_times::{AtTimes, observing};
 use super::journal::{Entry, EventAdjoint, EventRecorder, Journal};
 use super::member::{BoxedStepper, Member, MonitoredSteps};
-use super::observe::ObservePoint;
 use crate::events::{DenseDetector, LinearReset};
 use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch};
 use liouville_base::error::StepError;
@@ -12,7 +11,7 @@ use liouville_base::linalg::{Matrix, add_scaled};
 use liouville_base::method::{Estimating, Symmetric};
 use liouville_base::recorder::{Recordable, Recorder, SharedRecords, StepRecord};
 use liouville_base::run::{Advance, Status, StepControl};
-use liouville_problem::{Carried, Cotangents};
+use liouville_problem::{Carried, Cotangents, ObservePoint};
 use std::time::Duration;
 
 /// The adjoint of a run, which takes cotangents back to its start, from checkpoint to checkpoint.
