@@ -324,7 +324,7 @@ fn shears(c: &mut Criterion) {
         group.throughput(Throughput::Elements((MOVES * n) as u64));
         for (name, operator) in [("rows", rows), ("diagonals", diagonals)] {
             let swept = Sweeper::<f64>::new(Arc::new(Hamiltonian::new(vec![operator])));
-            let plain = swept.clone().with_tiles(n, 1);
+            let plain = swept.clone().with_blocking(n, 1);
             for (how, mut sweeper) in [("one by one", plain), ("in sweeps", swept)] {
                 let mut q: Vec<f64> = (0..n).map(|i| (0.37 * i as f64).cos()).collect();
                 let mut p = vec![0.0; n];

@@ -6,7 +6,7 @@
 
 mod records;
 
-pub use records::Layout;
+pub use records::RecordLayout;
 
 use crate::error::StepError;
 use crate::method::Stats;
@@ -83,7 +83,7 @@ impl Ensemble {
         begin: Box<BeginBlock>,
         (members, width): (usize, usize),
         threads: usize,
-        layout: Layout,
+        layout: RecordLayout,
         t0: f64,
     ) -> Self {
         let all: Vec<usize> = (0..members).collect();
@@ -96,7 +96,7 @@ impl Ensemble {
         let threads = threads.clamp(1, waiting.len());
         Self {
             begin,
-            is_aligned: matches!(layout, Layout::Aligned { .. }),
+            is_aligned: matches!(layout, RecordLayout::Aligned { .. }),
             queue: Mutex::new(Queue {
                 waiting,
                 most: 0,

@@ -6,7 +6,7 @@ use std::mem;
 
 /// How the records of the runs are laid out, and with it the order in which the runs advance.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Layout {
+pub enum RecordLayout {
     /// Each member has records at these times: at each time a row of all members, one beside another, NaN after the
     /// end of a member's records. A run is carried to its end before the next begins.
     Aligned {
@@ -29,7 +29,7 @@ type TimesAndRows = (Vec<f64>, Vec<f64>);
 
 /// Records of all members so far.
 pub(super) struct MemberRecords {
-    layout: Layout,
+    layout: RecordLayout,
     members: usize,
     t0: f64,
     /// Rows of all members, where they are aligned.
@@ -42,7 +42,7 @@ pub(super) struct MemberRecords {
 }
 
 impl MemberRecords {
-    pub(super) fn new(layout: Layout, members: usize, t0: f64) -> Self {
+    pub(super) fn new(layout: RecordLayout, members: usize, t0: f64) -> Self {
         Self {
             layout,
             members,
@@ -57,8 +57,8 @@ impl MemberRecords {
     /// The shape of a record.
     pub(super) fn shape(&self) -> Vec<usize> {
         match &self.layout {
-            Layout::Aligned { width, .. } => vec![self.members, *width],
-            Layout::Ragged { width } => vec![*width],
+            RecordLayout::Aligned { width, .. } => vec![self.members, *width],
+            RecordLayout::Ragged { width } => vec![*width],
         }
     }
 
@@ -72,7 +72,7 @@ impl MemberRecords {
         (times, rows): TimesAndRows,
         one: Option<(usize, usize)>,
     ) -> Result<(), StepError> {
-        let Layout::Aligned { times: all, width } = &self.layout else {
+        let RecordLayout::Aligned { times: all, width } = &self.layout else {
             let records = match one {
                 None => (times, rows),
                 Some(_) => rows_of(members[0], &times, &rows)?,
@@ -110,7 +110,7 @@ impl MemberRecords {
     /// All records up to a time this far from the start; none are left.
     pub(super) fn take(&mut self, reached: f64) -> TimesAndRows {
         match &mut self.layout {
-            Layout::Aligned { times, width } => {
+            RecordLayout::Aligned { times, width } => {
                 let total = self.members * *width;
                 let mut rows = mem::take(&mut self.table);
                 let is_there = |row: &[f64]| row.iter().any(|value| !value.is_nan());
@@ -123,7 +123,7 @@ impl MemberRecords {
                 times.truncate(count);
                 (times, rows)
             }
-            Layout::Ragged { .. } => {
+            RecordLayout::Ragged { .. } => {
                 self.ragged.sort_by_key(|(member, _)| *member);
                 let room = mem::take(&mut self.joined);
                 joined(mem::take(&mut self.ragged), room, reached, self.t0)

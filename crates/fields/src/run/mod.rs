@@ -10,7 +10,7 @@ use crate::problem::Split;
 use crate::volume::{Determinant, Observer, Plane, Section, TangentObserver, Tangents, Volume};
 use liouville_base::checkpoint::Checkpoint;
 use liouville_base::composition::Composed;
-use liouville_base::ensemble::{Ensemble, Layout};
+use liouville_base::ensemble::{Ensemble, RecordLayout};
 use liouville_base::error::StepError;
 use liouville_base::method::Stepper;
 use liouville_base::observe::Observe;
@@ -193,7 +193,7 @@ impl Starter {
         let rows = usize::from(states) + self.job.directions.len() / self.split.n();
         let width = self.observed() + rows * self.job.variables.n;
         let given = Some(self.job.times.clone()).filter(|times| !times.is_empty());
-        let layout = Layout::Aligned {
+        let layout = RecordLayout::Aligned {
             times: given.map_or_else(|| span.times(), Ok)?,
             width,
         };
@@ -236,7 +236,7 @@ impl Starter {
     fn section(self, members: usize, plane: Plane) -> Ensemble {
         let Span { t0, .. } = self.job.span;
         let (threads, width) = (self.job.threads, 2 + self.job.variables.n);
-        let layout = Layout::Ragged { width };
+        let layout = RecordLayout::Ragged { width };
         if !self.job.varied.is_empty() {
             let begin = move |members: &[usize]| {
                 let single = self.single(members[0]);

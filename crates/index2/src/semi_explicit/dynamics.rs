@@ -12,7 +12,7 @@ use liouville_problem::{Carried, Dynamics, finite};
 
 /// The solver for z', with its memory.
 #[derive(Clone, Debug)]
-pub struct Derivatives {
+pub struct RateSolver {
     pub(super) factor: Factor,
     /// z', as last solved for.
     pub(super) z_dot: Vec<f64>,
@@ -20,7 +20,7 @@ pub struct Derivatives {
     pub y_ddot: Vec<f64>,
 }
 
-impl Checkpoint for Derivatives {}
+impl Checkpoint for RateSolver {}
 
 impl Carried for SemiExplicitState {
     fn y(&self) -> &[f64] {
@@ -33,11 +33,11 @@ impl Carried for SemiExplicitState {
 }
 
 impl Dynamics for SemiExplicitModel {
-    type Solver = Derivatives;
+    type Solver = RateSolver;
 
-    fn solver(&self) -> Derivatives {
+    fn solver(&self) -> RateSolver {
         let problem = &self.problem;
-        Derivatives {
+        RateSolver {
             factor: Factor::new(&problem.patterns.w_z),
             z_dot: vec![0.0; problem.l],
             y_ddot: vec![0.0; problem.n],
@@ -54,7 +54,7 @@ impl Dynamics for SemiExplicitModel {
 
     fn solve(
         &mut self,
-        solver: &mut Derivatives,
+        solver: &mut RateSolver,
         t: f64,
         y: &[f64],
         z: &[f64],
@@ -87,7 +87,7 @@ impl Dynamics for SemiExplicitModel {
     /// Nothing: z takes the place of λ, and every state has it.
     fn solve_lam(
         &mut self,
-        _solver: &mut Derivatives,
+        _solver: &mut RateSolver,
         _t: f64,
         _y: &[f64],
         _z: &[f64],
@@ -95,17 +95,17 @@ impl Dynamics for SemiExplicitModel {
         Ok(())
     }
 
-    fn z_dot(solver: &Derivatives) -> &[f64] {
+    fn z_dot(solver: &RateSolver) -> &[f64] {
         &solver.z_dot
     }
 
-    fn lam(_solver: &Derivatives) -> &[f64] {
+    fn lam(_solver: &RateSolver) -> &[f64] {
         &[]
     }
 
     fn derivatives(
         &mut self,
-        solver: &Derivatives,
+        solver: &RateSolver,
         t: f64,
         (y, z): (&[f64], &[f64]),
         [y_dot, y_ddot]: [&mut [f64]; 2],

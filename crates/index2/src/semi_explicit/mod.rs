@@ -13,7 +13,7 @@ mod restart;
 mod sensitivity;
 
 pub use algebraic::Algebraic;
-pub use dynamics::Derivatives;
+pub use dynamics::RateSolver;
 pub use model::SemiExplicitModel;
 pub use point::SemiExplicitPoint;
 pub use restart::SemiExplicitRestart;

@@ -4,7 +4,7 @@
 //!
 //!     w_z dz' = −D_x dx,   dy'' = R_x dx + f_z dz',   x = (t, y, z, θ).
 
-use super::{Derivatives, SemiExplicitModel, SemiExplicitSensitivityModel};
+use super::{RateSolver, SemiExplicitModel, SemiExplicitSensitivityModel};
 use liouville_base::error::{Quantity, StepError};
 use liouville_base::linalg::{Matrix, add_scaled, copy, dot};
 use liouville_problem::{
@@ -19,7 +19,7 @@ pub struct SemiExplicitPoint {
     pub model: SemiExplicitModel,
     /// Its derivatives by time and parameters.
     pub sensitivity: SemiExplicitSensitivityModel,
-    solver: Derivatives,
+    solver: RateSolver,
     f_y: Vec<f64>,
     f_z: Vec<f64>,
     f_tau: Vec<f64>,

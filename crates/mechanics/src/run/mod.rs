@@ -4,8 +4,8 @@
 
 mod alpha;
 mod alpha_pullback;
-mod at_times;
 mod check;
+mod given_times;
 mod index2;
 mod index2_pullback;
 mod job;
@@ -22,7 +22,7 @@ pub use job::{
 pub use pullback::{Follow, Pullback, StepAdjoint};
 
 use liouville_alpha::Reactions;
-use liouville_base::ensemble::{Ensemble, Layout};
+use liouville_base::ensemble::{Ensemble, RecordLayout};
 use liouville_base::error::StepError;
 use liouville_base::newton::Stop;
 use liouville_base::real::BATCH;
@@ -110,7 +110,7 @@ impl Starter {
         let block = self.block().min(fair);
         let detection = self.job.detection.as_ref();
         let given = detection.and_then(|detection| detection.times.clone());
-        let layout = Layout::Aligned {
+        let layout = RecordLayout::Aligned {
             times: given.map_or_else(|| span.times(), Ok)?,
             width: self.width(),
         };

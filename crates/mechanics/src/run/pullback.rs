@@ -1,7 +1,7 @@
 //! Pullbacks: a run made again from checkpoints, one piece after another from the last, each followed back.
 
 use super::Starter;
-use super::at_times::{AtTimes, observing};
+use super::given_times::{GivenTimes, observing};
 use super::journal::{Entry, EventAdjoint, EventRecorder, Journal};
 use super::member::{BoxedStepper, Member, MonitoredSteps};
 use crate::events::{DenseDetector, LinearReset};
@@ -91,7 +91,7 @@ pub struct Pullback<A: StepAdjoint> {
     parts: usize,
     cotangents: Cotangents,
     /// Where states are given at times that are not those of the steps.
-    times: Option<AtTimes<A::Point>>,
+    times: Option<GivenTimes<A::Point>>,
     events: Option<EventAdjoint<A::State>>,
     /// The cotangent of the time at which the run begins, by the times of its steps.
     of_start: f64,
@@ -181,7 +181,7 @@ where
             let records = whole.clone();
             let made = Box::new(move || records.lock().steps().len());
             let sizes = (method.sizes, width);
-            AtTimes::new(times, sizes, point.clone(), (made, parts))
+            GivenTimes::new(times, sizes, point.clone(), (made, parts))
         });
         let inner = starter.observer(model, 0);
         let at_times = observing(inner.clone(), times.clone());

@@ -7,14 +7,14 @@ use liouville_problem::{Mass, Model};
 /// v = W (p − `p_0`) + `v_0` and z = `p_z`⁻¹ (p − `p_0`).
 #[derive(Clone, Debug)]
 pub(super) struct ConstantMass {
-    matrices: Matrices,
+    matrices: MassFactors,
     /// p and v of z = 0.
     p_0: Vec<f64>,
     v_0: Vec<f64>,
 }
 
 #[derive(Clone, Debug)]
-enum Matrices {
+enum MassFactors {
     /// The diagonals of W and of `p_z`⁻¹.
     Diagonal {
         inverse_mass: Vec<f64>,
@@ -39,12 +39,12 @@ impl ConstantMass {
             let (mut inverse_mass, mut inverse) = (vec![1.0; n], vec![1.0; n]);
             mass.solve_velocity(&mut inverse_mass);
             mass.solve(&mut inverse);
-            Matrices::Diagonal {
+            MassFactors::Diagonal {
                 inverse_mass,
                 inverse,
             }
         } else {
-            Matrices::Sparse(Box::new(mass))
+            MassFactors::Sparse(Box::new(mass))
         };
         Ok(Self { matrices, p_0, v_0 })
     }
@@ -52,8 +52,8 @@ impl ConstantMass {
     /// The diagonal of W, where W is diagonal.
     pub(super) fn inverse_mass(&self) -> Option<&[f64]> {
         match &self.matrices {
-            Matrices::Diagonal { inverse_mass, .. } => Some(inverse_mass),
-            Matrices::Sparse(_) => None,
+            MassFactors::Diagonal { inverse_mass, .. } => Some(inverse_mass),
+            MassFactors::Sparse(_) => None,
         }
     }
 
@@ -70,16 +70,16 @@ impl ConstantMass {
     pub(super) fn state(&mut self, p: &[f64], low: &[f64], z: &mut [f64]) {
         self.subtract(p, low, z);
         match &mut self.matrices {
-            Matrices::Diagonal { inverse, .. } => multiply(z, inverse),
-            Matrices::Sparse(mass) => mass.solve(z),
+            MassFactors::Diagonal { inverse, .. } => multiply(z, inverse),
+            MassFactors::Sparse(mass) => mass.solve(z),
         }
     }
 
     /// `x = W x`
     pub(super) fn apply_inverse(&mut self, x: &mut [f64]) {
         match &mut self.matrices {
-            Matrices::Diagonal { inverse_mass, .. } => multiply(x, inverse_mass),
-            Matrices::Sparse(mass) => mass.solve_velocity(x),
+            MassFactors::Diagonal { inverse_mass, .. } => multiply(x, inverse_mass),
+            MassFactors::Sparse(mass) => mass.solve_velocity(x),
         }
     }
 

@@ -343,7 +343,7 @@ fn windows_do_not_depend_on_threads() {
     let times = [0.5, 0.7, 2.0];
     let run = |threads: usize| {
         let sweeper = Sweeper::new(chain(n, 0.0)).with_threads(threads);
-        let series = Chebyshev::new(sweeper.with_tiles(3000, 4), (-2.0, 2.0), 1e-9, 1e-6);
+        let series = Chebyshev::new(sweeper.with_blocking(3000, 4), (-2.0, 2.0), 1e-9, 1e-6);
         outputs(series, &wave(&anyhow(n)), (&times, vec![3])).0
     };
     let alone = run(1);

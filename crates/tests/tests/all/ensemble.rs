@@ -1,7 +1,7 @@
 //! An ensemble is its members, bit for bit, for any grouping and any failures.
 
 use liouville_base::checkpoint::Checkpoint;
-use liouville_base::ensemble::{Ensemble, Layout};
+use liouville_base::ensemble::{Ensemble, RecordLayout};
 use liouville_base::error::StepError;
 use liouville_base::method::{Stats, Stepper};
 use liouville_base::observe::Observe;
@@ -167,7 +167,7 @@ fn ensemble(threads: usize, failures: &'static [(usize, usize)]) -> Ensemble {
         steps: STEPS,
         every: EVERY,
     };
-    let layout = Layout::Aligned {
+    let layout = RecordLayout::Aligned {
         times: span.times().expect("few"),
         width: 2,
     };
@@ -285,7 +285,7 @@ fn rows_of_their_own_come_one_run_after_another() {
         wanted.0.extend(times);
         wanted.1.extend(rows);
     }
-    let layout = Layout::Ragged { width: 2 };
+    let layout = RecordLayout::Ragged { width: 2 };
     let mut ensemble = Ensemble::new(Box::new(begin), (RUNS, 1), 2, layout, 0.5);
     assert_eq!(ensemble.shape(), [2]);
     assert_eq!(finish(&mut ensemble, ALL_DAY), Status::Done);
@@ -300,7 +300,7 @@ fn an_ensemble_whose_table_does_not_fit_fails_once_and_names_no_member() {
             Ok(Box::new(run(members[0], STEPS, &[], |_| 1)))
         };
         let (times, width) = (vec![0.5, 0.8], 1 << 58);
-        let layout = Layout::Aligned { times, width };
+        let layout = RecordLayout::Aligned { times, width };
         let mut ensemble = Ensemble::new(Box::new(begin), (RUNS, 1), threads, layout, 0.5);
         let status = finish(&mut ensemble, ALL_DAY);
         let error = StepError::NoMemory;

@@ -383,7 +383,7 @@ fn check_sweeps<S: Stored + PartialEq + std::fmt::Debug>(
         assert_eq!(swept(&mut sweeper.clone(), &moves, &start), want);
         for _ in 0..4 {
             let (rows, at_once) = (1 + draw.below(operator.size()), 1 + draw.below(12));
-            let mut sweeper = sweeper.clone().with_tiles(rows, at_once);
+            let mut sweeper = sweeper.clone().with_blocking(rows, at_once);
             let got = swept(&mut sweeper, &moves, &start);
             assert_eq!(got, want, "{rows} rows, {at_once} moves, {threads} threads");
             assert_eq!(summed(&mut sweeper.clone(), &moves, &start, &weights), sums);

@@ -1,7 +1,7 @@
 //! Poincaré sections: points of the method, in the plane, at the times of the motion.
 
 use liouville_base::composition::Composed;
-use liouville_base::ensemble::{BeginBlock, Ensemble, Layout};
+use liouville_base::ensemble::{BeginBlock, Ensemble, RecordLayout};
 use liouville_base::real::{Lanes, Real, Scalar};
 use liouville_base::run::{Advance, Fixed, Run, Status};
 use liouville_base::simd::Stored;
@@ -230,7 +230,13 @@ fn members_in_lock_step_and_in_ensembles_pass_as_they_do_alone() {
         let run = run::<Lanes>(&motion, &oblique, (members[0], &chunk), control);
         Ok(Box::new(run) as Box<dyn Advance>)
     });
-    let mut ensemble = Ensemble::new(begin, (11, LANES), 2, Layout::Ragged { width: 5 }, 0.0);
+    let mut ensemble = Ensemble::new(
+        begin,
+        (11, LANES),
+        2,
+        RecordLayout::Ragged { width: 5 },
+        0.0,
+    );
     assert_eq!(ensemble.advance(ALL_DAY), Status::Done);
     let mut together: Vec<Vec<f64>> = ensemble.take().1.chunks(5).map(<[f64]>::to_vec).collect();
     together.sort_by(|a, b| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])));

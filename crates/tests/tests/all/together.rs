@@ -1,7 +1,7 @@
 //! Members in lock-step: each is a run of its own bit for bit, in any block, whether the others stay on the
 //! common path, step by themselves or fail.
 
-use liouville_base::ensemble::{Ensemble, Layout};
+use liouville_base::ensemble::{Ensemble, RecordLayout};
 use liouville_base::error::StepError;
 use liouville_base::real::{BATCH, Lanes, Scalar};
 use liouville_base::run::{Advance, Fixed, Run, Span, Status};
@@ -142,7 +142,7 @@ proptest! {
         let problem = held().build();
         let span = Span { t0: 0.0, t1: STEPS as f64 * H, steps: STEPS, every: EVERY };
         let (count, times) = (all.len(), span.times().expect("few"));
-        let layout = Layout::Aligned { times: times.clone(), width: WIDTH };
+        let layout = RecordLayout::Aligned { times: times.clone(), width: WIDTH };
         let (shared, of) = (problem.clone(), all.clone());
         let begin = move |places: &[usize]| match places {
             [one] => alone(&shared, s, &of[*one]),

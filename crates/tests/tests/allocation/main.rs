@@ -464,7 +464,7 @@ fn a_shear_by_rows_takes_no_memory() {
     for operator in operators {
         let n = operator.size();
         let hamiltonian = Arc::new(Hamiltonian::new(vec![operator]));
-        let sweeper = Sweeper::<Lanes<8>>::new(hamiltonian).with_tiles(16, 3);
+        let sweeper = Sweeper::<Lanes<8>>::new(hamiltonian).with_blocking(16, 3);
         let lanes = || vec![Lanes::splat(0.1); n];
         let mut state = Wave::new(lanes(), lanes());
         let shears = Shears::new(sweeper, 0.2, 1.0);

@@ -10,7 +10,7 @@ pub use method::{Method, chebyshev_degree, processor_degree, turns};
 use crate::method::{Observable, Observer, Recorder, Sweeper, Wave};
 use crate::problem::Hamiltonian;
 use liouville_base::cancel::CancelToken;
-use liouville_base::ensemble::{Ensemble, Layout};
+use liouville_base::ensemble::{Ensemble, RecordLayout};
 use liouville_base::error::StepError;
 use liouville_base::method::Stepper;
 use liouville_base::real::{Lanes, WIDTH};
@@ -75,7 +75,7 @@ pub fn start_each(
     let starters =
         starters.map(|(hamiltonian, method, job)| Starter::new(hamiltonian, method, job));
     let starters: Vec<Starter> = starters.collect::<Result<_, _>>()?;
-    let layouts: Vec<Layout> = starters.iter().map(Starter::layout).collect();
+    let layouts: Vec<RecordLayout> = starters.iter().map(Starter::layout).collect();
     let is_single = starters.iter().all(|each| each.job.members.is_none());
     let Some(layout) = layouts.first().filter(|_| is_single) else {
         return Err(StartError::invalid("single runs, at least one"));
@@ -119,9 +119,9 @@ impl Starter {
     }
 
     /// The times of the records of an ensemble, and how many numbers a member has in each.
-    fn layout(&self) -> Layout {
+    fn layout(&self) -> RecordLayout {
         let ends = self.job.stops.iter().map(|(t, _)| *t);
-        Layout::Aligned {
+        RecordLayout::Aligned {
             times: std::iter::once(self.job.t0).chain(ends).collect(),
             width: self.observer(1).columns(self.job.n),
         }

@@ -33,11 +33,6 @@ class Frame:
     gauge: np.ndarray | None = None
     is_doubled: bool = False
 
-    @property
-    def is_plain(self) -> bool:
-        """Whether the core has the user's components as they are."""
-        return self.order is None and self.gauge is None and not self.is_doubled
-
     def inward(self, psi: np.ndarray) -> np.ndarray:
         """Return states as the core has them; the components are the last axis."""
         if self.gauge is not None:

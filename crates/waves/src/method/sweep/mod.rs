@@ -130,7 +130,7 @@ impl<S: Stored> Sweeper<S> {
     /// The same with so many rows in a block and moves in a sweep, not those chosen for the machine, and with rows shared
     /// even where they are few.
     #[must_use]
-    pub fn with_tiles(self, rows: usize, moves: usize) -> Self {
+    pub fn with_blocking(self, rows: usize, moves: usize) -> Self {
         let blocking = Blocking { rows, moves };
         let by_rows = self.by_rows.map(|by_rows| ByRows {
             blocking,

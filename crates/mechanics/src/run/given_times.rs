@@ -9,21 +9,21 @@ use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// The cotangents that a pullback shares with the observer of its run.
-pub(super) struct AtTimes<P>(Arc<Mutex<Held<P>>>);
+pub(super) struct GivenTimes<P>(Arc<Mutex<GivenCotangents<P>>>);
 
-impl<P> Clone for AtTimes<P> {
+impl<P> Clone for GivenTimes<P> {
     fn clone(&self) -> Self {
         Self(self.0.clone())
     }
 }
 
-type Place = (isize, bool);
+type KnotPlace = (isize, bool);
 
-/// Counts the steps that were recorded.
-pub(super) type Made = Box<dyn Fn() -> usize + Send>;
+/// The number of recorded steps.
+pub(super) type StepCount = Box<dyn Fn() -> usize + Send>;
 
 /// Cotangents at given times, and those of knots that follow from them.
-pub(super) struct Held<P> {
+pub(super) struct GivenCotangents<P> {
     times: Vec<f64>,
     /// Those of (y, z, λ) at each time.
     rows: Matrix,
@@ -31,24 +31,24 @@ pub(super) struct Held<P> {
     path: PathAdjoint,
     /// Memory of a point.
     own: Cotangents,
-    /// Those of parameters; the times are held.
+    /// Those of parameters; given times have none.
     pub(super) tau: Vec<f64>,
     /// By the number of steps recorded up to the knot, and whether a piece of the motion may begin there.
-    knots: BTreeMap<Place, KnotCotangents>,
-    made: Made,
+    knots: BTreeMap<KnotPlace, KnotCotangents>,
+    made: StepCount,
     /// How many recorded steps lead from one knot to the next.
     parts: usize,
 }
 
-impl<P> AtTimes<P> {
-    /// Nothing yet at these times, of a run that records so many steps between knots.
+impl<P> GivenTimes<P> {
+    /// No cotangents yet at these times, of a run that records so many steps between knots.
     pub(super) fn new(
         times: Vec<f64>,
         ([n, l, m], width): ([usize; 3], usize),
         point: P,
-        (made, parts): (Made, usize),
+        (made, parts): (StepCount, usize),
     ) -> Self {
-        Self(Arc::new(Mutex::new(Held {
+        Self(Arc::new(Mutex::new(GivenCotangents {
             rows: Matrix::zeros(times.len(), n + l + m),
             times,
             point,
@@ -61,13 +61,13 @@ impl<P> AtTimes<P> {
         })))
     }
 
-    pub(super) fn lock(&self) -> MutexGuard<'_, Held<P>> {
+    pub(super) fn lock(&self) -> MutexGuard<'_, GivenCotangents<P>> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
-impl<P: ObservePoint> Held<P> {
-    /// Takes cotangents of (y, z, λ), a row for each time; says whether there are so many.
+impl<P: ObservePoint> GivenCotangents<P> {
+    /// Sets cotangents of (y, z, λ), a row for each time; returns whether their number fits.
     pub(super) fn give(&mut self, rows: Matrix) -> bool {
         let fits = (rows.rows(), rows.cols()) == (self.rows.rows(), self.rows.cols());
         if fits {
@@ -77,12 +77,12 @@ impl<P: ObservePoint> Held<P> {
     }
 
     /// Those of knots before the steps that are recorded next.
-    pub(super) fn pending(&mut self) -> BTreeMap<Place, KnotCotangents> {
+    pub(super) fn pending(&mut self) -> BTreeMap<KnotPlace, KnotCotangents> {
         std::mem::take(&mut self.knots)
     }
 
     /// Adds those of knots that were pending before so many steps were recorded.
-    pub(super) fn shift(&mut self, pending: BTreeMap<Place, KnotCotangents>, count: usize) {
+    pub(super) fn shift(&mut self, pending: BTreeMap<KnotPlace, KnotCotangents>, count: usize) {
         for ((place, starts), knot) in pending {
             let place = place + count.cast_signed();
             self.knots.entry((place, starts)).or_default().add(&knot);
@@ -123,13 +123,13 @@ impl<P: ObservePoint> Held<P> {
 /// The observer of a repeated run, with the checkpoint of the first run's.
 struct TimesObserver<P: ObservePoint> {
     inner: Observer<P::Model>,
-    at_times: AtTimes<P>,
+    at_times: GivenTimes<P>,
 }
 
 /// The observer of a repeated run, with or without given times.
 pub(super) fn observing<P: ObservePoint>(
     inner: Observer<P::Model>,
-    at_times: Option<AtTimes<P>>,
+    at_times: Option<GivenTimes<P>>,
 ) -> Box<dyn Observe<Path<P::Model>>> {
     match at_times {
         None => Box::new(inner),
