@@ -46,7 +46,8 @@ class Model:
     """The expressions v, p, f, r and g of the general form; r depends on `lam`.
 
     A linear part, which wants v = z, adds to p and f. Ideal reactions r are -g_y^T lam. The
-    derivative g_y is kept where it is known already.
+    derivative g_y is kept where it is known already. Where p is L_z of a Lagrangian L, f is kept in
+    two parts, L_y and the rest.
     """
 
     v: ca.SX
@@ -60,6 +61,7 @@ class Model:
     is_ideal: bool = False
     redundant: Redundant | None = None
     g_y: ca.SX | None = None
+    force: tuple[ca.SX, ca.SX] | None = None
 
 
 def compiled(
@@ -72,7 +74,8 @@ def compiled(
     v, p, f, r, g, lam = model.v, model.p, model.f, model.r, model.g, model.lam
     n, linear, own_velocity = s.y.numel(), model.linear, differ(v, s.z)
     w = total_derivative(g, s, v)
-    p_z, v_z = jacobian(p, s.z), jacobian(v, s.z)
+    p_z, p_y, f_y, f_z = _slopes(s, model)
+    v_z = jacobian(v, s.z)
     g_y = jacobian(g, s.y) if model.g_y is None else model.g_y
     slopes = Block(g_y)
     r_lam = None if model.is_ideal else jacobian(r, lam)
@@ -86,9 +89,9 @@ def compiled(
     jac = {
         "p_z": Block(p_z, linear.mass),
         **({"v_z": Block(v_z)} if own_velocity else {}),
-        "p_y": Block(jacobian(p, s.y)),
-        "f_y": Block(jacobian(f, s.y), linear.stiffness, -1.0),
-        "f_z": Block(jacobian(f, s.z), linear.damping, -1.0),
+        "p_y": Block(p_y),
+        "f_y": Block(f_y, linear.stiffness, -1.0),
+        "f_z": Block(f_z, linear.damping, -1.0),
         "v_y": Block(jacobian(v, s.y)),
         "g_y": slopes,
         "r_lam": slopes.minus_transposed() if r_lam is None else Block(r_lam),
@@ -133,6 +136,20 @@ def compiled(
     patterns = {name: block.pattern for name, block in jac.items()}
     problem = _core.Mechanical(n, g.numel(), is_linear, tapes, patterns, left_out)
     return tapes, patterns, problem
+
+
+def _slopes(s: Symbols, model: Model) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
+    """Differentiate p and f by z and y: p_z, p_y, f_y and f_z.
+
+    Of a Lagrangian L_zz and L_yy are symmetric, and L_yz is the transpose of L_zy.
+    """
+    p_z, p_y = jacobian(model.p, s.z), jacobian(model.p, s.y)
+    if model.force is None:
+        return p_z, p_y, jacobian(model.f, s.y), jacobian(model.f, s.z)
+    own, rest = model.force
+    symmetric = ca.triu2symm(ca.triu(jacobian(own, s.y)))
+    f_y, f_z = symmetric + jacobian(rest, s.y), p_y.T + jacobian(rest, s.z)
+    return ca.triu2symm(ca.triu(p_z)), p_y, f_y, f_z
 
 
 def _nonholonomic(

@@ -91,7 +91,8 @@ class Lagrangian(Mechanics):
         args = s.args
         L = _trace.scalar("lagrangian", lagrangian, args)
         p, extra = ca.gradient(L, s.z), _force(force, args, len(coordinates))
-        f = ca.gradient(L, s.y) + extra
+        own_force = ca.gradient(L, s.y)
+        f = own_force + extra
         names, g, lam, g_y = holonomic(constraint, s)
         more, own = rolling(nonholonomic, s, s.z, names)
         super().__init__(
@@ -106,6 +107,7 @@ class Lagrangian(Mechanics):
                 is_ideal=True,
                 nonholonomic=own,
                 g_y=g_y,
+                force=(own_force, extra),
             ),
             states=("q", "v"),
             coordinates=coordinates,
