@@ -123,15 +123,21 @@ fn invert<L: Layout>(columns: &mut Columns<L>, size: usize) {
             }
             let factor = L::at(column, l) * inverse;
             let every = factor.every();
-            for row in 0..rows {
-                column.as_mut()[row] -= every * pivot.as_ref()[row];
-            }
-            L::set(column, l, factor);
+            L::replace(
+                column,
+                rows,
+                (l, factor),
+                #[inline(always)]
+                |row, x| x - every * pivot.as_ref()[row],
+            );
         }
         let every = (-inverse).every();
-        for row in 0..rows {
-            columns[l].as_mut()[row] *= every;
-        }
-        L::set(&mut columns[l], l, inverse);
+        L::replace(
+            &mut columns[l],
+            rows,
+            (l, inverse),
+            #[inline(always)]
+            |_, x| x * every,
+        );
     }
 }

@@ -193,14 +193,21 @@ impl<L: Layout> Small<L> {
         self.linear.invert(self.tables, (n, m));
     }
 
-    /// Adds to g what roundings took from it, as the stages above do.
+    /// Adds to g of members what roundings took from it, as the stages above do.
     #[inline(always)]
-    fn compensate(&mut self) {
+    fn compensate(&mut self, wanted: L) {
+        if wanted.all(
+            #[inline(always)]
+            |wanted| wanted == 0.0,
+        ) {
+            return;
+        }
         if let Some(compensated) = &mut self.compensated {
             let (low, first) = (&self.node_low, usize::from(!L::IS_SINGLE));
             compensated.add_low(
                 first,
                 &mut self.node,
+                wanted.every(),
                 #[inline(always)]
                 |q, row| low[q].as_ref()[row],
             );
@@ -251,12 +258,12 @@ impl<L: Layout> Small<L> {
 
     /// Corrects the unknowns; returns the largest correction of Z, and whether all is finite.
     #[inline(always)]
-    fn correct(&mut self, h: f64) -> (L, bool) {
+    fn correct(&mut self, h: f64, wanted: L) -> (L, bool) {
         let n = self.problem.n.min(COORDINATES);
         let rows = L::rows(self.tables.stages);
         let has_constraints = self.problem.m > 0;
         if has_constraints {
-            self.compensate();
+            self.compensate(wanted);
         }
         if self.full.is_some() {
             self.solve_full(h);
@@ -268,7 +275,8 @@ impl<L: Layout> Small<L> {
             let u = self.velocity[q].as_ref();
             let d_z = &mut self.work.d_z.as_mut()[..rows];
             if let Some(full) = &self.full {
-                d_z.copy_from_slice(&full.corrections[q].as_ref()[..rows]);
+                let of_all = full.d_z(q, self.tables.stages);
+                d_z.copy_from_slice(&of_all.as_ref()[..rows]);
             } else if has_constraints {
                 L::product(
                     d_z,
@@ -294,6 +302,15 @@ impl<L: Layout> Small<L> {
             |x| x.abs() < f64::INFINITY,
         );
         (L::largest(&largest.as_ref()[..rows]), is_finite)
+    }
+
+    /// What comes before a first correction: one that is large, but where all is linear and a single one solves it.
+    fn first_size(&self) -> f64 {
+        if self.problem.is_affine() {
+            0.0
+        } else {
+            f64::INFINITY
+        }
     }
 
     /// The size of a correction, relative to what moves the coordinates by their own size.
@@ -332,7 +349,7 @@ impl<L: Layout> Equations<L> for SmallEquations<'_, L> {
     }
 
     fn correct(&mut self) -> Result<L, StepError> {
-        let (small, step) = (&mut *self.small, self.step);
+        let (small, step, stop) = (&mut *self.small, self.step, self.stop);
         let is_first = !self.is_linearized;
         self.is_linearized = true;
         let (size, is_finite) = dispatch_simd::<L::Row, _>(
@@ -340,11 +357,19 @@ impl<L: Layout> Equations<L> for SmallEquations<'_, L> {
             || {
                 small.evaluate(step, is_first);
                 if is_first {
+                    small.size = L::splat(small.first_size());
                     small.measure_moved(step);
                     small.linearize(step.h);
                 }
-                let (size, is_finite) = small.correct(step.h);
-                (small.relative(size), is_finite)
+                let wanted = stop.wants_roundings(small.size);
+                let (size, is_finite) = small.correct(step.h, wanted);
+                let size = small.relative(size);
+                small.size = if small.compensated.is_some() {
+                    stop.with_roundings(size, wanted)
+                } else {
+                    size
+                };
+                (small.size, is_finite)
             },
         );
         if is_finite {

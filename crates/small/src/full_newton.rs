@@ -214,13 +214,13 @@ impl<L: Layout> FullNewton<L> {
             L::sums(out, &tables.inverse_product, &sides);
         }
         self.matrix.solve(&mut self.corrections[..n + m]);
-        let (d_z, d_lam) = self.corrections[..n + m].split_at_mut(n);
-        for d_z in d_z {
-            L::extend(d_z, tables.stages, L::at(d_z, tables.stages - 1));
-        }
-        for d_lam in d_lam {
-            L::extend(d_lam, k, L::splat(0.0));
-        }
+    }
+
+    /// dZ of one coordinate; beyond the last stage it is repeated.
+    #[inline(always)]
+    pub(super) fn d_z(&self, q: usize, stages: usize) -> L::Points {
+        let d_z = &self.corrections[q];
+        L::extended(d_z, stages, L::at(d_z, stages - 1))
     }
 }
 
@@ -234,7 +234,9 @@ impl<L: Layout> Small<L> {
             full.solve(self.tables, residual, &self.node, (m, h));
             let pairs = self.lam.iter_mut().zip(&full.corrections[n..]);
             for (lam, d_lam) in pairs.take(m) {
-                for row in 0..L::rows(self.tables.intervals) {
+                let k = self.tables.intervals;
+                let d_lam = L::extended(d_lam, k, L::splat(0.0));
+                for row in 0..L::rows(k) {
                     lam.as_mut()[row] += d_lam.as_ref()[row] * (1.0 / h);
                 }
             }

@@ -25,12 +25,18 @@ pub trait Layout: Real {
     fn every(self) -> Self::Row;
     /// The value at one point.
     fn at(points: &Self::Points, i: usize) -> Self;
-    /// Sets the value at one point.
-    fn set(points: &mut Self::Points, i: usize, value: Self);
+    /// Sets the value at one point, and makes those at the others, in so many rows, of what they were: all at once, since
+    /// what is written in part waits for memory when it is read.
+    fn replace(
+        points: &mut Self::Points,
+        rows: usize,
+        at: (usize, Self),
+        others: impl Fn(usize, Self::Row) -> Self::Row,
+    );
     /// Adds another's value at one point.
     fn add_point(points: &mut Self::Points, other: &Self::Points, i: usize);
-    /// Sets the values beyond the first `count` points, where lanes stand for points that are not there.
-    fn extend(points: &mut Self::Points, count: usize, value: Self);
+    /// The same with another value beyond the first `count` points, where lanes stand for points that are not there.
+    fn extended(points: &Self::Points, count: usize, value: Self) -> Self::Points;
     /// Factors of the points, as a row takes them.
     fn factor(factors: &Lanes, row: usize) -> Self::Row;
     /// `out_i = finish(Σ_j weights_ij x_j)`, even and odd j apart.
@@ -138,16 +144,21 @@ impl Layout for f64 {
         points[0].0[i]
     }
     #[inline(always)]
-    fn set(points: &mut [Lanes; 1], i: usize, value: f64) {
-        points[0] = UNITS[i].choose(Lanes::splat(value), points[0]);
+    fn replace(
+        points: &mut [Lanes; 1],
+        _: usize,
+        (i, value): (usize, f64),
+        others: impl Fn(usize, Lanes) -> Lanes,
+    ) {
+        points[0] = UNITS[i].choose(Lanes::splat(value), others(0, points[0]));
     }
     #[inline(always)]
     fn add_point(points: &mut [Lanes; 1], other: &[Lanes; 1], i: usize) {
         points[0] = UNITS[i].choose(points[0] + other[0], points[0]);
     }
     #[inline(always)]
-    fn extend(points: &mut [Lanes; 1], count: usize, value: f64) {
-        points[0] = FIRST[count].choose(points[0], Lanes::splat(value));
+    fn extended(points: &[Lanes; 1], count: usize, value: f64) -> [Lanes; 1] {
+        [FIRST[count].choose(points[0], Lanes::splat(value))]
     }
     #[inline(always)]
     fn factor(factors: &Lanes, _: usize) -> Lanes {
@@ -217,15 +228,24 @@ impl<const W: usize> Layout for Lanes<W> {
         points[i]
     }
     #[inline(always)]
-    fn set(points: &mut [Self; POINTS], i: usize, value: Self) {
-        points[i] = value;
+    fn replace(
+        points: &mut [Self; POINTS],
+        rows: usize,
+        (i, value): (usize, Self),
+        others: impl Fn(usize, Self) -> Self,
+    ) {
+        for (row, x) in points[..rows].iter_mut().enumerate() {
+            *x = if row == i { value } else { others(row, *x) };
+        }
     }
     #[inline(always)]
     fn add_point(points: &mut [Self; POINTS], other: &[Self; POINTS], i: usize) {
         points[i] += other[i];
     }
     #[inline(always)]
-    fn extend(_: &mut [Self; POINTS], _: usize, _: Self) {}
+    fn extended(points: &[Self; POINTS], _: usize, _: Self) -> [Self; POINTS] {
+        *points
+    }
     #[inline(always)]
     fn factor(factors: &Lanes, row: usize) -> Self {
         Self::splat(factors.0[row])

@@ -95,6 +95,8 @@ pub struct Small<L: Layout> {
     yardstick: L,
     rest: L,
     speed: L,
+    /// The relative size of the last correction.
+    size: L,
     moved: L,
     end: End<L>,
 }
@@ -190,6 +192,7 @@ impl<L: Layout> Small<L> {
             yardstick: L::splat(0.0),
             rest: L::splat(0.0),
             speed: L::splat(0.0),
+            size: L::splat(f64::INFINITY),
             moved: L::splat(0.0),
             end: End::new(),
             problem,

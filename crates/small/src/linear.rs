@@ -70,21 +70,26 @@ impl<L: Layout> Linear<L> {
                     let factor = L::at(&column[c], l) * inverse;
                     let every = factor.every();
                     for d in 0..m {
-                        for row in 0..rows {
-                            let x = &mut column[d].as_mut()[row];
-                            *x -= every * pivot[d].as_ref()[row];
-                        }
+                        let of = pivot[d].as_ref();
+                        replace::<L>(
+                            &mut column[d],
+                            rows,
+                            (d == c).then_some((l, factor)),
+                            #[inline(always)]
+                            |row, x| x - every * of[row],
+                        );
                     }
-                    L::set(&mut column[c], l, factor);
                 }
                 let every = (-inverse).every();
                 for d in 0..m {
-                    for row in 0..rows {
-                        let x = &mut self.columns[p][d].as_mut()[row];
-                        *x *= every;
-                    }
+                    replace::<L>(
+                        &mut self.columns[p][d],
+                        rows,
+                        (d == c).then_some((l, inverse)),
+                        #[inline(always)]
+                        |_, x| x * every,
+                    );
                 }
-                L::set(&mut self.columns[p][c], l, inverse);
             }
         }
     }
@@ -125,5 +130,21 @@ impl<L: Layout> Linear<L> {
                 d_lam[c].as_mut()[row] = sum;
             }
         }
+    }
+}
+
+/// Sets the value at one point, if any, and makes those at the others of what they were.
+#[inline(always)]
+fn replace<L: Layout>(
+    points: &mut L::Points,
+    rows: usize,
+    value: Option<(usize, L)>,
+    others: impl Fn(usize, L::Row) -> L::Row,
+) {
+    if let Some(value) = value {
+        return L::replace(points, rows, value, others);
+    }
+    for (row, x) in points.as_mut()[..rows].iter_mut().enumerate() {
+        *x = others(row, *x);
     }
 }

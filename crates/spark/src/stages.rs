@@ -75,7 +75,7 @@ pub(super) struct Stages<R = f64> {
     node_low: Matrix<R>,
     pub(super) g: Matrix<R>,
     /// Rounding errors of g, where its operations have them.
-    compensated: Option<Box<CompensatedTape<R>>>,
+    pub(super) compensated: Option<Box<CompensatedTape<R>>>,
     /// Moves h b_j V_j, and impulses: h b_j F_j, then h b̂_j R_j, j = 0..k, then those h b_j R_j of
     /// nonholonomic constraints.
     pub(super) moves: Matrix<R>,
@@ -96,8 +96,11 @@ pub(super) struct Stages<R = f64> {
     pub(super) velocity_is_z: bool,
     /// Whether the equations are linear, with one solution wherever it lies.
     pub(super) is_affine: bool,
-    /// The speed that corrections are relative to.
+    /// The speed that corrections are relative to, and the size of the last one.
     pub(super) speed: R,
+    pub(super) size: R,
+    /// 1 where the rounding errors of g are to be computed, else 0.
+    pub(super) wanted: R,
     /// Memory of measuring roundoff, made at its first use.
     pub(super) probe: Option<Box<Probe<R>>>,
     /// μᶠ and μ̂ side by side, the last column of μ̂, which is zero, left out unless μʳ follows.
@@ -135,6 +138,8 @@ impl<R: Real> Stages<R> {
             still: vec![R::splat(0.0); n],
             yardstick: R::splat(0.0),
             speed: R::splat(0.0),
+            size: R::splat(0.0),
+            wanted: R::splat(1.0),
             probe: None,
             velocity_is_z: model.problem.patterns.v_z.is_none(),
             is_affine: model.problem.is_affine(),
@@ -253,13 +258,15 @@ impl<R: Real> Stages<R> {
     /// Adds to g the rounding errors of its evaluation and of the nodes. Near its root g takes so few values that the
     /// error of the iteration would not show in them; it has the same sign in each step.
     fn compensate(&mut self, step: Step<R>) {
+        self.wanted = self.stop.wants_roundings(self.size);
         let Some(compensated) = &mut self.compensated else {
             return;
         };
         let (n, m) = (self.node_y.cols(), self.g.cols());
         let times = times(step, &self.tableau.c_hat);
         let points = [&self.node_y, &self.node_low].map(|points| &points.flat()[n..]);
-        compensated.add_low(|i| times.at(i + 1), points, &mut self.g.flat_mut()[m..]);
+        let g = &mut self.g.flat_mut()[m..];
+        compensated.add_low(|i| times.at(i + 1), points, (g, self.wanted));
     }
 
     /// k and its reactions at the stages.

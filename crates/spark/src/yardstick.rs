@@ -16,6 +16,7 @@ impl<R: Real> Stages<R> {
 
     /// Begins a step of another size from the same state.
     pub(super) fn begin_again(&mut self, step: Step<R>) {
+        self.size = R::splat(0.0);
         self.yardstick = if self.is_affine {
             R::splat(0.0)
         } else {
@@ -42,6 +43,17 @@ impl<R: Real> Stages<R> {
     /// The size of a velocity correction, relative to what moves the coordinates by their own size.
     #[inline(always)]
     pub(super) fn relative(&mut self, correction: R, step: Step<R>) -> R {
+        let size = self.relative_to_speed(correction, step);
+        self.size = if self.compensated.is_some() {
+            self.stop.with_roundings(size, self.wanted)
+        } else {
+            size
+        };
+        self.size
+    }
+
+    #[inline(always)]
+    fn relative_to_speed(&mut self, correction: R, step: Step<R>) -> R {
         if correction.all(|correction| correction == 0.0) {
             return correction;
         }

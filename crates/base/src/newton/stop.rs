@@ -6,6 +6,11 @@ use crate::real::Real;
 const FEW_STEPS: f64 = 1e4;
 const MANY_STEPS: f64 = 1e8;
 
+/// Errors left by corrections above this are larger than rounding errors.
+const NEAR: f64 = 1e-6;
+/// No iteration to roundoff ends with a correction of this size, and roundings are far below it.
+const ROUGH: f64 = 1e-9;
+
 /// The stopping rule of an iteration; sizes are fractions of the solution.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Stop {
@@ -34,6 +39,36 @@ impl Stop {
             is_even: true,
             least_rate: 0.0,
         }
+    }
+
+    /// 1 where rounding errors of a residual are to be computed, else 0, after a correction of this relative size: the error
+    /// left by a large one is far above them.
+    #[inline(always)]
+    #[allow(clippy::inline_always)] // what is not inlined is compiled without the registers it is for
+    pub fn wants_roundings<R: Real>(&self, size: R) -> R {
+        let is_roundoff = self.is_roundoff();
+        size.map(
+            #[inline(always)]
+            |size| f64::from(u8::from(is_roundoff & (size < NEAR))),
+        )
+    }
+
+    /// The size of a correction, bounded below where rounding errors are computed later, so that another follows.
+    #[inline(always)]
+    #[allow(clippy::inline_always)]
+    pub fn with_roundings<R: Real>(&self, size: R, wanted: R) -> R {
+        let least = if self.is_roundoff() { ROUGH } else { 0.0 };
+        size.zip(
+            wanted,
+            #[inline(always)]
+            |size, wanted| {
+                if wanted == 0.0 && size < least {
+                    least
+                } else {
+                    size
+                }
+            },
+        )
     }
 
     /// Whether the equations are solved to roundoff.

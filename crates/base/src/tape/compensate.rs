@@ -95,8 +95,8 @@ fn exact<R: Real>(values: impl Iterator<Item = R>) -> Vec<Compensated<R>> {
 }
 
 impl<R: Real> CompensatedTape<R> {
-    /// Adds to values their rounding errors, at points that have the times of `time` and stand row by row in
-    /// `high + low`. What is not finite is not added.
+    /// Adds to values of members their rounding errors, `times` 1 or 0, at points that have the times of `time` and stand
+    /// row by row in `high + low`. Errors that are not finite are not added.
     ///
     /// # Panics
     /// When the arguments are not of this tape's sizes.
@@ -104,13 +104,16 @@ impl<R: Real> CompensatedTape<R> {
         &mut self,
         time: impl Fn(usize) -> f64,
         [high, low]: [&[R]; 2],
-        values: &mut [R],
+        (values, times): (&mut [R], R),
     ) {
+        if times.all(|times| times == 0.0) {
+            return;
+        }
         let program = &self.program;
         match &mut self.memory {
             Memory::Members(registers) => dispatch_simd::<R, _>(
                 #[inline(always)]
-                || program.add_of_members(registers, time, [high, low], values),
+                || program.add_of_members(registers, time, [high, low], (values, times)),
             ),
             Memory::Points(registers) => {
                 let parts = (R::alone(high), R::alone(low), R::alone_mut(values));
@@ -126,13 +129,14 @@ impl<R: Real> CompensatedTape<R> {
 }
 
 impl<P: Real> CompensatedPoints<P> {
-    /// Adds to the values at the points from `first` on their rounding errors; each number of the second argument
-    /// has a low part at each point.
+    /// Adds to the values at the points from `first` on their rounding errors, `times` 1 or 0; each number of the second
+    /// argument has a low part at each point.
     #[inline(never)]
     pub fn add_low(
         &mut self,
         first: usize,
         points: &mut PointRegisters<P>,
+        times: P,
         low: impl Fn(usize, usize) -> P,
     ) {
         let Self { program, registers } = self;
@@ -151,7 +155,7 @@ impl<P: Real> CompensatedPoints<P> {
                     program.run(registers);
                     for (c, result) in registers[program.outputs.clone()].iter().enumerate() {
                         let value = &mut points.value_mut(c)[i];
-                        *value = value.zip(result.low, sum);
+                        *value = P::each([*value, result.low, times], sum);
                     }
                 }
             },
@@ -166,7 +170,7 @@ impl CompensatedProgram {
         registers: &mut [Compensated<R>],
         time: impl Fn(usize) -> f64,
         points: [&[R]; 2],
-        values: &mut [R],
+        (values, times): (&mut [R], R),
     ) {
         let n = self.argument.len();
         for (i, values) in values.chunks_exact_mut(self.outputs.len()).enumerate() {
@@ -178,7 +182,7 @@ impl CompensatedProgram {
             }
             self.run(registers);
             for (value, result) in values.iter_mut().zip(&registers[self.outputs.clone()]) {
-                *value = value.zip(result.low, sum);
+                *value = R::each([*value, result.low, times], sum);
             }
         }
     }
@@ -209,7 +213,7 @@ impl CompensatedProgram {
             let rows = values[first * width..].chunks_exact_mut(width);
             for (lane, row) in rows.take(count).enumerate() {
                 for (value, result) in row.iter_mut().zip(results) {
-                    *value = sum(*value, result.low.0[lane]);
+                    *value = sum([*value, result.low.0[lane], 1.0]);
                 }
             }
         }
@@ -243,8 +247,12 @@ impl CompensatedProgram {
     }
 }
 
-/// The sum, or the value alone where the other is not finite.
+/// The sum, or the value alone where the other is not finite or not wanted.
 #[inline(always)]
-fn sum(value: f64, low: f64) -> f64 {
-    if low.is_finite() { value + low } else { value }
+fn sum([value, low, times]: [f64; 3]) -> f64 {
+    if low.is_finite() & (times != 0.0) {
+        value + low
+    } else {
+        value
+    }
 }

@@ -104,7 +104,7 @@ fn a_tape_near_its_root_gets_what_roundings_took() {
         let (high, low) = ([angle.cos(), angle.sin()].map(cut), [3e-18, -5e-18]);
         let plain = tape.eval(&mut bound, [&[0.0], &high, &[2.0]])[0];
         let mut value = [plain];
-        own.add_low(|_| 0.0, [&high, &low], &mut value);
+        own.add_low(|_| 0.0, [&high, &low], (&mut value, 1.0));
         // in numbers of 2^-106, with the half twice
         #[allow(clippy::cast_possible_truncation)]
         let squares = high.map(|x| ((x * 2.0_f64.powi(53)) as i128).pow(2));
@@ -121,7 +121,11 @@ fn a_tape_near_its_root_gets_what_roundings_took() {
         let mut lanes = program.bind(&tape.bind(&[Lanes::<8>::splat(1.0)]));
         let mut values = [Lanes::splat(plain)];
         let splat = |x: [f64; 2]| x.map(Lanes::splat);
-        lanes.add_low(|_| 0.0, [&splat(high), &splat(low)], &mut values);
+        lanes.add_low(
+            |_| 0.0,
+            [&splat(high), &splat(low)],
+            (&mut values, Lanes::splat(1.0)),
+        );
         for member in 0..8 {
             assert_eq!(values[0].member(member).to_bits(), value[0].to_bits());
         }
