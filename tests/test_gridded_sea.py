@@ -61,6 +61,13 @@ def test_time_keeps_the_order_of_steps_that_end_at_samples():
         assert np.log2(errors[0] / errors[1]) > order - 0.6
 
 
+def test_a_field_in_time_keeps_volume_over_a_hundred_thousand_steps():
+    field, steps = driven(), 10**5
+    found = lv.determinant(field, V(), t=(0, 20), steps=steps, every=steps, x=[0.3, 0.4]).observed
+    assert found["defect"][-1] < 1e-12
+    assert abs(found["log_determinant"][-1]) < 1e-11
+
+
 def test_runs_beyond_the_samples_are_refused():
     with pytest.raises(ValueError, match="t = 21 is outside the samples, which are from 0 to 20"):
         lv.integrate(driven(), V(), t=(0, 21), h=0.1, x=[0.3, 0.4])

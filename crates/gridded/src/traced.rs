@@ -117,6 +117,7 @@ impl Traced {
             x: *x,
             width: self.frozen + 2,
             place: self.frozen + u,
+            start: x[self.frozen + u].abs(),
             e,
             u,
             sigma: if is_adjoint { h } else { -h },
@@ -142,6 +143,8 @@ pub(crate) struct Programs<'a> {
     width: usize,
     /// The place of the implicit coordinate.
     place: usize,
+    /// The size of it at the start.
+    start: f64,
     e: usize,
     u: usize,
     sigma: f64,
@@ -184,7 +187,7 @@ impl Near for Programs<'_> {
         if !(size.is_finite() && 1.0 - self.slope * self.sigma > LEAST) {
             return false;
         }
-        let (roundoff, part) = (f64::EPSILON * now.abs(), size / last);
+        let (roundoff, part) = (f64::EPSILON * now.abs().max(self.start), size / last);
         let has_stalled = || {
             let [v, w] = [0, 1].map(|k| self.x[self.width - 2 + k].abs());
             self.made == MOST_CORRECTIONS && size <= STALLED * v.max(w)
