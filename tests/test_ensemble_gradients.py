@@ -114,6 +114,42 @@ def test_methods_for_wave_functions(row, name):
     alone(problem.system, row.method, ["psi"], run, {"psi": np.stack([psi, 1j * psi[::-1]])})
 
 
+def test_wave_functions_are_run_again_only_where_not_all_fit_in_memory(monkeypatch):
+    """Each way has the same bits."""
+    from liouville.runners import members_adjoint, wave_derivative
+
+    samples, check = np.random.default_rng(2).standard_normal(9), wave_derivative.check_room
+    matrix = np.diag([0.3, -0.2, 0.5]) + np.ones((3, 3)) / 7
+    drive = [(samples, np.diag([1.0, 1.0], 1) + np.diag([1.0, 1.0], -1))]
+    system = lv.Schrodinger(matrix, drive=drive, times=np.linspace(0, 2, 9))
+    call = {"wrt": ["psi", "drive[0]"], "t": (0, 0.7, 2), "psi": np.eye(3) + 0.1j}
+    runs, again = [], members_adjoint.execute
+    monkeypatch.setattr(
+        members_adjoint, "execute", lambda *a, **k: runs.append(1) or again(*a, **k)
+    )
+
+    def gradients():
+        solution, pullback = lv.vjp(system, "auto", **call)
+        cotangent = solution.psi * (1 + 0.5j)
+        found = pullback(psi=cotangent)
+        for name, value in pullback(psi=cotangent).items():  # what a run has left stays
+            np.testing.assert_array_equal(value, found[name])
+        return found
+
+    kept = gradients()
+    assert not runs
+
+    def full(*args, runs, **options):
+        if runs > 1:
+            raise MemoryError("of all at once")
+        check(*args, runs=runs, **options)
+
+    monkeypatch.setattr(wave_derivative, "check_room", full)
+    for name, value in gradients().items():
+        np.testing.assert_array_equal(value, kept[name])
+    assert len(runs) == 6
+
+
 def test_one_start_and_many_lengths_sum_to_the_gradient_of_a_sum():
     """What members share has a gradient from each, as `jax.vmap` has it."""
     system = lv.Lagrangian(

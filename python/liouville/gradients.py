@@ -47,7 +47,7 @@ class Pullback:
     gradients have it as their first. Those of events are rows as in ``solution.events``, of one
     member after another; behind the end of a member's run they are zero. Members are pulled back
     one by one, each from a run of its own with the same bits, on as many threads as :func:`vjp`
-    was given.
+    was given; wave functions from the run of all, where what it leaves fits in memory.
 
     The states between are made again from checkpoints, about the square root of the number of
     steps of them, so a call takes one more run, and as much again and somewhat more for the

@@ -78,7 +78,7 @@ class WaveRunner(Runner):
         self.plan = self._planned(method, times, request)
         self._check_states()
         self._records: list[_core.WaveRecord] = []
-        self._derivative: WaveDerivative | None = None
+        self._derivatives: dict[int, WaveDerivative] = {}
         self._directions: WaveDirections | None = None
         if request.tangents is not None or request.has_pullback:
             self._differentiated(request)
@@ -128,7 +128,7 @@ class WaveRunner(Runner):
             names = wave_derivative.check_wrt(self.system, self._directions.names)
             self.plan = with_breaks(self.plan, self.system, names)
             self.check_room(runs)
-        elif self.members:  # each is run again by itself when it is pulled back
+        elif self.members:  # what its members leave is seen where the names are known
             return
         self._records = [_core.WaveRecord() for _ in range(runs)]
 
@@ -184,11 +184,18 @@ class WaveRunner(Runner):
         names = self.prepare(wrt)
         if not self.members:
             return WaveAdjoint(self, names)
+        (many,) = self.members
+        try:
+            self.prepare(wrt, many)
+        except MemoryError:  # of all at once
 
-        def of_member(member: int) -> Adjoint:
-            return self.adjoint_of(member, request, wrt)
+            def of_member(member: int) -> Adjoint:
+                return self.adjoint_of(member, request, wrt)
 
-        return MembersAdjoint(self, of_member, self.threads)
+            return MembersAdjoint(self, of_member, self.threads)
+        self._records = [_core.WaveRecord() for _ in range(many)]
+        own = [WaveAdjoint(self, names, member) for member in range(many)]
+        return MembersAdjoint(self, own.__getitem__, self.threads, holds_runs=True)
 
     def forget(self) -> None:
         """Have the run leave nothing."""
@@ -201,11 +208,12 @@ class WaveRunner(Runner):
         method = self.choice if self._stops is not None else self.plan
         return WaveRunner(self.system, method, own).adjoint(own, wrt)
 
-    def derivative(self, names: Sequence[str]) -> WaveDerivative:
+    def derivative(self, names: Sequence[str], member: int = 0) -> WaveDerivative:
         """Return what moves derivatives by these names through the run, when it is over."""
-        if self._derivative is None:
-            self._derivative = self._derivative_of(0, names, self.threads)
-        return self._derivative
+        if member not in self._derivatives:
+            threads = 1 if self.members else self.threads
+            self._derivatives[member] = self._derivative_of(member, names, threads)
+        return self._derivatives[member]
 
     def _derivative_of(self, member: int, names: Sequence[str], threads: int) -> WaveDerivative:
         # imported here: few runs are differentiated

@@ -22,8 +22,8 @@ class WaveAdjoint(Adjoint):
     is_complex = True
     holds_run = True
 
-    def __init__(self, runner: WaveRunner, names: tuple[str, ...]) -> None:
-        self.runner = runner
+    def __init__(self, runner: WaveRunner, names: tuple[str, ...], member: int = 0) -> None:
+        self.runner, self._member = runner, member
         places = places_of(runner.system)
         self.directions = {name: (places[name][1], name == "psi") for name in names}
 
@@ -34,10 +34,10 @@ class WaveAdjoint(Adjoint):
     def pulled(self, solution: Solution, cotangents: Mapping[str, np.ndarray]) -> Gradients:
         """Return gradients from cotangents of psi; see :class:`Adjoint`."""
         rows = cotangents["psi"].reshape(len(solution.t), -1)
-        found = self.runner.derivative(self.wrt).pulled(rows, self.wrt)
+        found = self.runner.derivative(self.wrt, self._member).pulled(rows, self.wrt)
         return {name: x if x.ndim else float(x) for name, x in found.items()}
 
     def moved(self, directions: Mapping[str, np.ndarray], size: float) -> Mapping[str, np.ndarray]:
         """Return psi of the run with all choices held, moved by so much of all directions."""
         row = direction_row(self.runner.system, directions)
-        return {"psi": self.runner.derivative(self.wrt).repeated(row, size)}
+        return {"psi": self.runner.derivative(self.wrt, self._member).repeated(row, size)}
