@@ -7,8 +7,7 @@ are compared with differences in `test_tangents`, and a few gradients here.
 import casadi as ca
 import numpy as np
 import pytest
-from registry import ALL
-from test_tangents import COVERED, DENSE, directions_of, general, pendulum
+from test_tangents import DENSE, directions_of, general, pendulum
 
 import liouville as lv
 from liouville.problems import load
@@ -31,15 +30,6 @@ def paired(system, method, t, start, directions, least=0.0, **run):
         forward, unit = sum(x.sum() for x in parts), sum(np.abs(x).sum() for x in parts)
         sizes.append(abs(np.sum(gradients[name] * direction) - forward) / max(unit, least))
     return max(sizes)
-
-
-@pytest.mark.parametrize(("row", "name"), COVERED, ids=str)
-def test_pullbacks_are_the_transposes_of_tangents(row, name):
-    problem = ALL[name]
-    system, t = problem.system, (problem.t[0], problem.t[0] + 0.5)
-    start = system.consistent(t=t[0], **problem.start)
-    directions = directions_of(system, "t0", "t1")
-    assert paired(system, row.method, t, start, directions, steps=5, every=2) < 1e-12
 
 
 def test_every_parameter_of_every_function_and_both_ends():
