@@ -51,7 +51,6 @@ def test_the_pairing_is_kept_over_many_steps():
     assert paired(system, lv.Spark(2), (0.0, 60.0), start, directions, **run) < 1e-12
 
 
-@pytest.mark.slow
 def test_the_pairing_is_kept_over_a_hundred_thousand_steps():
     problem = load("double_pendulum")
     system, run = problem.system, {"steps": 100_000, "every": 100_000}

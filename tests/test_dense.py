@@ -1,5 +1,6 @@
 """States between steps: their order, and what is asked for wrongly."""
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import casadi as ca
@@ -231,6 +232,14 @@ def test_wrong_times_are_refused(times, message):
         lv.integrate(
             wire.system, lv.Spark(3), t=(0, 1), h=0.1, t_eval=times, every=every, **wire.start
         )
+
+
+def test_members_on_an_executor_have_no_given_times():
+    rows = {name: np.stack([x, x]) for name, x in wire.start.items()}
+    call = {"t": (0, 1), "h": 0.1, "t_eval": [0.5], **rows}
+    sentence = r"on an executor has no states at given times\nhint: leave executor= out"
+    with ThreadPoolExecutor(1) as executor, pytest.raises(TypeError, match=sentence):
+        lv.ensemble(wire.system, lv.Spark(3), executor=executor, **call)
 
 
 def test_events_and_times_of_waves_are_refused_with_what_helps():
