@@ -59,8 +59,7 @@ def runner_of(system: System, method: Method | Plan | str, request: Request) -> 
         One of them is of the wrong kind, the method does not step such a system, or an argument is
         unknown.
     """
-    is_mechanical = isinstance(system, Mechanics)
-    if not is_mechanical:
+    if not isinstance(system, Mechanics):
         check_system(system)
     check_options(request.start, "ensemble" if request.is_ensemble else "integrate")
     if not isinstance(request.states, bool):
@@ -71,7 +70,7 @@ def runner_of(system: System, method: Method | Plan | str, request: Request) -> 
         from liouville.runners.tangents import check_covered
 
         check_covered(system, method, request)
-    if is_mechanical:
+    if isinstance(system, Mechanics):
         return _of_mechanics(system, method, request)
     if isinstance(system, SemiExplicit):
         return _of_semi_explicit(system, method, request)
