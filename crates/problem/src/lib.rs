@@ -65,7 +65,7 @@ pub use tangents::{
     TangentRestart, TangentState, TangentView,
 };
 
-use liouville_base::linalg::Pattern;
+use liouville_base::linalg::{BlockPlan, Pattern};
 use liouville_base::method;
 use liouville_base::real::{BATCH, Lanes, Real, Scalar};
 use liouville_base::tape::{CompensatedProgram, Tape};
@@ -108,6 +108,8 @@ pub struct Mechanical {
     pub redundant: Option<Box<Redundant>>,
     /// How constraints are eliminated where they are many, found at the first run.
     pub schur_plan: OnceLock<Option<Arc<SchurPlan>>>,
+    /// The blocks of the mass, found at the first run.
+    pub mass_plan: OnceLock<Option<Arc<BlockPlan>>>,
     /// The program of g in compensated numbers, found at the first run.
     pub compensated_g: OnceLock<Option<Arc<CompensatedProgram>>>,
 }

@@ -30,7 +30,7 @@ impl<R: Real> Mass<R> {
         let at = &model.problem.patterns;
         Self {
             problem: model.problem.clone(),
-            factor: Factor::new(&at.p_z),
+            factor: Factor::planned(&at.p_z, &model.problem.mass_plan),
             v_z: at
                 .v_z
                 .clone()

@@ -16,7 +16,8 @@ use liouville_mechanics::run::{
     Tangents,
 };
 use liouville_spark::Solver;
-use numpy::{PyReadonlyArray1, PyReadonlyArrayDyn, PyUntypedArrayMethods};
+use numpy::{PyArrayDyn, PyArrayMethods, PyUntypedArrayMethods};
+use numpy::{PyReadonlyArray1, PyReadonlyArrayDyn};
 use pyo3::prelude::*;
 
 /// A method, by the attributes of its dataclass; those that most runs take come first.
@@ -291,8 +292,8 @@ fn tangents((sensitivity, y, z, tau, stretch, alpha): &TangentsOf<'_>) -> PyResu
 /// A job, by the attributes of its dataclass; an ensemble has arrays of rows.
 #[derive(FromPyObject)]
 struct MechanicalJob<'py> {
-    start: Vec<PyReadonlyArrayDyn<'py, f64>>,
-    params: PyReadonlyArrayDyn<'py, f64>,
+    start: Vec<Bound<'py, PyArrayDyn<f64>>>,
+    params: Bound<'py, PyArrayDyn<f64>>,
     span: (f64, f64, usize, usize),
     observer: PyRef<'py, convert::Tape>,
     states: bool,
@@ -307,7 +308,7 @@ struct MechanicalJob<'py> {
 impl MechanicalJob<'_> {
     fn read(&self) -> PyResult<run::Job> {
         let ndim = 1 + usize::from(self.is_ensemble);
-        let rows = |x: &PyReadonlyArrayDyn<'_, f64>| x.shape().first().copied().unwrap_or(0);
+        let rows = |x: &Bound<'_, PyArrayDyn<f64>>| x.shape().first().copied().unwrap_or(0);
         let members = self.start.first().map_or(0, rows);
         if self.start.iter().any(|x| rows(x) != members) && self.is_ensemble
             || self.start.iter().any(|x| x.ndim() != ndim)
@@ -317,14 +318,14 @@ impl MechanicalJob<'_> {
             return Err(refused(wanted));
         }
         let (t0, t1, steps, every) = self.span;
-        let start = self.start.iter().map(|x| Ok(x.as_slice()?.to_vec()));
+        let start = self.start.iter().map(|x| Ok(x.to_vec()?));
         let control = match &self.control {
             None => Control::Fixed,
             Some(control) => control.read()?,
         };
         Ok(run::Job {
             start: start.collect::<PyResult<_>>()?,
-            params: self.params.as_slice()?.to_vec(),
+            params: self.params.to_vec()?,
             members: self.is_ensemble.then_some(members),
             span: Span {
                 t0,

@@ -87,6 +87,7 @@ impl Mechanical {
             nonholonomic,
             redundant,
             schur_plan: OnceLock::new(),
+            mass_plan: OnceLock::new(),
             compensated_g: OnceLock::new(),
         };
         Ok(Self(Arc::new(system.checked().map_err(refused)?), made))

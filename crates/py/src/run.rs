@@ -12,6 +12,7 @@ use liouville_base::run::{Advance, Failure, StartError, Status};
 use liouville_mechanics::run::Problem;
 use numpy::{PyArray1, PyArrayDyn, PyArrayMethods, PyReadonlyArray1};
 use pyo3::exceptions::PyMemoryError;
+use pyo3::intern;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::time::Duration;
@@ -156,16 +157,16 @@ impl Run {
     fn stats<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let (stats, rejected) = self.inner.stats();
         let dict = PyDict::new(py);
-        dict.set_item("iterations", stats.iterations)?;
-        dict.set_item("evaluations", stats.evaluations)?;
-        dict.set_item("factorizations", stats.factorizations)?;
-        dict.set_item("newton_steps", stats.newton_steps)?;
-        dict.set_item("cold_starts", stats.cold_starts)?;
-        dict.set_item("rejected", rejected)?;
+        dict.set_item(intern!(py, "iterations"), stats.iterations)?;
+        dict.set_item(intern!(py, "evaluations"), stats.evaluations)?;
+        dict.set_item(intern!(py, "factorizations"), stats.factorizations)?;
+        dict.set_item(intern!(py, "newton_steps"), stats.newton_steps)?;
+        dict.set_item(intern!(py, "cold_starts"), stats.cold_starts)?;
+        dict.set_item(intern!(py, "rejected"), rejected)?;
         if let Some(sizes) = self.inner.sizes() {
-            dict.set_item("h_smallest", sizes.smallest)?;
-            dict.set_item("h_largest", sizes.largest)?;
-            dict.set_item("h_next", sizes.next)?;
+            dict.set_item(intern!(py, "h_smallest"), sizes.smallest)?;
+            dict.set_item(intern!(py, "h_largest"), sizes.largest)?;
+            dict.set_item(intern!(py, "h_next"), sizes.next)?;
         }
         Ok(dict)
     }

@@ -320,6 +320,7 @@ impl Functions {
             nonholonomic: nonholonomic([n, m, self.params], k, rolling, &hidden),
             redundant: None,
             schur_plan: OnceLock::new(),
+            mass_plan: OnceLock::new(),
             compensated_g: OnceLock::new(),
         };
         Arc::new(problem.checked().expect("tapes and patterns fit together"))

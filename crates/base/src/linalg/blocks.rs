@@ -6,26 +6,32 @@ use super::kernels::short;
 use super::{Lu, Pattern, Singular};
 use crate::real::{BATCH, Lanes, Real};
 use crate::simd::dispatch_simd;
+use std::sync::Arc;
 
-/// The inverse of a block-diagonal matrix, whose blocks may stand anywhere.
-#[derive(Clone, Debug)]
-pub struct Blocks<R = f64> {
+/// The blocks of a matrix, which may stand anywhere.
+#[derive(Debug)]
+pub struct BlockPlan {
     /// Where the inverse is not zero: block by block, column by column.
     pattern: Pattern,
-    inverse: Vec<R>,
     /// The orders of the blocks, and the unknowns of one after the other.
     orders: Vec<usize>,
     unknowns: Vec<u32>,
     /// Where each entry of the matrix goes.
     slots: Vec<u32>,
+}
+
+/// The inverse of a block-diagonal matrix.
+#[derive(Clone, Debug)]
+pub struct Blocks<R = f64> {
+    plan: Arc<BlockPlan>,
+    inverse: Vec<R>,
     /// By its order, the memory that a block is inverted in.
     lu: Vec<Lu<R>>,
 }
 
-impl<R: Real> Blocks<R> {
-    /// Memory for matrices of this pattern; `None` where a block is large.
+impl BlockPlan {
+    /// The blocks of matrices of this pattern; `None` where one is large.
     #[allow(clippy::cast_possible_truncation)] // more unknowns would not fit in memory
-    #[inline(never)]
     pub fn new(pattern: &Pattern) -> Option<Self> {
         let n = pattern.shape().0;
         let of = components(pattern);
@@ -53,7 +59,6 @@ impl<R: Real> Blocks<R> {
         let slots = pattern.entries().iter().map(slot).collect();
         blocks.retain(|block| !block.is_empty());
         Some(Self {
-            inverse: vec![R::splat(0.0); entries.len()],
             pattern: Pattern {
                 rows: n,
                 cols: n,
@@ -62,13 +67,30 @@ impl<R: Real> Blocks<R> {
             orders: blocks.iter().map(Vec::len).collect(),
             unknowns: blocks.concat(),
             slots,
-            lu: (0..=LARGEST_BLOCK).map(Lu::new).collect(),
         })
+    }
+}
+
+impl<R: Real> Blocks<R> {
+    /// Memory for matrices of this pattern; `None` where a block is large.
+    pub fn new(pattern: &Pattern) -> Option<Self> {
+        Some(Self::of(Arc::new(BlockPlan::new(pattern)?)))
+    }
+
+    /// Memory for matrices of these blocks.
+    #[inline(never)]
+    pub fn of(plan: Arc<BlockPlan>) -> Self {
+        let largest = plan.orders.iter().copied().max().unwrap_or(0);
+        Self {
+            inverse: vec![R::splat(0.0); plan.pattern.len()],
+            lu: (0..=largest).map(Lu::new).collect(),
+            plan,
+        }
     }
 
     /// Where the inverse is not zero.
     pub fn pattern(&self) -> &Pattern {
-        &self.pattern
+        &self.plan.pattern
     }
 
     /// The inverse, in the order of its pattern.
@@ -91,11 +113,11 @@ impl<R: Real> Blocks<R> {
     #[inline(always)]
     fn invert_each(&mut self, values: &[R]) -> Result<(), Singular> {
         self.inverse.fill(R::splat(0.0));
-        for (slot, value) in self.slots.iter().zip(values) {
+        for (slot, value) in self.plan.slots.iter().zip(values) {
             self.inverse[*slot as usize] += *value;
         }
-        let (mut rest, mut unknowns) = (&mut self.inverse[..], &self.unknowns[..]);
-        for order in &self.orders {
+        let (mut rest, mut unknowns) = (&mut self.inverse[..], &self.plan.unknowns[..]);
+        for order in &self.plan.orders {
             let (block, others) = rest.split_at_mut(order * order);
             let (own, next) = unknowns.split_at(*order);
             invert(&mut self.lu[*order], block).map_err(|singular| Singular {
@@ -117,8 +139,8 @@ impl<R: Real> Blocks<R> {
 
     #[inline(always)]
     fn multiply_each(&self, b: &mut [R]) {
-        let (mut rest, mut unknowns) = (&self.inverse[..], &self.unknowns[..]);
-        for order in &self.orders {
+        let (mut rest, mut unknowns) = (&self.inverse[..], &self.plan.unknowns[..]);
+        for order in &self.plan.orders {
             let (own, next) = unknowns.split_at(*order);
             let (block, others) = rest.split_at(order * order);
             if R::IS_SINGLE {
@@ -134,8 +156,8 @@ impl<R: Real> Blocks<R> {
 impl Blocks {
     /// Solves `A^T x = b` in place.
     pub fn solve_transposed(&self, b: &mut [f64]) {
-        let (mut rest, mut unknowns) = (&self.inverse[..], &self.unknowns[..]);
-        for order in &self.orders {
+        let (mut rest, mut unknowns) = (&self.inverse[..], &self.plan.unknowns[..]);
+        for order in &self.plan.orders {
             let (own, next) = unknowns.split_at(*order);
             let (block, others) = rest.split_at(order * order);
             let mut sums = [0.0; LARGEST_BLOCK];
@@ -229,6 +251,6 @@ fn components(pattern: &Pattern) -> Vec<usize> {
 }
 
 crate::compiled!(R in [f64, Lanes<BATCH>] {
-    Blocks::<R>::new as fn(_) -> _,
+    Blocks::<R>::of as fn(_) -> _,
     Blocks::<R>::factor as fn(_, _) -> _,
 });

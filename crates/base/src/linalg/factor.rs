@@ -3,9 +3,11 @@
 
 use super::choice::prefers_sparse;
 use super::kernels::short;
-use super::{Blocks, Matrix, Pattern, SparseOf, add_scaled, dot, max_norm, scale_each};
+use super::{BlockPlan, Blocks, Matrix, Pattern, SparseOf};
+use super::{add_scaled, dot, max_norm, scale_each};
 use crate::real::{BATCH, Lanes, Real};
 use crate::simd::dispatch_simd;
+use std::sync::{Arc, OnceLock};
 
 /// No pivot in this column: it depends on the columns before it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -291,13 +293,20 @@ fn invert<R: Real>(inverse: &mut [R], pattern: &Pattern, values: &[R]) -> Result
 
 impl<R: Real> Factor<R> {
     /// Memory for matrices of this pattern.
-    #[inline(never)]
     pub fn new(pattern: &Pattern) -> Self {
+        Self::planned(pattern, &OnceLock::new())
+    }
+
+    /// The same, where the blocks of the pattern are kept.
+    #[inline(never)]
+    pub fn planned(pattern: &Pattern, plan: &OnceLock<Option<Arc<BlockPlan>>>) -> Self {
         let (n, _) = pattern.shape();
         if pattern.is_diagonal() {
-            Self::Diagonal(vec![R::splat(0.0); n])
-        } else if let Some(blocks) = Blocks::new(pattern) {
-            Self::Blocks(Box::new(blocks))
+            return Self::Diagonal(vec![R::splat(0.0); n]);
+        }
+        let plan = plan.get_or_init(|| BlockPlan::new(pattern).map(Arc::new));
+        if let Some(plan) = plan {
+            Self::Blocks(Box::new(Blocks::of(plan.clone())))
         } else if prefers_sparse(n, pattern.len()) {
             Self::Sparse(Box::new(SparseOf::new::<R>(pattern)))
         } else {
@@ -370,6 +379,6 @@ impl Factor {
 
 crate::compiled!(R in [f64, Lanes<BATCH>] {
     Lu::<R>::factor as fn(_) -> _,
-    Factor::<R>::new as fn(_) -> _,
+    Factor::<R>::planned as fn(_, _) -> _,
     Factor::<R>::factor as fn(_, _, _) -> _,
 });

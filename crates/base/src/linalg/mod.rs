@@ -20,7 +20,7 @@ mod sparse;
 mod tridiagonal;
 
 pub use assembly::Assembly;
-pub use blocks::Blocks;
+pub use blocks::{BlockPlan, Blocks};
 pub(crate) use choice::prefers_sparse;
 pub use dependent::{IndependentRows, dependencies, dependent_rows, independent_rows};
 pub use factor::{Factor, Lu, Singular, inverse};
