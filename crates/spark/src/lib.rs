@@ -170,11 +170,13 @@ impl Spark {
         is_made
     }
 
-    /// A cold step of a small system by way of a part of it.
+    /// A cold step of a small system by way of a part of it, from which full Newton comes to all of it; node Schur is
+    /// as fast wherever it starts.
     #[cold]
     fn continue_small(&mut self, step: Step) -> bool {
-        let h = step.h * PART;
-        if self.predictor.held.held().is_some() || !self.iterate_small(Step { h, ..step }) {
+        let (h, is_cold) = (step.h * PART, self.predictor.held.held().is_none());
+        let is_newton = self.small.as_ref().is_some_and(|small| small.is_newton());
+        if !is_cold || !is_newton || !self.iterate_small(Step { h, ..step }) {
             return false;
         }
         if let Some(small) = &self.small {
