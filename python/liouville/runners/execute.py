@@ -182,13 +182,14 @@ def solution_of(
         columns[name] = rows[..., end : end + width]
         end += width
     parts = runner.read(columns)
+    named = _named(parts)
     status, message = ended
     return Solution(
         t=times,
         states={name: parts[name] for name in STATES if name in parts},
-        invariants=_named("invariant ", parts),
+        invariants=named["invariant"],
         residuals={name: parts[name] for name in RESIDUALS if name in parts},
-        observed=_named("observed ", parts),
+        observed=named["observed"],
         initial=runner.initial,
         balance=runner.balance(parts),
         tangents=runner.tangents(times, parts),
@@ -281,12 +282,14 @@ def _names(runner: Runner) -> dict[str, tuple[str, ...]]:
     return names
 
 
-def _named(prefix: str, parts: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    return {
-        name.removeprefix(prefix): x[..., 0] if x.shape[-1] == 1 else x
-        for name, x in parts.items()
-        if name.startswith(prefix)
-    }
+def _named(parts: Mapping[str, np.ndarray]) -> dict[str, dict[str, np.ndarray]]:
+    """Return what is called "invariant energy" and so on, by both words."""
+    found: dict[str, dict[str, np.ndarray]] = {"invariant": {}, "observed": {}}
+    for name, x in parts.items():
+        kind, _, own = name.partition(" ")
+        if kind in found:
+            found[kind][own] = x[..., 0] if x.shape[-1] == 1 else x
+    return found
 
 
 def plain(params: Mapping[str, Any]) -> dict[str, float | list[float]]:
