@@ -98,7 +98,7 @@ def absolute(reader, system, data):
     slopes[: 7 * nb] = layout.rates((x, e), *(np.moveaxis(j, 0, 1) for j in (velocity, omega)))
     q[: 7 * nb] = layout.gathered((x, e))
     for joint, (name, coordinate) in reader.places.items():
-        if name in layout.own:
+        if name in layout.own or (name, coordinate) in layout.counted:
             row = system.coordinates.index(f"{name}.{coordinate}")
             slopes[row, model.jnt_dofadr[joint]] = 1
             at = model.jnt_qposadr[joint]

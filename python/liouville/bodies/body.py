@@ -196,10 +196,17 @@ class Layout:
     coordinates : tuple of str
         Names of all coordinates, those of bodies first.
     own : dict of str to int
-        The first coordinate of each joint that has some of its own.
+        The first coordinate of each compound joint.
+    counted : dict of (str, str) to int
+        The coordinates of angles that count turns, by joint and coordinate.
     """
 
-    def __init__(self, bodies: Sequence[Body], joints: Sequence[Any] = ()) -> None:
+    def __init__(
+        self,
+        bodies: Sequence[Body],
+        joints: Sequence[Any] = (),
+        counted: Sequence[tuple[str, str]] = (),
+    ) -> None:
         self.names = tuple(body.name for body in bodies)
         self.kinds = tuple(body.kind for body in bodies)
         self.planes = tuple(
@@ -217,6 +224,8 @@ class Layout:
             if joint.axes:
                 self.own[joint.name] = len(self.coordinates)
                 self.coordinates += tuple(f"{joint.name}.{axis.name}" for axis in joint.axes)
+        self.counted = {own: len(self.coordinates) + k for k, own in enumerate(counted)}
+        self.coordinates += tuple(f"{joint}.{name}" for joint, name in counted)
 
     def of_kind(self, kind: str) -> list[int]:
         """Return the places of the bodies of one kind."""

@@ -13,6 +13,7 @@ from typing import Any
 
 from liouville import _casadi as ca
 from liouville.bodies import rotations as rot
+from liouville.bodies import turns
 from liouville.bodies.body import Value, column, inertia_matrix
 from liouville.bodies.joints import Group, Joint, constants, drawn
 from liouville.bodies.poses import Poses
@@ -148,4 +149,6 @@ def rotors(
                 found += column(inertia, params, 1) * coordinates[joint.name, name][1] ** 2 / 2
         if isinstance(group, Compound):
             found += group.completion()
+        else:
+            found += turns.completion(group)
     return found

@@ -18,6 +18,7 @@ import numpy as np
 
 from liouville import _casadi as ca
 from liouville.bodies import rotations as rot
+from liouville.bodies import turns
 from liouville.bodies.body import Body, Value, called, column, resolved, row
 from liouville.bodies.poses import Poses
 from liouville.bodies.rolling import height
@@ -281,9 +282,10 @@ class Group(Ends):
             return None, rates["xyz".index(name[-1])]
         if name == "second angle":
             half = ca.atan2(p[1] * p[0] + p[2] * p[3], p[0] * p[0] + p[3] * p[3])
-            return 2 * half, rot.dot(self.spin, self.axis(1, 0))
+            return turns.angles(self, name, 2 * half), rot.dot(self.spin, self.axis(1, 0))
         if name == "angle":
-            return 2 * ca.atan2(p[3], p[0]), rot.dot(self.spin, self.axis(0, 2))
+            angle = turns.angles(self, name, 2 * ca.atan2(p[3], p[0]))
+            return angle, rot.dot(self.spin, self.axis(0, 2))
         axis = self.axis(0, {"slide": 2, "slide_x": 0, "slide_y": 1}[name])
         return self.along(axis), self.along_rate(axis)
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from liouville import _core
+from liouville.bodies import turns
 from liouville.bodies.body import Body, Layout, Value
 from liouville.bodies.chaining import Coupling
 from liouville.bodies.elements import Element
@@ -31,8 +32,10 @@ class Mechanism(Lagrangian):
 
     The coordinates of a spatial body are its centre of mass and the unit quaternion from its axes
     to the world's, ``"crank.x"`` to ``"crank.e3"``; of a point mass its place; of a planar body its
-    centre and its angle. Those of compound joints follow, ``"A.angle"``. The constraints of a joint
-    have its name, ``"A.x"``, those that keep quaternions units that of the body, ``"crank.unit"``.
+    centre and its angle. Those of compound joints follow, ``"A.angle"``, then the angles of other
+    joints of spatial bodies that a spring, a coupling or a torque depends on: they count turns, and
+    a constraint ``"A.turns"`` keeps them. The constraints of a joint have its name, ``"A.x"``,
+    those that keep quaternions units that of the body, ``"crank.unit"``.
 
     Attributes
     ----------
@@ -51,7 +54,8 @@ class Mechanism(Lagrangian):
         gravity: Value,
         params: Mapping[str, ArrayLike] | None,
     ) -> None:
-        self._body_layout = Layout(bodies, joints)
+        counted = turns.counted(joints, gears, params or {})
+        self._body_layout = Layout(bodies, joints, counted)
         model = Model(bodies, joints, elements, gears, gravity, self._body_layout)
         super().__init__(
             model.lagrangian,
@@ -150,6 +154,15 @@ class Mechanism(Lagrangian):
                 "joint harder than the load does; take less friction, or a smaller radius"
             )
         return sentence, hint, quantity
+
+    def counted(self, name: str) -> tuple[str, ...]:
+        """Return the angles of a joint that count turns."""
+        place, layout = self.place(name), self._body_layout
+        if place.axes or not any(
+            layout.kinds[body] != "planar" for body in place.bodies if body < len(layout.kinds)
+        ):
+            return place.angles
+        return tuple(x for x in place.angles if (name, x) in layout.counted)
 
     def place(self, name: str) -> Place:
         """Return a joint by its name."""

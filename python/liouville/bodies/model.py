@@ -10,6 +10,7 @@ import numpy as np
 
 from liouville import _casadi as ca
 from liouville.bodies import rotations as rot
+from liouville.bodies import turns
 from liouville.bodies.body import Body, Layout, Value, column, inertia_matrix, row, stacked
 from liouville.bodies.chaining import Coupling
 from liouville.bodies.compound import grouped, rotors
@@ -121,6 +122,7 @@ class Model:
         spatial = self.layout.of_kind("spatial")
         units = {f"{self.bodies[k].name}.unit": norms[j] / 2 for j, k in enumerate(spatial)}
         # units first: of dependent constraints those that come first are kept
+        rows |= turns.rows(self.groups)
         return (
             units | rows | {coupling.name: self._coupled(coupling) for coupling in self.couplings}
         )

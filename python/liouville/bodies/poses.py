@@ -23,6 +23,8 @@ class Poses:
         Positions of the centres and quaternions, by component.
     directors : tuple of tuple of SX
         Columns of the rotation, by component.
+    angles : dict of int to SX
+        Angles of planar bodies and of the ground.
     velocity, omega : tuple of SX
         Velocities and angular velocities in the world, by component.
     """
@@ -53,6 +55,8 @@ class Poses:
         self.spatial_rates = tuple(v[row].T for row in rows)
         angles = [layout.starts[k] + 2 for k in planar]
         angle, turning = q[angles].T, v[angles].T
+        self.angles = dict(zip(planar, ca.horzsplit(angle), strict=True)) if planar else {}
+        self.angles[len(layout.kinds)] = ca.SX(0)
         zeros, ones = ca.SX.zeros(1, len(planar)), ca.SX.ones(1, len(planar))
         cos, sin = ca.cos(angle), ca.sin(angle)
         quaternion = (ca.cos(angle / 2), zeros, zeros, ca.sin(angle / 2))

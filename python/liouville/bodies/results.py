@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -75,8 +76,8 @@ class JointMotion:
         Times.
     force, torque : ndarray, shape (k, 3)
         In the world, or in the frame of the joint in its second body, the third axis along it.
-    coordinates : dict of str to ndarray, shape (k,)
-        Angles, continuous over turns, and slides by name.
+    values : dict of str to ndarray, shape (k,)
+        Angles and slides by name; angles from -2 pi to 2 pi where the system counts no turns.
     rates : dict of str to ndarray, shape (k,)
         Their rates, and velocities of joints that have no coordinates.
     efforts : dict of str to ndarray, shape (k,)
@@ -87,10 +88,50 @@ class JointMotion:
     t: Array
     force: Array
     torque: Array
-    coordinates: dict[str, Array]
+    values: dict[str, Array]
     rates: dict[str, Array]
     efforts: dict[str, Array]
     _solution: Solution
+
+    @cached_property
+    def coordinates(self) -> dict[str, Array]:
+        """Angles, continuous over turns, and slides by name, each of shape (k,).
+
+        Planar bodies, compound joints, and joints with a spring, a coupling or a torque by the
+        angle count turns. Those of others are counted from record to record, by the rates there.
+
+        Raises
+        ------
+        ValueError
+            Records are too far apart for that.
+        """
+        system = _mechanism(self._solution, f"joint '{self.name}'")
+        counted = system.counted(self.name)
+        return {
+            key: x if key not in ANGLES or key in counted else self._continuous(key)
+            for key, x in self.values.items()
+        }
+
+    def _continuous(self, name: str) -> Array:
+        """Return an angle that jumps by two turns as a continuous one, by its rate."""
+        t, angle, rate = self.t, self.values[name], self.rates[name]
+        predicted = np.diff(t) * (rate[1:] + rate[:-1]) / 2
+        gaps = predicted - np.diff(angle)
+        turns = np.round(gaps / (4 * np.pi))
+        # a rate between those at both ends predicts within the first, and misses by the second
+        unknown = np.abs(np.diff(t) * np.diff(rate)) / 2 >= 2 * np.pi
+        unknown |= np.abs(gaps - 4 * np.pi * turns) > np.pi
+        if unknown.any():
+            k = int(np.argmax(unknown))
+            sentence = (
+                f"joint '{self.name}' has no continuous {name}: its records at t = {t[k]:.6g} and "
+                f"{t[k + 1]:.6g} are too far apart to count turns"
+            )
+            hint = "keep more records, or take the angles up to two turns from its values"
+            raise ValueError(hinted(sentence, hint))
+        found = angle.copy()
+        found[1:] += 4 * np.pi * np.cumsum(turns)
+        return found
 
     @property
     def is_determined(self) -> bool:
@@ -154,11 +195,7 @@ def joint_of(solution: Solution, name: str, frame: str = "world") -> JointMotion
     values, rates, efforts = (
         _columns(system, solution, place, what) for what in ("values", "rates", "efforts")
     )
-    coordinates = {
-        key: _continuous(solution.t, x, rates[key]) if key in ANGLES and not place.axes else x
-        for key, x in values.items()
-        if key not in RATES
-    }
+    coordinates = {key: x for key, x in values.items() if key not in RATES}
     return JointMotion(
         name,
         solution.t,
@@ -212,16 +249,6 @@ def _wrench(system: Mechanism, solution: Solution, place: Place) -> tuple[Any, A
     centre, _ = system._body_layout.pose(q, place.bodies[side])
     about = rot.minus(torque, rot.cross(rot.minus(at, centre), force))
     return rot.times(sign, force), rot.times(sign, about)
-
-
-def _continuous(t: Array, angle: Array, rate: Array) -> Array:
-    """Return an angle that jumps by two turns as a continuous one, by its rate."""
-    predicted = np.diff(t) * (rate[1:] + rate[:-1]) / 2
-    steps = np.diff(angle)
-    turns = np.round((predicted - steps) / (4 * np.pi))
-    found = angle.copy()
-    found[1:] += 4 * np.pi * np.cumsum(turns)
-    return found
 
 
 def _is_determined(system: Mechanism, solution: Solution, place: Place) -> bool:

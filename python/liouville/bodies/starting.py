@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from liouville.bodies import turns
 from liouville.bodies.joints import MOTION, RATES
 from liouville.bodies.model import Place
 from liouville.bodies.tree import Tree
@@ -56,9 +57,16 @@ class Starting:
         self.tree = Tree(layout, joints, given, drawn, *sizes)
         spread = [np.ptp(self.tree.x, axis=1).max(), np.abs(points).max(initial=0.0)]
         self.size = float(max(spread)) or 1.0
+        #: coordinates of joints that count turns
+        self.counted = {
+            place.first + place.coordinates.index(name)
+            for place in joints
+            for name in system.counted(place.name)
+        }
         kept = {x.joint.name for x in self.tree.branches if x.joint is not None and x.is_kept}
         own = {x for name in kept for x in system.place(name).rows if MOTION not in x}
         own |= {f"{body}.unit" for body in system.bodies}
+        own |= {turns.row_name(*angle) for angle in layout.counted}  # the tree follows them
         #: constraints that moves along the tree do not keep by themselves
         self.open = [k for k, name in enumerate(system._holonomic) if name not in own]
         self.is_driven = any(MOTION in name for name in system._holonomic)
@@ -102,10 +110,11 @@ class Starting:
     def close(self, held: list[int], wanted: Array, angles: list[int]) -> float:
         """Solve for places with some coordinates held; returns what is missed at last."""
         tree = self.tree
+        wrapped = [k for k in angles if held[k] not in self.counted]
 
         def missed() -> Array:
             off = self.values()[held] - wanted
-            off[angles] = (off[angles] + 2 * np.pi) % (4 * np.pi) - 2 * np.pi
+            off[wrapped] = (off[wrapped] + 2 * np.pi) % (4 * np.pi) - 2 * np.pi
             return np.concatenate([self.rows(tree.q())[self.open], off])
 
         off = missed()
@@ -300,6 +309,12 @@ def assembled(
             )
     search = Starting(system, t, system.values(params), {**(values or {}), **(rates or {})})
     q = search.assemble(held, wanted, angles)
+    for k in angles:
+        if held[k] not in search.counted and abs(wanted[k]) > 2 * np.pi:
+            joint = [x.name for x in places if x.first <= held[k]][-1]
+            sentence = f"values: joint '{joint}' counts no turns, and {wanted[k]:g} is over one"
+            hint = "nothing depends on the angle but its attitude: give it within one turn"
+            raise ValueError(hinted(sentence, hint))
     search.check_freedom(q)
     return {"q": q, "v": search.velocities(q, moving, speeds)}
 

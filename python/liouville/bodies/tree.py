@@ -17,6 +17,7 @@ from liouville.bodies import rotations as rot
 from liouville.bodies.body import Layout
 from liouville.bodies.joints import ANY, KINDS
 from liouville.bodies.model import Place
+from liouville.bodies.turns import Counter, nearest
 
 Array = NDArray[np.float64]
 
@@ -91,11 +92,15 @@ class Tree:
         counts = np.cumsum([0, *(len(joint.axes) for joint in joints)])
         starts = dict(zip((joint.name for joint in joints), counts[:-1].tolist(), strict=True))
         self.starts, self.anchors, self.own = starts, anchors, np.zeros(len(anchors))
+        self.counter = Counter(layout, joints)
+        self.planar = layout.of_kind("planar")
         # coordinates of compound joints outside the tree move alone
         self.lone = [starts[x.name] + k for x in self.loops for k in range(len(x.axes))]
         self.x = np.append(drawn, np.zeros((3, 1)), axis=1)
         self.e = np.array([*layout.rotations, (1.0, 0.0, 0.0, 0.0)]).T
+        self.angles = 2 * np.arctan2(self.e[3], self.e[0])[self.planar]
         self._place()
+        self._count()
 
     def _grown(self, joints: Sequence[Place]) -> list[Branch]:
         """Grow the tree from the ground, by the nearest joints first."""
@@ -242,23 +247,35 @@ class Tree:
         points = [k for k, kind in enumerate(self.layout.kinds) if kind == "point"]
         self.e[:, points] = np.array([[1.0], [0.0], [0.0], [0.0]])
         self.e /= np.linalg.norm(self.e, axis=0)
+        self._count()
+
+    def _count(self) -> None:
+        """Follow angles of planar bodies and of joints that count turns."""
+        angles = 2 * np.arctan2(self.e[3], self.e[0])[self.planar]
+        self.angles = nearest(angles, self.angles, 4 * np.pi)
+        self.counter.follow(self.e)
 
     def q(self) -> Array:
         """Return the coordinates."""
-        return np.append(self.layout.gathered((self.x, self.e)), self.own)
+        bodies = self.layout.gathered((self.x, self.e))
+        bodies[[self.layout.starts[k] + 2 for k in self.planar]] = self.angles
+        return np.concatenate([bodies, self.own, self.counter.values])
 
     @property
-    def state(self) -> tuple[Array, Array, Array]:
-        """Places, attitudes and coordinates of joints, to return to."""
-        return self.x.copy(), self.e.copy(), self.own.copy()
+    def state(self) -> tuple[Array, ...]:
+        """Places, attitudes, coordinates of joints and angles, to return to."""
+        own = self.x, self.e, self.own, self.angles, self.counter.values
+        return tuple(part.copy() for part in own)
 
     @state.setter
-    def state(self, state: tuple[Array, Array, Array]) -> None:
-        self.x, self.e, self.own = (part.copy() for part in state)
+    def state(self, state: tuple[Array, ...]) -> None:
+        own = (part.copy() for part in state)
+        self.x, self.e, self.own, self.angles, self.counter.values = own
 
     def rates(self) -> Array:
         """Return the rates of the coordinates in all moves, shape (n, moves)."""
-        rates = self.layout.rates((self.x, self.e), *self.twists())
+        velocity, omega = self.twists()
+        rates = self.layout.rates((self.x, self.e), velocity, omega)
         count = rates.shape[1]
         own = np.zeros((len(self.own), count + len(self.lone)))
         at = 0
@@ -269,8 +286,9 @@ class Tree:
                     own[start + j, at + j] = 1.0
             at += len(branch.moves)
         own[self.lone, count + np.arange(len(self.lone))] = 1.0
-        wide = np.zeros((len(rates), len(self.lone)))
-        return np.vstack([np.hstack([rates, wide]), own])
+        turning = self.counter.rates(self.e, omega)
+        first, last = (np.hstack([x, np.zeros((len(x), len(self.lone)))]) for x in (rates, turning))
+        return np.vstack([first, own, last])
 
     def loop(self, joint: Place) -> list[str]:
         """Return the joints of the loop that a joint closes, in order."""
