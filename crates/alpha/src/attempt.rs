@@ -5,7 +5,7 @@ use super::reaction::Reaction;
 use super::solve::{AlphaSolver, AlphaStep};
 use liouville_base::error::StepError;
 use liouville_base::linalg::{furthest, max_norm};
-use liouville_base::newton::{Attempts, Confirms, Rest, Slot, Start};
+use liouville_base::newton::{Attempts, Backoff, BranchAttempts, Slot, Start};
 
 /// A step whose equations are attempted.
 pub(super) struct AlphaAttempt<'a> {
@@ -33,7 +33,7 @@ impl Attempts for AlphaAttempt<'_> {
             Start::Extrapolated => at.extrapolate(step),
             _ => at.start_cold(step)?,
         }
-        if start == Start::Still {
+        if start == Start::Uniform {
             at.solver.start_still(step);
         }
         Ok(true)
@@ -56,7 +56,7 @@ impl Attempts for AlphaAttempt<'_> {
     }
 }
 
-impl Confirms for AlphaAttempt<'_> {
+impl BranchAttempts for AlphaAttempt<'_> {
     fn iterate_full(&mut self, h: f64) -> Result<bool, StepError> {
         self.alpha.iterate(AlphaStep { h, ..self.step }, true)
     }
@@ -84,8 +84,8 @@ impl Confirms for AlphaAttempt<'_> {
         })
     }
 
-    fn rest(&mut self) -> &mut Rest {
-        &mut self.alpha.rest
+    fn backoff(&mut self) -> &mut Backoff {
+        &mut self.alpha.backoff
     }
 }
 

@@ -33,7 +33,7 @@ use attempt::{AlphaAttempt, KeptAlpha};
 use liouville_base::error::StepError;
 use liouville_base::linalg::{Matrix, add_scaled, copy};
 use liouville_base::method::{Estimating, Stats, Stepper, Tolerance};
-use liouville_base::newton::{self, Rest};
+use liouville_base::newton::{self, Backoff};
 use liouville_base::tableau;
 use liouville_problem::{Acceleration, SecondOrderModel};
 use newton_matrix::AlphaMatrix;
@@ -79,7 +79,7 @@ pub struct Alpha {
     local_error: Vec<f64>,
     error: f64,
     is_warm: bool,
-    rest: Rest,
+    backoff: Backoff,
     /// Solutions to be compared.
     kept_solutions: [Option<Box<KeptAlpha>>; 3],
     stats: Stats,
@@ -117,7 +117,7 @@ impl Alpha {
             local_error: zeros(),
             error: f64::INFINITY,
             is_warm: false,
-            rest: Rest::default(),
+            backoff: Backoff::default(),
             kept_solutions: [None, None, None],
             stats: Stats::default(),
             solver,
@@ -323,6 +323,6 @@ impl Estimating for Alpha {
 }
 
 liouville_base::checkpoint!(
-    Alpha { is_warm, rest, acceleration, phi_rate, kept, rates, matrix }
+    Alpha { is_warm, backoff, acceleration, phi_rate, kept, rates, matrix }
     then |alpha| alpha.matrix.restore_factors(&mut alpha.model)
 );

@@ -3,15 +3,15 @@
 use super::solve::{AlphaEquations, AlphaStep};
 use liouville_base::error::StepError;
 use liouville_base::linalg::{add_scaled, max_norm};
-use liouville_base::newton::{MARGIN, SHAKE, signs};
+use liouville_base::newton::{PERTURBATION, RESIDUAL_MARGIN, random_signs};
 
 impl AlphaEquations<'_> {
     /// Whether the residuals are no larger than their changes by a few ε in the unknowns.
     pub(super) fn is_residual_roundoff(&mut self) -> Result<bool, StepError> {
         self.evaluate()?;
         self.hold_residuals();
-        let shaken = self.shaken(SHAKE, 1, Self::evaluate);
-        shaken.map(|()| self.is_roundoff())
+        let perturbed = self.perturbed(PERTURBATION, 1, Self::evaluate);
+        perturbed.map(|()| self.is_roundoff())
     }
 
     /// The largest relative correction that one ε in the unknowns makes, of two tries.
@@ -24,7 +24,7 @@ impl AlphaEquations<'_> {
             let at = &mut *self.solver;
             at.delta[..n].copy_from_slice(&at.x[..n]);
             at.delta[n..2 * n].copy_from_slice(&at.zeta);
-            self.shaken(1.0, seed, |moved| {
+            self.perturbed(1.0, seed, |moved| {
                 moved.evaluate()?;
                 moved.solve();
                 Ok(())
@@ -38,7 +38,7 @@ impl AlphaEquations<'_> {
     }
 
     /// Does something with the unknowns moved by so many ε of their sizes, and puts them back.
-    fn shaken(
+    fn perturbed(
         &mut self,
         units: f64,
         seed: u64,
@@ -46,7 +46,7 @@ impl AlphaEquations<'_> {
     ) -> Result<(), StepError> {
         let mut probe = self.solver.probe.take().unwrap_or_default();
         probe.copy_from(self.solver);
-        self.shake(units, seed);
+        self.perturb(units, seed);
         let acted = act(self);
         probe.put_back(self.solver);
         self.solver.probe = Some(probe);
@@ -70,22 +70,22 @@ impl AlphaEquations<'_> {
     }
 
     /// Moves the unknowns by so many ε of their sizes, and y1 by as much of its own.
-    fn shake(&mut self, units: f64, seed: u64) {
+    fn perturb(&mut self, units: f64, seed: u64) {
         let AlphaStep { h, state, .. } = self.step;
         let unit = max_norm(&state.y) + h.abs() * max_norm(&state.z);
         let at = &mut *self.solver;
         let of_phi = max_norm(&at.phi) + unit / (h * h * at.coupling.phi[0]);
-        let mut sign = signs(seed);
-        let mut shake = |x: &mut [f64], size: f64| {
+        let mut sign = random_signs(seed);
+        let mut perturb = |x: &mut [f64], size: f64| {
             for x in x {
                 *x += units * f64::EPSILON * size * sign();
             }
         };
-        shake(&mut at.phi, of_phi);
+        perturb(&mut at.phi, of_phi);
         for reaction in &mut at.reactions {
             let (a, lam) = (max_norm(&reaction.a), max_norm(&reaction.lam));
-            shake(&mut reaction.a, a);
-            shake(&mut reaction.lam, lam);
+            perturb(&mut reaction.a, a);
+            perturb(&mut reaction.lam, lam);
         }
     }
 
@@ -113,7 +113,7 @@ impl AlphaEquations<'_> {
                 size = size.max(kept.abs());
                 apart = apart.max((kept - moved).abs());
             }
-            size <= MARGIN * (apart + least)
+            size <= RESIDUAL_MARGIN * (apart + least)
         })
     }
 }

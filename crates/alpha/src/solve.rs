@@ -349,14 +349,14 @@ impl Equations for AlphaEquations<'_> {
         Ok(if is_done { 0.0 } else { size })
     }
 
-    fn reach(&self, size: f64) -> f64 {
+    fn scaled_size(&self, size: f64) -> f64 {
         if size == 0.0 || self.yardstick == 0.0 {
             return 0.0;
         }
         self.moved_y / self.yardstick
     }
 
-    fn moved(&self) -> f64 {
+    fn deviation(&self) -> f64 {
         if self.yardstick == 0.0 {
             return 0.0;
         }
@@ -368,11 +368,11 @@ impl Equations for AlphaEquations<'_> {
         self.is_refreshed = true;
     }
 
-    fn is_solved(&mut self) -> Result<bool, StepError> {
+    fn is_residual_roundoff(&mut self) -> Result<bool, StepError> {
         self.is_residual_roundoff()
     }
 
-    fn floor(&mut self) -> Result<f64, StepError> {
+    fn roundoff_floor(&mut self) -> Result<f64, StepError> {
         self.largest_by_roundoff()
     }
 
@@ -385,8 +385,8 @@ impl Equations for AlphaEquations<'_> {
                 Reactions::Position => 1e-3 * f64::EPSILON,
             },
             // Broyden's corrections fall faster and faster
-            is_even: false,
-            least_rate: 0.1,
+            has_steady_rate: false,
+            min_rate: 0.1,
         }
     }
 }

@@ -4,7 +4,7 @@ use super::stages::{CollocationStages, CollocationStep};
 use super::{Index2, predictor};
 use liouville_base::error::StepError;
 use liouville_base::linalg::{Matrix, copy, furthest, max_norm};
-use liouville_base::newton::{Attempts, Confirms, Continuation, Rest, Slot, Start};
+use liouville_base::newton::{Attempts, Backoff, BranchAttempts, Continuation, Slot, Start};
 
 /// A step whose stage equations are attempted.
 pub(super) struct CollocationAttempt<'a> {
@@ -24,7 +24,7 @@ impl Attempts for CollocationAttempt<'_> {
                 }
             }
             Start::Cold => at.start_by_euler(step),
-            Start::Still => {
+            Start::Uniform => {
                 at.start_by_euler(step);
                 at.start_constant(step);
             }
@@ -77,7 +77,7 @@ impl Index2 {
     }
 }
 
-impl Confirms for CollocationAttempt<'_> {
+impl BranchAttempts for CollocationAttempt<'_> {
     fn iterate_full(&mut self, h: f64) -> Result<bool, StepError> {
         self.index2
             .iterate(CollocationStep { h, ..self.step }, true)
@@ -109,8 +109,8 @@ impl Confirms for CollocationAttempt<'_> {
             })
     }
 
-    fn rest(&mut self) -> &mut Rest {
-        &mut self.index2.rest
+    fn backoff(&mut self) -> &mut Backoff {
+        &mut self.index2.backoff
     }
 }
 

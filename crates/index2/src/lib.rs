@@ -27,9 +27,9 @@ use crate::semi_explicit::{Algebraic, SemiExplicitModel, SemiExplicitState};
 use attempt::{CollocationAttempt, KeptCollocation};
 use estimate::EndVelocities;
 use liouville_base::error::StepError;
-use liouville_base::linalg::{add_scaled, carry, copy, max_norm};
+use liouville_base::linalg::{add_scaled, copy, max_norm, sum_compensated};
 use liouville_base::method::{Stats, Stepper, Symmetric};
-use liouville_base::newton::{self, Continuation, Equations, Predictor, Rest};
+use liouville_base::newton::{self, Backoff, Continuation, Equations, Predictor};
 use liouville_base::tableau::Spark;
 use newton_matrix::CollocationMatrix;
 use stages::{CollocationStages, CollocationStep};
@@ -51,7 +51,7 @@ pub struct Index2 {
     slope: Vec<f64>,
     /// Whether the present start is far from the solution.
     is_far: bool,
-    rest: Rest,
+    backoff: Backoff,
     /// Solutions to be compared.
     kept: [Option<Box<KeptCollocation>>; 3],
     continuation: Option<Box<Continuation>>,
@@ -95,7 +95,7 @@ impl Index2 {
             z: vec![0.0; model.problem.l],
             slope: vec![0.0; model.problem.n],
             is_far: false,
-            rest: Rest::default(),
+            backoff: Backoff::default(),
             kept: [None, None, None],
             continuation: None,
             estimate: None,
@@ -206,7 +206,7 @@ impl Stepper for Index2 {
         predictor::keep(&mut self.predictor, &self.stages, h);
         copy(&mut self.y_low, &state.y_low);
         self.stages.add_moves(&mut self.y_low);
-        carry(&state.y, &mut self.y_low, &mut self.y);
+        sum_compensated(&state.y, &mut self.y_low, &mut self.y);
         self.begin_estimate(t, state);
         copy(&mut state.y, &self.y);
         copy(&mut state.y_low, &self.y_low);
@@ -230,23 +230,23 @@ impl Stepper for Index2 {
 impl Symmetric for Index2 {}
 
 impl Equations for CollocationEquations<'_> {
-    fn reach(&self, size: f64) -> f64 {
-        self.stages.reach(size, self.step)
+    fn scaled_size(&self, size: f64) -> f64 {
+        self.stages.scaled_size(size, self.step)
     }
 
-    fn moved(&self) -> f64 {
-        self.stages.moved(self.slope, self.step)
+    fn deviation(&self) -> f64 {
+        self.stages.deviation(self.slope, self.step)
     }
 
     fn refresh(&mut self) {
         self.matrix.reuse.discard();
     }
 
-    fn is_solved(&mut self) -> Result<bool, StepError> {
+    fn is_residual_roundoff(&mut self) -> Result<bool, StepError> {
         self.is_residual_roundoff()
     }
 
-    fn floor(&mut self) -> Result<f64, StepError> {
+    fn roundoff_floor(&mut self) -> Result<f64, StepError> {
         self.largest_by_roundoff()
     }
 
@@ -265,6 +265,6 @@ impl Equations for CollocationEquations<'_> {
 }
 
 liouville_base::checkpoint!(
-    Index2 { predictor, matrix, rest }
+    Index2 { predictor, matrix, backoff }
     then |index2| index2.matrix.restore_factors(&mut index2.model, &index2.stages)
 );

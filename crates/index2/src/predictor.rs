@@ -20,7 +20,7 @@ pub(super) fn extrapolate(
     slope: &mut [f64],
     h: f64,
 ) -> bool {
-    let is_held = held.weigh(h);
+    let is_held = held.update_weights(h);
     if is_held {
         let last = if held.is_undone() {
             0

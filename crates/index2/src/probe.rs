@@ -5,15 +5,15 @@ use super::attempt::KeptCollocation;
 use super::stages::{CollocationStages, CollocationStep};
 use liouville_base::error::StepError;
 use liouville_base::linalg::{copy, furthest, max_norm};
-use liouville_base::newton::{MARGIN, SHAKE, signs};
+use liouville_base::newton::{PERTURBATION, RESIDUAL_MARGIN, random_signs};
 
 /// Unknowns, and residuals or corrected unknowns, before they were moved; made when it is first wanted.
 pub(super) type CollocationProbe = Option<Box<(KeptCollocation, KeptCollocation)>>;
 
 impl CollocationStages {
     /// Moves the unknowns by so many ε of their sizes.
-    fn shake(&mut self, step: CollocationStep, units: f64, seed: u64) {
-        let mut sign = signs(seed);
+    fn perturb(&mut self, step: CollocationStep, units: f64, seed: u64) {
+        let mut sign = random_signs(seed);
         let of_v = max_norm(self.v.flat()) + max_norm(&step.state.y) / step.h.abs();
         let of_z = max_norm(self.z.flat());
         for (x, size) in [(&mut self.v, of_v), (&mut self.z, of_z)] {
@@ -39,8 +39,8 @@ impl CollocationEquations<'_> {
         before.copy_from(stages);
         copy(residuals.v.flat_mut(), stages.residual.flat());
         copy(residuals.z.flat_mut(), stages.defect.flat());
-        stages.shake(step, SHAKE, 1);
-        let shaken = stages.evaluate(self.model, step);
+        stages.perturb(step, PERTURBATION, 1);
+        let perturbed = stages.evaluate(self.model, step);
         before.put_back(stages);
         let unit = max_norm(stages.v.flat()) + max_norm(&step.state.y) / step.h.abs();
         let terms = 2.0 * f64::EPSILON * unit;
@@ -50,10 +50,10 @@ impl CollocationEquations<'_> {
         ];
         let is_solved = blocks.into_iter().all(|(kept, moved, terms)| {
             let (apart, _) = furthest(kept.flat(), moved.flat(), 1.0);
-            max_norm(kept.flat()) <= MARGIN * (apart + terms)
+            max_norm(kept.flat()) <= RESIDUAL_MARGIN * (apart + terms)
         });
         stages.probe = Some(probe);
-        shaken.map(|()| is_solved)
+        perturbed.map(|()| is_solved)
     }
 
     /// The largest relative correction that one ε in the unknowns makes, of two tries.
@@ -66,7 +66,7 @@ impl CollocationEquations<'_> {
             self.evaluate_and_correct()?;
             corrected.copy_from(self.stages);
             before.put_back(self.stages);
-            self.stages.shake(self.step, 1.0, seed);
+            self.stages.perturb(self.step, 1.0, seed);
             // the part of the perturbation that is left after both corrections
             let moved = self.stages.v.clone();
             self.evaluate_and_correct()?;

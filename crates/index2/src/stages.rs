@@ -31,7 +31,7 @@ pub(super) struct CollocationStages {
     pub(super) probe: CollocationProbe,
     k: Matrix,
     /// h b_j V_j
-    moves: Matrix,
+    displacements: Matrix,
     /// a_ij / b_j, and below it ones.
     weights: Matrix,
     /// The stages' basis polynomials at 1.
@@ -61,7 +61,7 @@ impl CollocationStages {
             yardstick: 0.0,
             probe: None,
             k: Matrix::zeros(s, l),
-            moves: Matrix::zeros(s, n),
+            displacements: Matrix::zeros(s, n),
             ends,
         }
     }
@@ -132,13 +132,13 @@ impl CollocationStages {
     /// Y_i = y0 + Σ (a_ij / b_j) (h b_j V_j) and y1, the low part of y0 first.
     pub(super) fn move_points(&mut self, step: CollocationStep) {
         for (j, b) in self.b.iter().enumerate() {
-            copy_scaled(self.moves.row_mut(j), step.h * b, self.v.row(j));
+            copy_scaled(self.displacements.row_mut(j), step.h * b, self.v.row(j));
         }
         let SemiExplicitState { y, y_low, .. } = step.state;
         combine(
             self.y.flat_mut(),
             &self.weights,
-            &self.moves,
+            &self.displacements,
             |_, k, sums| {
                 let at = k..k + sums.len();
                 for ((sum, y), low) in sums.iter_mut().zip(&y[at.clone()]).zip(&y_low[at]) {
@@ -156,7 +156,7 @@ impl CollocationStages {
     /// Adds y1 − y0 to `sum`.
     pub(super) fn add_moves(&self, sum: &mut [f64]) {
         for j in 0..self.count() {
-            add_scaled(sum, 1.0, self.moves.row(j));
+            add_scaled(sum, 1.0, self.displacements.row(j));
         }
     }
 
@@ -174,7 +174,7 @@ impl CollocationStages {
     }
 
     /// A relative size in the yardstick of the step; from rest at the origin there is none.
-    pub(super) fn reach(&self, size: f64, step: CollocationStep) -> f64 {
+    pub(super) fn scaled_size(&self, size: f64, step: CollocationStep) -> f64 {
         if size == 0.0 || self.yardstick == 0.0 {
             return 0.0;
         }
@@ -182,7 +182,7 @@ impl CollocationStages {
     }
 
     /// How far the stages are from where the velocity at the start leads, in the yardstick.
-    pub(super) fn moved(&self, velocity: &[f64], step: CollocationStep) -> f64 {
+    pub(super) fn deviation(&self, velocity: &[f64], step: CollocationStep) -> f64 {
         let mut largest = 0.0_f64;
         for (i, c) in self.c.iter().enumerate() {
             let start = step.state.y.iter().zip(velocity);

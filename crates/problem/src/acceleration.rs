@@ -6,7 +6,7 @@
 //!
 //! It gives the multipliers at full order and the cold start of an integration.
 
-use super::Block;
+use super::MemberLanes;
 use super::model::{finite, finite_k};
 use super::redundant::LeastNorm;
 use super::{Model, Saddle};
@@ -154,7 +154,7 @@ impl<R: Real> Equations<R> for AccelerationEquations<'_, R> {
 // Multipliers, where the next solve starts from.
 liouville_base::checkpoint!([R: Scalar] Acceleration<R> { lam });
 
-compiled!(R in [f64, Block] {
+compiled!(R in [f64, MemberLanes] {
     Acceleration::<R>::new as fn(_) -> _,
     Acceleration::<R>::solve as fn(_, _, _, _, _) -> _,
 });

@@ -277,7 +277,7 @@ fn check(name: &'static str, found: usize, wanted: usize) -> Result<(), Mismatch
 }
 
 /// The same number of each member of a block.
-pub type Block = Lanes<BATCH>;
+pub type MemberLanes = Lanes<BATCH>;
 
 /// The step being made.
 pub type Step<'a, R = f64> = method::Step<'a, State<R>>;

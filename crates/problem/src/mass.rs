@@ -1,7 +1,7 @@
 //! The mass matrix of a mechanical system, p_z, factored.
-#![allow(clippy::inline_always)] // what is not inlined is compiled without the registers it is for
+#![allow(clippy::inline_always)] // other functions are compiled without the caller's instruction set
 
-use super::Block;
+use super::MemberLanes;
 use super::model::finite;
 use super::{Mechanical, Model};
 use liouville_base::compiled;
@@ -200,7 +200,7 @@ impl Mass {
     }
 }
 
-compiled!(R in [f64, Block] {
+compiled!(R in [f64, MemberLanes] {
     Mass::<R>::new as fn(_) -> _,
     Mass::<R>::inverse_mass_rt as fn(_, _, _, _),
 });

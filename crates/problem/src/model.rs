@@ -1,7 +1,7 @@
 //! A mechanical system with its parameters bound, and the memory its tapes work in.
-#![allow(clippy::inline_always)] // what is not inlined is compiled without the registers it is for
+#![allow(clippy::inline_always)] // other functions are compiled without the caller's instruction set
 
-use super::Block;
+use super::MemberLanes;
 use super::nonholonomic::{Bound, Nonholonomic};
 use super::points::TapeRegisters;
 use super::{Mechanical, State};
@@ -294,7 +294,7 @@ pub fn finite_k<R: Real>(k: &[R], m: usize, t: f64) -> Result<(), StepError> {
     }
 }
 
-compiled!(R in [f64, Block] {
+compiled!(R in [f64, MemberLanes] {
     Model::<R>::new as fn(_, _) -> _,
     Model::<R>::state as fn(_, _, _, _) -> _,
 });

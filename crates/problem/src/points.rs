@@ -1,5 +1,5 @@
 //! A model at all stages or nodes of a step: side by side where that is faster, with the same bits.
-#![allow(clippy::inline_always)] // what is not inlined is compiled without the registers it is for
+#![allow(clippy::inline_always)] // other functions are compiled without the caller's instruction set
 
 use super::Model;
 use super::model::{Parts, cut};

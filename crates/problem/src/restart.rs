@@ -235,7 +235,7 @@ impl Equations for Positions<'_> {
         Ok(self.sizes.next(dv, self.y))
     }
 
-    fn is_solved(&mut self) -> Result<bool, StepError> {
+    fn is_residual_roundoff(&mut self) -> Result<bool, StepError> {
         Ok(self.sizes.are_roundoff())
     }
 }
@@ -300,12 +300,12 @@ impl Equations for Velocities<'_, '_> {
         } = &mut *self.of;
         let (lam, nu) = mu.split_at(m);
         saddle.add_reaction(model, lam, sum);
-        saddle.add_rolling(model, nu, sum);
+        saddle.add_nonholonomic(model, nu, sum);
         add_scaled(self.jump.z, 1.0, x);
         Ok(self.sizes.next(x, self.jump.z))
     }
 
-    fn is_solved(&mut self) -> Result<bool, StepError> {
+    fn is_residual_roundoff(&mut self) -> Result<bool, StepError> {
         Ok(self.sizes.are_roundoff())
     }
 }

@@ -4,7 +4,7 @@
 //!
 //! with given weights P; of one node with P = 1 it is that of every index-1 solve.
 
-use super::Block;
+use super::MemberLanes;
 use super::{Mass, Mechanical};
 use liouville_base::compiled;
 use liouville_base::linalg::{GramPlan, Matrix, NodeGram, Product, Rows, Singular};
@@ -124,4 +124,4 @@ impl<R: Real> SparseSchur<R> {
     }
 }
 
-compiled!(R in [f64, Block] { SparseSchur::<R>::new as fn(_, _, _) -> _ });
+compiled!(R in [f64, MemberLanes] { SparseSchur::<R>::new as fn(_, _, _) -> _ });

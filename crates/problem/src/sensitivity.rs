@@ -65,9 +65,9 @@ impl Sensitivity {
         check("v_tau", usize::from(v_tau.is_some()), has_velocity)?;
         let velocity = self.velocity.iter().zip(&at.velocity);
         check("velocity", velocity.clone().count(), has_velocity)?;
-        let rolling = self.nonholonomic.iter().zip(&at.nonholonomic);
-        let rolls = usize::from(own.l() > 0);
-        check("nonholonomic", rolling.clone().count(), rolls)?;
+        let nonholonomic = self.nonholonomic.iter().zip(&at.nonholonomic);
+        let count = usize::from(own.l() > 0);
+        check("nonholonomic", nonholonomic.clone().count(), count)?;
         let v = v_tau.map_or(0, Pattern::len);
         let sum = |patterns: &[Pattern]| patterns.iter().map(Pattern::len).sum::<usize>();
         let tapes: [(_, &Tape, &[usize], _); 4] = [
@@ -101,10 +101,10 @@ impl Sensitivity {
             .clone()
             .map(|(tape, at)| ("velocity", tape, &in_u[..], sum(at)));
         let in_nu: [usize; 5] = [1, n, n, own.l(), params];
-        let of_rolling = rolling
+        let of_nonholonomic = nonholonomic
             .clone()
             .map(|(tape, at)| ("nonholonomic", tape, &in_nu[..], sum(at)));
-        let optional = of_velocity.chain(of_rolling);
+        let optional = of_velocity.chain(of_nonholonomic);
         for (name, tape, inputs, outputs) in tapes.into_iter().chain(optional) {
             check(name, tape.inputs().len(), inputs.len())?;
             for (found, wanted) in tape.inputs().iter().zip(inputs) {
@@ -130,10 +130,11 @@ impl Sensitivity {
         let velocity = velocity.flat_map(|(_, at)| at.iter().zip(widths));
         let velocity = velocity.map(|(pattern, width)| ("velocity", pattern, (n, width)));
         let heights = [own.l(), n];
-        let rolling = rolling.flat_map(|(_, at)| at.iter().zip(heights));
-        let rolling = rolling.map(|(pattern, height)| ("nonholonomic", pattern, (height, tau)));
+        let nonholonomic = nonholonomic.flat_map(|(_, at)| at.iter().zip(heights));
+        let nonholonomic =
+            nonholonomic.map(|(pattern, height)| ("nonholonomic", pattern, (height, tau)));
         let all = shapes.into_iter().chain(of_v).chain(motion).chain(rate);
-        for (name, pattern, shape) in all.chain(velocity).chain(rolling) {
+        for (name, pattern, shape) in all.chain(velocity).chain(nonholonomic) {
             check_pattern(name, pattern, shape)?;
         }
         Ok(self)

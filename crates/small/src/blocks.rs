@@ -1,5 +1,5 @@
 //! A matrix of blocks between points, factored without pivots: a column of a block stands in registers as its points do.
-#![allow(clippy::inline_always)] // what is not inlined is compiled without the registers it is for
+#![allow(clippy::inline_always)] // other functions are compiled without the caller's instruction set
 
 use super::layout::{Layout, POINTS};
 use liouville_base::real::Scalar;

@@ -1,10 +1,10 @@
 //! The end of a step of a small system, as the update above finds it: one correction, as all is linear.
-#![allow(clippy::inline_always)] // what is not inlined is compiled without the registers it is for
+#![allow(clippy::inline_always)] // other functions are compiled without the caller's instruction set
 
 use super::layout::Layout;
 use super::{CONSTRAINTS, COORDINATES, LAM, Small, Z};
 use liouville_base::compensated::Compensated;
-use liouville_base::linalg::{carry, gather};
+use liouville_base::linalg::{add_compensated, sum_compensated};
 use liouville_base::newton;
 use liouville_base::simd::dispatch_simd;
 use liouville_problem::{Model, State, Step};
@@ -25,14 +25,14 @@ pub(super) struct End<L> {
 }
 
 /// G, r_λ, M⁻¹ r_λ and S = G M⁻¹ r_λ at y1.
-struct Blocks<L> {
+struct EndBlocks<L> {
     gradient: [[L; COORDINATES]; CONSTRAINTS],
     r_lam: [[L; COORDINATES]; CONSTRAINTS],
     mass_r: [[L; COORDINATES]; CONSTRAINTS],
     s: [[L; CONSTRAINTS]; CONSTRAINTS],
 }
 
-impl<L: Layout> Default for Blocks<L> {
+impl<L: Layout> Default for EndBlocks<L> {
     fn default() -> Self {
         let zeros = [[L::splat(0.0); COORDINATES]; CONSTRAINTS];
         Self {
@@ -73,7 +73,7 @@ impl<L: Layout> Small<L> {
             #[inline(always)]
             || {
                 self.evaluate(step, false);
-                self.sum_up(step, loses);
+                self.accumulate(step, loses);
             },
         );
         dispatch_simd::<L, _>(
@@ -93,7 +93,7 @@ impl<L: Layout> Small<L> {
 
     /// y1, and what p gains but for the last reaction.
     #[inline(always)]
-    fn sum_up(&mut self, step: Step<L>, loses: bool) {
+    fn accumulate(&mut self, step: Step<L>, loses: bool) {
         let (s, k) = (self.tables.stages, self.tables.intervals);
         let (n, m) = (self.problem.n.min(COORDINATES), self.problem.m);
         let State {
@@ -105,22 +105,22 @@ impl<L: Layout> Small<L> {
             (end.y_lost[q], end.p_lost[q]) = (L::splat(0.0), L::splat(0.0));
             end.z0[q] = z[q];
             for j in 0..s {
-                let moved = L::at(&self.moves[q], j);
-                gather_one(&mut end.y_low[q], &mut end.y_lost[q], moved);
+                let moved = L::at(&self.displacements[q], j);
+                add_compensated_one(&mut end.y_low[q], &mut end.y_lost[q], moved);
                 if loses {
                     end.y_lost[q] -= L::at(&self.velocity[q], j) * self.weights[0].0[j];
                 }
                 let impulse = L::at(&self.impulses[q], j);
-                gather_one(&mut end.p_low[q], &mut end.p_lost[q], impulse);
+                add_compensated_one(&mut end.p_low[q], &mut end.p_lost[q], impulse);
             }
             if m > 0 {
                 for l in 0..k {
                     let impulse = L::at(&self.reactions[q], l);
-                    gather_one(&mut end.p_low[q], &mut end.p_lost[q], impulse);
+                    add_compensated_one(&mut end.p_low[q], &mut end.p_lost[q], impulse);
                 }
             }
         }
-        carry(&step.state.y, &mut end.y_low[..n], &mut end.y[..n]);
+        sum_compensated(&step.state.y, &mut end.y_low[..n], &mut end.y[..n]);
         for q in 0..n {
             end.y_low[q] += end.y_lost[q];
         }
@@ -181,7 +181,7 @@ impl<L: Layout> Small<L> {
 
     /// What the constraints at y1 are made of.
     #[inline(always)]
-    fn end_blocks(&self, model: &mut Model<L>, t: f64) -> Blocks<L> {
+    fn end_blocks(&self, model: &mut Model<L>, t: f64) -> EndBlocks<L> {
         let (n, m) = (self.problem.n, self.problem.m.min(CONSTRAINTS));
         let mut gradient = [[L::splat(0.0); COORDINATES]; CONSTRAINTS];
         let mut r_lam = gradient;
@@ -203,7 +203,7 @@ impl<L: Layout> Small<L> {
                 s[c][d] = dot(&gradient[c], &mass_r[d]);
             }
         }
-        Blocks {
+        EndBlocks {
             gradient,
             r_lam,
             mass_r,
@@ -222,7 +222,7 @@ impl<L: Layout> Small<L> {
         let t = step.t + self.tables.c_hat.0[k] * step.h;
         let weight = self.weights[1].0[k];
         let mut reaction = [L::splat(0.0); COORDINATES];
-        let mut blocks = Blocks::default();
+        let mut blocks = EndBlocks::default();
         self.update_mass(model, t);
         if m > 0 {
             blocks = self.end_blocks(model, t);
@@ -256,8 +256,8 @@ impl<L: Layout> Small<L> {
         for c in 0..m {
             end.lam[c] += impulses[c] * (1.0 / weight);
         }
-        gather(&mut end.p_low[..n], &mut end.p_lost[..n], &reaction[..n]);
-        carry(&step.state.p, &mut end.p_low[..n], &mut end.p[..n]);
+        add_compensated(&mut end.p_low[..n], &mut end.p_lost[..n], &reaction[..n]);
+        sum_compensated(&step.state.p, &mut end.p_low[..n], &mut end.p[..n]);
         for q in 0..n {
             end.p_low[q] += end.p_lost[q];
         }
@@ -308,8 +308,8 @@ impl<L: Layout> Small<L> {
 }
 
 #[inline(always)]
-fn gather_one<L: Layout>(sum: &mut L, lost: &mut L, x: L) {
-    gather(std::slice::from_mut(sum), std::slice::from_mut(lost), &[x]);
+fn add_compensated_one<L: Layout>(sum: &mut L, lost: &mut L, x: L) {
+    add_compensated(std::slice::from_mut(sum), std::slice::from_mut(lost), &[x]);
 }
 
 #[inline(always)]

@@ -1,11 +1,11 @@
 //! The stage equations of a small system, and their corrections by node Schur.
-#![allow(clippy::inline_always)] // what is not inlined is compiled without the registers it is for
+#![allow(clippy::inline_always)] // other functions are compiled without the caller's instruction set
 
 use super::layout::{Layout, larger};
 use super::{CONSTRAINTS, COORDINATES, Small};
 use liouville_base::error::StepError;
-use liouville_base::linalg::carry;
-use liouville_base::newton::{Equations, Stop, reach};
+use liouville_base::linalg::sum_compensated;
+use liouville_base::newton::{Equations, Stop, scaled_size};
 use liouville_base::real::{Real, Scalar};
 use liouville_base::simd::dispatch_simd;
 use liouville_problem::Step;
@@ -40,7 +40,7 @@ impl<L: Layout> Small<L> {
             for row in 0..s {
                 let z = self.z[q].as_ref()[row];
                 self.stage.argument(1 + n + q)[row] = z;
-                self.moves[q].as_mut()[row] = z * L::factor(&b, row);
+                self.displacements[q].as_mut()[row] = z * L::factor(&b, row);
             }
         }
         for q in 0..n {
@@ -49,19 +49,19 @@ impl<L: Layout> Small<L> {
             L::product(
                 node_low,
                 &self.tables.mu_bar,
-                &self.moves[q],
+                &self.displacements[q],
                 #[inline(always)]
                 |_, sum| low + sum,
             );
             for (out, low) in self.node.argument(1 + q).iter_mut().zip(node_low) {
-                carry(&[y], std::slice::from_mut(low), std::slice::from_mut(out));
+                sum_compensated(&[y], std::slice::from_mut(low), std::slice::from_mut(out));
             }
             if wants_y {
                 let out = self.stage.argument(1 + q);
                 L::product(
                     out,
                     &self.tables.mu_v,
-                    &self.moves[q],
+                    &self.displacements[q],
                     #[inline(always)]
                     |_, sum| y + (low + sum),
                 );
@@ -76,7 +76,7 @@ impl<L: Layout> Small<L> {
     /// Impulses, and the residual of the momentum; `is_first` where they are the first of a step.
     #[inline(always)]
     pub(super) fn evaluate(&mut self, step: Step<L>, is_first: bool) {
-        self.move_points(step, is_first || self.reads_y);
+        self.move_points(step, is_first || self.depends_on_y);
         self.problem.stage.run_points(&mut self.stage);
         self.problem.node.run_points(&mut self.node);
         let n = self.problem.n.min(COORDINATES);
@@ -339,13 +339,13 @@ impl<L: Layout> Equations<L> for SmallEquations<'_, L> {
     }
 
     #[inline(always)]
-    fn reach(&self, size: L) -> L {
-        reach(size, self.small.speed, self.small.yardstick)
+    fn scaled_size(&self, size: L) -> L {
+        scaled_size(size, self.small.speed, self.small.yardstick)
     }
 
     #[inline(always)]
-    fn moved(&self) -> L {
-        self.small.moved
+    fn deviation(&self) -> L {
+        self.small.deviation
     }
 
     fn correct(&mut self) -> Result<L, StepError> {
@@ -358,7 +358,7 @@ impl<L: Layout> Equations<L> for SmallEquations<'_, L> {
                 small.evaluate(step, is_first);
                 if is_first {
                     small.size = L::splat(small.first_size());
-                    small.measure_moved(step);
+                    small.measure_deviation(step);
                     small.linearize(step.h);
                 }
                 let wanted = stop.wants_roundings(small.size);

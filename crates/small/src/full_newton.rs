@@ -2,7 +2,7 @@
 //!
 //! Its rows are those of momenta at the stages, then P⁻¹ times those of g at the nodes: as h → 0 the blocks of Z are masses,
 //! and what is left when they are eliminated is a multiple of the identity in the nodes, so that no pivots are needed.
-#![allow(clippy::inline_always)] // what is not inlined is compiled without the registers it is for
+#![allow(clippy::inline_always)] // other functions are compiled without the caller's instruction set
 
 use super::blocks::{BlockLu, Columns};
 use super::layout::{Layout, POINTS, Weights};

@@ -2,7 +2,7 @@
 //!
 //! Of one trajectory a register holds the number at up to eight points; of several members it holds one number of each
 //! at one point, and points follow one another as rows. All is computed in the same order, to the same bits.
-#![allow(clippy::inline_always)] // what is not inlined is compiled without the registers it is for
+#![allow(clippy::inline_always)] // other functions are compiled without the caller's instruction set
 
 use liouville_base::real::{Lanes, Real, Scalar, WIDTH};
 use std::fmt::Debug;

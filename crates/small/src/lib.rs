@@ -21,13 +21,13 @@ mod tables;
 use end::End;
 use full_newton::FullNewton;
 use layout::{Layout, POINTS};
-use linear::Linear;
+use linear::SchurInverse;
 use liouville_base::compiled;
 use liouville_base::newton::{self, Member, Stop};
 use liouville_base::real::{Lanes, Scalar};
 use liouville_base::tableau;
 use liouville_base::tape::{CompensatedPoints, PointRegisters};
-use liouville_problem::{Acceleration, Block, Mass, Mechanical, Model, Step};
+use liouville_problem::{Acceleration, Mass, Mechanical, MemberLanes, Model, Step};
 use std::sync::Arc;
 use tables::{StartWeights, Tables};
 
@@ -69,41 +69,41 @@ pub struct Small<L: Layout> {
     compensated: Option<Box<CompensatedPoints<L::Row>>>,
     /// Whether forces depend on the stages at all, and p or they on their positions.
     has_force: bool,
-    reads_y: bool,
+    depends_on_y: bool,
     /// M⁻¹, at the end of the step where it varies.
     inverse_mass: [[L; COORDINATES]; COORDINATES],
     is_diagonal: bool,
-    linear: Linear<L>,
+    linear: SchurInverse<L>,
     /// Full Newton, where the mass varies.
     full: Option<Box<FullNewton<L>>>,
     z: [L::Points; COORDINATES],
     lam: [L::Points; CONSTRAINTS],
     /// The best found for members that take no further corrections.
-    kept: Option<Box<Kept<L>>>,
+    kept: Option<Box<KeptUnknowns<L>>>,
     /// h b_j V_j, h b_j F_j, h b̂_j R_j; Σ μᶠ h b F; M⁻¹ times the residual of the momentum.
-    moves: [L::Points; COORDINATES],
+    displacements: [L::Points; COORDINATES],
     impulses: [L::Points; COORDINATES],
     reactions: [L::Points; COORDINATES],
     forces: [L::Points; COORDINATES],
     velocity: [L::Points; COORDINATES],
     /// What the nodes lose as they are rounded.
     node_low: [L::Points; COORDINATES],
-    work: Work<L>,
+    work: Workspace<L>,
     /// h b and h b̂.
     weights: [Lanes; 2],
-    still: [L; COORDINATES],
+    v0: [L; COORDINATES],
     yardstick: L,
     rest: L,
     speed: L,
     /// The relative size of the last correction.
     size: L,
-    moved: L,
+    deviation: L,
     end: End<L>,
 }
 
 /// Values within a correction.
 #[derive(Clone, Debug)]
-struct Work<L: Layout> {
+struct Workspace<L: Layout> {
     residual: [L::Points; COORDINATES],
     at_nodes: [L::Points; COORDINATES],
     sides: [L::Points; CONSTRAINTS],
@@ -111,7 +111,7 @@ struct Work<L: Layout> {
     d_z: L::Points,
 }
 
-impl<L: Layout> Work<L> {
+impl<L: Layout> Workspace<L> {
     fn new() -> Self {
         let (of_n, of_m) = ([L::zeros(); COORDINATES], [L::zeros(); CONSTRAINTS]);
         Self {
@@ -125,7 +125,7 @@ impl<L: Layout> Work<L> {
 }
 
 /// Z and λ.
-type Kept<L> = (
+type KeptUnknowns<L> = (
     [<L as Layout>::Points; COORDINATES],
     [<L as Layout>::Points; CONSTRAINTS],
 );
@@ -172,28 +172,28 @@ impl<L: Layout> Small<L> {
             node,
             node_blocks,
             has_force,
-            reads_y: !at.f_y.is_empty() || !at.p_y.is_empty(),
+            depends_on_y: !at.f_y.is_empty() || !at.p_y.is_empty(),
             inverse_mass: inverse,
             is_diagonal: at.p_z.entries().iter().all(|(i, j)| i == j),
-            linear: Linear::new(tableau.intervals * problem.m),
+            linear: SchurInverse::new(tableau.intervals * problem.m),
             full,
             z: zeros,
             lam: of_unknowns.1,
             kept: (!L::IS_SINGLE).then(|| Box::new(of_unknowns)),
-            moves: zeros,
+            displacements: zeros,
             impulses: zeros,
             reactions: zeros,
             forces: zeros,
             velocity: zeros,
             node_low: zeros,
-            work: Work::new(),
+            work: Workspace::new(),
             weights: [Lanes::splat(0.0); 2],
-            still: [L::splat(0.0); COORDINATES],
+            v0: [L::splat(0.0); COORDINATES],
             yardstick: L::splat(0.0),
             rest: L::splat(0.0),
             speed: L::splat(0.0),
             size: L::splat(f64::INFINITY),
-            moved: L::splat(0.0),
+            deviation: L::splat(0.0),
             end: End::new(),
             problem,
         }))
@@ -210,7 +210,7 @@ impl<L: Layout> Small<L> {
     pub fn advance(
         &mut self,
         model: &mut Model<L>,
-        from: Before<L>,
+        from: StepStart<L>,
         step: Step<L>,
         (most, stop): (usize, Stop),
         members: &mut [Member],
@@ -231,10 +231,10 @@ impl<L: Layout> Small<L> {
         self.finish(model, step, (loses, stop.projections()))
     }
 
-    fn begin(&mut self, model: &mut Model<L>, from: Before<L>, step: Step<L>) -> Option<()> {
+    fn begin(&mut self, model: &mut Model<L>, from: StepStart<L>, step: Step<L>) -> Option<()> {
         let (held, acceleration) = from;
         self.weights = self.tables.weights(step.h);
-        if !held.weigh(step.h) {
+        if !held.update_weights(step.h) {
             return self.start_cold(model, acceleration, step);
         }
         self.start.update(held);
@@ -244,7 +244,7 @@ impl<L: Layout> Small<L> {
 }
 
 /// What a step starts from: the step before, or the accelerations.
-type Before<'a, L> = (&'a mut newton::Predictor<L>, &'a mut Acceleration<L>);
+type StepStart<'a, L> = (&'a mut newton::Predictor<L>, &'a mut Acceleration<L>);
 
 /// p_z⁻¹, which parameters alone determine.
 fn inverse_mass<L: Layout>(model: &mut Model<L>) -> Option<[[L; COORDINATES]; COORDINATES]> {
@@ -265,7 +265,7 @@ fn inverse_mass<L: Layout>(model: &mut Model<L>) -> Option<[[L; COORDINATES]; CO
     Some(inverse)
 }
 
-compiled!(R in [f64, Block] {
+compiled!(R in [f64, MemberLanes] {
     Small::<R>::new as fn(_, _, _) -> _,
     Small::<R>::advance as fn(_, _, _, _, _, _) -> _,
     Small::<R>::commit as fn(_, _, _, _),

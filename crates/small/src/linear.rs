@@ -1,5 +1,5 @@
 //! The inverse of P⁻¹ S, by Gauss and Jordan: at most sixteen rows, in registers as the nodes are.
-#![allow(clippy::inline_always)] // what is not inlined is compiled without the registers it is for
+#![allow(clippy::inline_always)] // other functions are compiled without the caller's instruction set
 
 use super::layout::Layout;
 use super::tables::Tables;
@@ -8,14 +8,14 @@ use liouville_base::real::Scalar;
 
 /// g_y and M⁻¹ r_λ at the nodes, and (P⁻¹ S)⁻¹: a column for each node 0..k−1 and constraint.
 #[derive(Clone, Debug)]
-pub(super) struct Linear<L: Layout> {
+pub(super) struct SchurInverse<L: Layout> {
     pub(super) g_y: [[L::Points; COORDINATES]; CONSTRAINTS],
     pub(super) mass_r: [[L::Points; COORDINATES]; CONSTRAINTS],
     columns: Vec<[L::Points; CONSTRAINTS]>,
     sides: [L::Points; CONSTRAINTS],
 }
 
-impl<L: Layout> Linear<L> {
+impl<L: Layout> SchurInverse<L> {
     pub(super) fn new(order: usize) -> Self {
         let zeros = [[L::zeros(); COORDINATES]; CONSTRAINTS];
         Self {

@@ -1,5 +1,5 @@
 //! The start of a step of a small system: from the step before, or cold; and the yardstick of its corrections.
-#![allow(clippy::inline_always)] // what is not inlined is compiled without the registers it is for
+#![allow(clippy::inline_always)] // other functions are compiled without the caller's instruction set
 
 use super::layout::{Layout, larger};
 use super::{CONSTRAINTS, COORDINATES, LAM, Small, Z};
@@ -31,7 +31,7 @@ impl<L: Layout> Small<L> {
                         sum += z[(j, q)] * *weight;
                     }
                     self.end.z[q] = sum;
-                    self.still[q] = z[(first, q)];
+                    self.v0[q] = z[(first, q)];
                 }
                 for c in 0..m.min(CONSTRAINTS) {
                     let out = &mut self.lam[c].as_mut()[..L::rows(k + 1)];
@@ -62,7 +62,7 @@ impl<L: Layout> Small<L> {
                 self.z[q].as_mut()[row] = z.every() + moved;
             }
             self.end.z[q] = *z + *rate * step.h;
-            self.still[q] = *z;
+            self.v0[q] = *z;
         }
         for (out, lam) in self.lam.iter_mut().zip(&solver.lam) {
             out.as_mut().fill(lam.every());
@@ -78,27 +78,27 @@ impl<L: Layout> Small<L> {
         self.yardstick = if self.problem.is_affine() {
             L::splat(0.0)
         } else {
-            max_norm(&self.still) + self.rest
+            max_norm(&self.v0) + self.rest
         };
     }
 
     /// How far the stages are from y0 + c_i h v0, in the yardstick.
     #[inline(always)]
-    pub(super) fn measure_moved(&mut self, step: Step<L>) {
+    pub(super) fn measure_deviation(&mut self, step: Step<L>) {
         let n = self.problem.n.min(COORDINATES);
         let mut largest = L::zeros();
         let rows = L::rows(self.tables.stages);
         for q in 0..n {
-            let (y, y0, v0) = (self.stage.argument(1 + q), step.state.y[q], self.still[q]);
+            let (y, y0, v0) = (self.stage.argument(1 + q), step.state.y[q], self.v0[q]);
             for row in 0..rows {
-                let still = v0.every() * (L::factor(&self.tables.c, row) * step.h);
-                let moved = (y[row] - y0.every()) - still;
+                let uniform = v0.every() * (L::factor(&self.tables.c, row) * step.h);
+                let moved = (y[row] - y0.every()) - uniform;
                 let out = &mut largest.as_mut()[row];
                 *out = larger(*out, moved);
             }
         }
         let unit = self.yardstick * step.h.abs();
-        self.moved = L::largest(&largest.as_ref()[..rows]).zip(
+        self.deviation = L::largest(&largest.as_ref()[..rows]).zip(
             unit,
             #[inline(always)]
             |moved, unit| if unit == 0.0 { 0.0 } else { moved / unit },

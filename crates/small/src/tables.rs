@@ -1,5 +1,5 @@
 //! The coefficients of a method between points, and those of the extrapolated start.
-#![allow(clippy::inline_always)] // what is not inlined is compiled without the registers it is for
+#![allow(clippy::inline_always)] // other functions are compiled without the caller's instruction set
 
 use super::layout::Weights;
 use super::{LAM, Z};
@@ -107,7 +107,7 @@ impl StartWeights {
 
     /// Takes the weights there are.
     pub(super) fn update<R: Real>(&mut self, held: &newton::Predictor<R>) {
-        let place = held.place().map(f64::to_bits);
+        let place = held.weights_key().map(f64::to_bits);
         if place == self.place {
             return;
         }

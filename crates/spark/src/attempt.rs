@@ -5,7 +5,7 @@ use super::general::General;
 use super::stages::Unknowns;
 use liouville_base::error::StepError;
 use liouville_base::linalg::copy;
-use liouville_base::newton::{Attempts, Confirms, Continuation, Rest, Slot, Start};
+use liouville_base::newton::{Attempts, Backoff, BranchAttempts, Continuation, Slot, Start};
 use liouville_problem::Step;
 
 /// A solution kept beside the present one.
@@ -36,8 +36,8 @@ impl Attempts for SparkAttempt<'_> {
         if start == Start::Extrapolated {
             return Ok(predictor.extrapolate(stages, &mut update.z, step));
         }
-        let is_still = start == Start::Still;
-        predictor.start_cold(model, stages, &mut update.z, step, is_still)?;
+        let is_uniform = start == Start::Uniform;
+        predictor.start_cold(model, stages, &mut update.z, step, is_uniform)?;
         Ok(true)
     }
 
@@ -79,12 +79,12 @@ impl SparkAttempt<'_> {
             copy(unknowns.v.flat_mut(), unknowns.z.flat());
         } else {
             let v = &kept.unknowns.v;
-            continuation.extend(sizes, &stages.still, v, unknowns.v.flat_mut());
+            continuation.extend(sizes, &stages.v0, v, unknowns.v.flat_mut());
         }
     }
 }
 
-impl Confirms for SparkAttempt<'_> {
+impl BranchAttempts for SparkAttempt<'_> {
     fn iterate_full(&mut self, h: f64) -> Result<bool, StepError> {
         let step = Step { h, ..self.step };
         self.general.iterate_full(self.spark, step)
@@ -128,7 +128,7 @@ impl Confirms for SparkAttempt<'_> {
         kept.map_or((0.0, 0), |kept| stages.distance(&kept.unknowns))
     }
 
-    fn rest(&mut self) -> &mut Rest {
-        &mut self.spark.rest
+    fn backoff(&mut self) -> &mut Backoff {
+        &mut self.spark.backoff
     }
 }

@@ -19,14 +19,14 @@ pub(super) struct Derivatives {
     pub(super) r_lam: Matrix,
     pub(super) r_y: Matrix,
     /// Those of nonholonomic constraints, and at the end of the step, which is solved for with them.
-    pub(super) own: Option<Box<RollingDerivatives>>,
+    pub(super) own: Option<Box<NonholonomicDerivatives>>,
     /// Whether those that are constants are there.
     is_ready: bool,
 }
 
 /// Of nonholonomic constraints k and their reactions, a row a stage; those of r_n are called by `r`.
 #[derive(Clone, Debug)]
-pub(super) struct RollingDerivatives {
+pub(super) struct NonholonomicDerivatives {
     pub(super) k_y: Matrix,
     pub(super) k_z: Matrix,
     pub(super) r_y: Matrix,
@@ -47,7 +47,7 @@ pub(super) struct EndDerivatives {
     pub(super) g_y: Vec<f64>,
 }
 
-impl RollingDerivatives {
+impl NonholonomicDerivatives {
     fn new(problem: &Mechanical, own: &NonholonomicPatterns, s: usize) -> Self {
         let at = &problem.patterns;
         let rows = |pattern: &Pattern| Matrix::zeros(s, pattern.len());
@@ -140,7 +140,7 @@ impl Derivatives {
             r_lam: Matrix::zeros(nodes, at.r_lam.len()),
             r_y: Matrix::zeros(nodes, at.r_y.len()),
             own: (problem.nonholonomic.as_ref())
-                .map(|own| RollingDerivatives::new(problem, &own.patterns, s).into()),
+                .map(|own| NonholonomicDerivatives::new(problem, &own.patterns, s).into()),
             is_ready: false,
         }
     }

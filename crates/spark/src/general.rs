@@ -56,7 +56,7 @@ impl General {
         };
         match newton::attempt(&mut attempt, step.h) {
             Ok(()) => self.finish(spark, step),
-            Err(error) => Err(self.without_full(spark, error)),
+            Err(error) => Err(self.error_of(spark, error)),
         }
     }
 
@@ -66,10 +66,10 @@ impl General {
         // forces of an earlier iterate would make the energy drift
         let last = stages.tableau.intervals - 1;
         stages.evaluate_values(model, step, last);
-        if self.is_by_schur && stages.loses_moves(&model.problem) {
-            self.schur.find_lost_moves(stages, step);
+        if self.is_by_schur && stages.finds_lost_displacements(&model.problem) {
+            self.schur.find_lost_displacements(stages, step);
         } else {
-            stages.lost_moves.clear();
+            stages.lost_displacements.clear();
         }
         self.update.solve(model, stages, step)?;
         let (z, v) = (&self.update.z, &self.update.v);
@@ -86,12 +86,12 @@ impl General {
             self.start.copy_from(&self.stages.unknowns);
             match self.iterate_schur(spark, step) {
                 Err(_) if spark.solver == Solver::Auto => {
-                    spark.schur_rest.begin();
+                    spark.schur_backoff.fail();
                     self.stages.unknowns.copy_from(&self.start);
                     self.iterate_newton(spark, step, false)?
                 }
                 outcome => {
-                    spark.schur_rest.end_row();
+                    spark.schur_backoff.succeed();
                     self.is_by_schur = outcome.is_ok();
                     outcome?
                 }
@@ -119,11 +119,11 @@ impl General {
     /// Whether node Schur is the only solver.
     fn is_schur_only(&self, spark: &Spark) -> bool {
         let problem = &spark.model.problem;
-        spark.solver == Solver::NodeSchur && self.schur.is_able() && problem.l() == 0
+        spark.solver == Solver::NodeSchur && self.schur.has_matrix() && problem.l() == 0
     }
 
     /// The error of a step; node Schur alone cannot show that the step is too large, only that it does not converge.
-    fn without_full(&self, spark: &Spark, error: StepError) -> StepError {
+    fn error_of(&self, spark: &Spark, error: StepError) -> StepError {
         let (problem, tableau) = (&spark.model.problem, &spark.tableau);
         match error {
             StepError::StepTooLarge { .. } if self.is_schur_only(spark) => {
@@ -140,10 +140,10 @@ impl General {
     /// for nonholonomic constraints, or while node Schur is left out after failures.
     fn wants_newton(&self, spark: &mut Spark) -> bool {
         let is_small = spark.small.as_ref().is_some_and(|small| small.is_newton());
-        spark.schur_rest.take()
+        spark.schur_backoff.skip()
             || is_small
             || spark.solver == Solver::Newton
-            || !self.schur.is_able()
+            || !self.schur.has_matrix()
             || spark.model.problem.l() > 0
     }
 
@@ -158,7 +158,7 @@ impl General {
         &mut self,
         spark: &mut Spark,
         step: Step,
-        is_each: bool,
+        is_full: bool,
     ) -> Result<Solved, StepError> {
         spark.stats.newton_steps += 1;
         let (stages, model) = (&mut self.stages, &mut spark.model);
@@ -167,11 +167,11 @@ impl General {
         {
             self.start.copy_from(&stages.unknowns);
             let mut equations = SmallNewton::new(small, stages, model, step);
-            let solved = Self::solve_newton(&mut equations, is_each);
+            let solved = Self::solve_newton(&mut equations, is_full);
             // its matrix is factored without pivots, so a failure is repeated with one that has them
             let is_own = match solved {
                 Ok(_) => true,
-                Err(StepError::NotConverged { size, .. }) => !is_each && size < 1.0,
+                Err(StepError::NotConverged { size, .. }) => !is_full && size < 1.0,
                 Err(_) => false,
             };
             if is_own {
@@ -181,11 +181,11 @@ impl General {
         }
         let full = (self.full).get_or_insert_with(|| FullNewton::new(model, stages).into());
         let mut equations = full.start(stages, model, &mut self.update.z, step);
-        Self::solve_newton(&mut equations, is_each)
+        Self::solve_newton(&mut equations, is_full)
     }
 
-    fn solve_newton(equations: &mut impl Equations, is_each: bool) -> Result<Solved, StepError> {
-        if is_each {
+    fn solve_newton(equations: &mut impl Equations, is_full: bool) -> Result<Solved, StepError> {
+        if is_full {
             newton::solve_full(equations)
         } else {
             newton::solve(equations, MOST_ITERATIONS)

@@ -13,10 +13,10 @@ use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch, Numbers};
 use liouville_base::error::StepError;
 use liouville_base::linalg::choice::{FEWEST_MEMBERS, LARGEST_MEMBER};
 use liouville_base::method::{Stats, Stepper, Symmetric};
-use liouville_base::newton::{self, Member, Rest};
+use liouville_base::newton::{self, Backoff, Member};
 use liouville_base::real::{BATCH, Scalar};
 use liouville_base::tableau;
-use liouville_problem::{Block, Mechanical, Model, State, Step};
+use liouville_problem::{Mechanical, MemberLanes, Model, State, Step};
 use liouville_small::Small;
 use std::sync::Arc;
 
@@ -33,17 +33,17 @@ pub fn supports_batch(problem: &Mechanical, solver: Solver) -> bool {
 pub struct SparkBatch {
     problem: Arc<Mechanical>,
     solver: Solver,
-    model: Model<Block>,
-    small: Option<Box<Small<Block>>>,
-    stages: Stages<Block>,
-    schur: NodeSchur<Block>,
-    predictor: Predictor<Block>,
-    update: Update<Block>,
+    model: Model<MemberLanes>,
+    small: Option<Box<Small<MemberLanes>>>,
+    stages: Stages<MemberLanes>,
+    schur: NodeSchur<MemberLanes>,
+    predictor: Predictor<MemberLanes>,
+    update: Update<MemberLanes>,
     /// Steppers of one member: one for each, or a single one where all have the same parameters.
     alone: Vec<Spark>,
     state: State,
     /// Rests of node Schur and of the modified iteration, of each.
-    rests: [[Rest; 2]; BATCH],
+    backoffs: [[Backoff; 2]; BATCH],
     members: [Member; BATCH],
     /// The number of members; the lanes left over repeat the last one.
     count: usize,
@@ -56,13 +56,14 @@ impl SparkBatch {
     /// places that are left.
     pub fn of(
         problem: &Arc<Mechanical>,
-        (params, members): (&[Block], usize),
+        (params, members): (&[MemberLanes], usize),
         tableau: tableau::Spark,
         solver: Solver,
     ) -> Self {
         let mut model = Model::new(problem.clone(), params);
         let small = Small::new(&mut model, &tableau, solver.matrices());
-        let is_common = |x: &Block| x.0.iter().all(|value| value.to_bits() == x.0[0].to_bits());
+        let is_common =
+            |x: &MemberLanes| x.0.iter().all(|value| value.to_bits() == x.0[0].to_bits());
         let count = if params.iter().all(is_common) {
             1
         } else {
@@ -89,8 +90,8 @@ impl SparkBatch {
             update: Update::new(&model),
             alone,
             state: State::zeros(problem.n),
-            rests: Default::default(),
-            members: [Member::Out; BATCH],
+            backoffs: Default::default(),
+            members: [Member::Inactive; BATCH],
             count: members.clamp(1, BATCH),
             saved,
             stats: Stats::default(),
@@ -110,26 +111,27 @@ impl SparkBatch {
     }
 
     /// The members' state at `t`, from y and z.
-    pub fn state(&mut self, t: f64, y: &[Block], z: &[Block]) -> State<Block> {
+    pub fn state(&mut self, t: f64, y: &[MemberLanes], z: &[MemberLanes]) -> State<MemberLanes> {
         self.model.state(t, y, z)
     }
 
     /// The common path up to the commit; `members` says which of them have converged.
-    fn advance(&mut self, step: Step<Block>) -> Result<(), StepError> {
+    fn advance(&mut self, step: Step<MemberLanes>) -> Result<(), StepError> {
         let is_newton = self.small.as_ref().is_some_and(|small| small.is_newton());
-        let is_open = |[schur, all]: &[Rest; 2]| !(all.is_on() || schur.is_on() && !is_newton);
-        self.members = self.rests.map(|rests| {
-            if is_open(&rests) {
-                Member::Open
+        let is_open =
+            |[schur, all]: &[Backoff; 2]| !(all.is_active() || schur.is_active() && !is_newton);
+        self.members = self.backoffs.map(|backoffs| {
+            if is_open(&backoffs) {
+                Member::Active
             } else {
-                Member::Out
+                Member::Inactive
             }
         });
-        let open = self.rests[..self.count].iter();
-        let open = open.filter(|rests| is_open(rests)).count();
+        let open = self.backoffs[..self.count].iter();
+        let open = open.filter(|backoffs| is_open(backoffs)).count();
         let (stages, model) = (&mut self.stages, &mut self.model);
         if open < FEWEST_MEMBERS {
-            self.members = [Member::Out; BATCH];
+            self.members = [Member::Inactive; BATCH];
             return Ok(());
         }
         let sizes = (&*self.problem, &stages.tableau);
@@ -138,12 +140,12 @@ impl SparkBatch {
             let (predictor, until) = (&mut self.predictor, (most, stages.stop));
             let made = small.advance(model, predictor.start(), step, until, &mut self.members);
             if made.is_none() {
-                self.members = [Member::Out; BATCH];
+                self.members = [Member::Inactive; BATCH];
             }
             return Ok(());
         }
         if !(self.predictor).extrapolate(stages, &mut self.update.z, step) {
-            self.members = [Member::Out; BATCH];
+            self.members = [Member::Inactive; BATCH];
             return Ok(());
         }
         let mut equations = self.schur.start(stages, model, step);
@@ -154,10 +156,10 @@ impl SparkBatch {
         // the same as in a step of one member
         let last = stages.tableau.intervals - 1;
         stages.evaluate_values(model, step, last);
-        if stages.loses_moves(&self.problem) {
-            self.schur.find_lost_moves(stages, step);
+        if stages.finds_lost_displacements(&self.problem) {
+            self.schur.find_lost_displacements(stages, step);
         } else {
-            stages.lost_moves.clear();
+            stages.lost_displacements.clear();
         }
         self.update.solve(model, stages, step)
     }
@@ -167,7 +169,7 @@ impl SparkBatch {
         &mut self,
         member: usize,
         (t, h): (f64, f64),
-        state: &State<Block>,
+        state: &State<MemberLanes>,
     ) -> Result<(), StepError> {
         let mut saved = std::mem::take(&mut self.saved);
         let start = saved.len();
@@ -188,7 +190,7 @@ impl SparkBatch {
     }
 
     /// Restores the members that stepped alone among the others.
-    fn take_back(&mut self, state: &mut State<Block>) -> Result<(), CheckpointMismatch> {
+    fn take_back(&mut self, state: &mut State<MemberLanes>) -> Result<(), CheckpointMismatch> {
         let held = std::mem::take(&mut self.saved);
         let mut saved = &held[..];
         for member in 0..BATCH {
@@ -206,12 +208,12 @@ impl SparkBatch {
         Ok(())
     }
 
-    fn sum_up(&mut self) {
+    fn count_steps(&mut self) {
         let stages = self.stages.tableau.stages;
         let is_newton = self.small.as_ref().is_some_and(|small| small.is_newton());
         for (member, stands) in self.members.iter().enumerate() {
             if let Member::Converged(iterations) = stands {
-                self.rests[member].iter_mut().for_each(Rest::end_row);
+                self.backoffs[member].iter_mut().for_each(Backoff::succeed);
                 if member < self.count {
                     self.stats.newton_steps += usize::from(is_newton);
                     self.stats.iterations += iterations;
@@ -227,12 +229,12 @@ fn has_converged(member: &Member) -> bool {
 }
 
 impl Stepper for SparkBatch {
-    type State = State<Block>;
+    type State = State<MemberLanes>;
 
-    fn step(&mut self, t: f64, h: f64, state: &mut State<Block>) -> Result<(), StepError> {
+    fn step(&mut self, t: f64, h: f64, state: &mut State<MemberLanes>) -> Result<(), StepError> {
         if self.advance(Step { t, h, state }).is_err() {
             // the error does not say which member failed: each makes the step alone
-            self.members = [Member::Out; BATCH];
+            self.members = [Member::Inactive; BATCH];
         }
         self.saved.clear();
         for member in 0..self.count {
@@ -248,7 +250,7 @@ impl Stepper for SparkBatch {
                 predictor.keep(&self.stages, h, &state.z, &update.z, &update.v);
                 update.commit(state);
             }
-            self.sum_up();
+            self.count_steps();
         }
         let is_own = self.take_back(state).is_ok();
         debug_assert!(is_own, "it is of the same problem");
@@ -270,11 +272,11 @@ impl Symmetric for SparkBatch {}
 impl Checkpoint for SparkBatch {
     fn save(&self, member: usize, out: &mut dyn Numbers) {
         self.predictor.save(member, out);
-        self.rests[member].save(0, out);
+        self.backoffs[member].save(0, out);
     }
 
     fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
         self.predictor.restore(member, saved)?;
-        self.rests[member].restore(0, saved)
+        self.backoffs[member].restore(0, saved)
     }
 }

@@ -37,7 +37,7 @@ pub use lanes::{SparkBatch, supports_batch};
 use liouville_base::error::StepError;
 use liouville_base::linalg::choice::{CHEAP_NEWTON, SCHUR_ITERATIONS};
 use liouville_base::method::{Stats, Stepper, Symmetric};
-use liouville_base::newton::{Member, Rest, Stop};
+use liouville_base::newton::{Backoff, Member, Stop};
 use liouville_base::tableau;
 use liouville_problem::{Estimate, Mechanical, Model, State, Step};
 use liouville_small::{Matrices, Small};
@@ -106,9 +106,9 @@ pub struct Spark {
     predictor: Predictor,
     /// The error estimate, where steps are controlled by errors.
     estimate: Option<Box<Estimate>>,
-    /// Rest of node Schur, and of the modified iteration.
-    schur_rest: Rest,
-    rest: Rest,
+    /// Backoff of node Schur, and of the modified iteration.
+    schur_backoff: Backoff,
+    backoff: Backoff,
     stats: Stats,
 }
 
@@ -133,8 +133,8 @@ impl Spark {
             predictor: Predictor::new(&model, &tableau),
             general,
             estimate: None,
-            schur_rest: Rest::default(),
-            rest: Rest::default(),
+            schur_backoff: Backoff::default(),
+            backoff: Backoff::default(),
             stats: Stats::default(),
             solver,
             small,
@@ -159,13 +159,13 @@ impl Spark {
         let Some(small) = &self.small else {
             return false;
         };
-        if (self.schur_rest.is_on() && !small.is_newton()) || self.rest.is_on() {
+        if (self.schur_backoff.is_active() && !small.is_newton()) || self.backoff.is_active() {
             return false;
         }
         let is_made = self.iterate_small(step) || self.continue_small(step);
         if is_made {
-            self.schur_rest.end_row();
-            self.rest.end_row();
+            self.schur_backoff.succeed();
+            self.backoff.succeed();
         }
         is_made
     }
@@ -174,7 +174,7 @@ impl Spark {
     /// as fast wherever it starts.
     #[cold]
     fn continue_small(&mut self, step: Step) -> bool {
-        let (h, is_cold) = (step.h * PART, self.predictor.held.held().is_none());
+        let (h, is_cold) = (step.h * PART, self.predictor.held.h().is_none());
         let is_newton = self.small.as_ref().is_some_and(|small| small.is_newton());
         if !is_cold || !is_newton || !self.iterate_small(Step { h, ..step }) {
             return false;
@@ -198,7 +198,7 @@ impl Spark {
         let is_newton = small.is_newton();
         let sizes = (&*self.model.problem, &self.tableau);
         let most = self.solver.max_small_iterations(is_newton, sizes);
-        let (until, mut members) = ((most, self.stop), [Member::Open]);
+        let (until, mut members) = ((most, self.stop), [Member::Active]);
         let (model, from) = (&mut self.model, self.predictor.start());
         let made = small.advance(model, from, step, until, &mut members);
         let (Some(()), [Member::Converged(iterations)]) = (made, members) else {
@@ -264,6 +264,6 @@ impl Symmetric for Spark {}
 // The extrapolated polynomials, and the back-off of node Schur and of the modified iteration.
 liouville_base::checkpoint!(Spark {
     predictor,
-    schur_rest,
-    rest
+    schur_backoff,
+    backoff
 });

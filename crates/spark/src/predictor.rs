@@ -2,8 +2,8 @@
 //!
 //! Extrapolated: the polynomial through {z0, Z_1..Z_s, z1} at {0, c, 1}, and that through λ_0..λ_k at
 //! the nodes, both evaluated one step on. Cold: z0' and λ from the acceleration-level solve,
-//! Z_i = z0 + c_i h z0'. Still, where stiff forces make that a leap away: Z_i = z0.
-#![allow(clippy::inline_always)] // what is not inlined is compiled without the registers it is for
+//! Z_i = z0 + c_i h z0'. Uniform, where stiff forces would move that start far away: Z_i = z0.
+#![allow(clippy::inline_always)] // other functions are compiled without the caller's instruction set
 
 use super::stages::{Stages, Unknowns};
 use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch, Numbers};
@@ -66,7 +66,7 @@ impl<R: Real> Predictor<R> {
         z1: &mut [R],
         step: Step<R>,
     ) -> bool {
-        if !self.held.weigh(step.h) {
+        if !self.held.update_weights(step.h) {
             return false;
         }
         let held = self.velocities();
@@ -100,17 +100,17 @@ impl<R: Real> Predictor<R> {
         curves[NU].extrapolate(nu.flat_mut());
     }
 
-    /// Writes the cold start; one that is `still` leaves z' out.
+    /// Writes the cold start; one that `is_uniform` leaves z' out.
     pub(super) fn start_cold(
         &mut self,
         model: &mut Model<R>,
         stages: &mut Stages<R>,
         z1: &mut [R],
         step: Step<R>,
-        still: bool,
+        is_uniform: bool,
     ) -> Result<(), StepError> {
         let Step { t, h, state } = step;
-        let reach = if still { 0.0 } else { h };
+        let lag = if is_uniform { 0.0 } else { h };
         self.acceleration.solve(model, t, &state.y, &state.z)?;
         let z_dot = &self.acceleration.z_dot;
         let [_, _, v] = model.end(t, &state.y, &state.z);
@@ -127,7 +127,7 @@ impl<R: Real> Predictor<R> {
             let (c, t) = (stages.tableau.c[i], stages.stage_time(step, i));
             let z = stages.unknowns.z.row_mut(i);
             z.copy_from_slice(&state.z);
-            add_scaled(z, c * reach, z_dot);
+            add_scaled(z, c * lag, z_dot);
             let y = stages.y.row_mut(i);
             y.copy_from_slice(&state.y);
             add_scaled(y, c * h, velocity);
@@ -136,7 +136,7 @@ impl<R: Real> Predictor<R> {
             copy(stages.unknowns.v.row_mut(i), v);
         }
         z1.copy_from_slice(&state.z);
-        add_scaled(z1, reach, z_dot);
+        add_scaled(z1, lag, z_dot);
         let (lam, nu) = self.acceleration.lam.split_at(model.problem.m);
         for j in 0..=stages.tableau.intervals {
             stages.unknowns.lam.row_mut(j).copy_from_slice(lam);
@@ -159,7 +159,7 @@ impl<R: Real> Predictor<R> {
     #[inline(always)]
     fn keep_points(&mut self, stages: &Stages<R>, z0: &[R], z1: &[R], v1: &[R]) {
         let s = stages.tableau.stages;
-        if !self.velocity_is_z && self.held.held().is_some() && !self.held.is_undone() {
+        if !self.velocity_is_z && self.held.h().is_some() && !self.held.is_undone() {
             let (head, tail) = self.v.flat_mut().split_at_mut((s + 1) * v1.len());
             head[..v1.len()].copy_from_slice(tail);
         }

@@ -8,7 +8,7 @@ use super::node_schur::SchurEquations;
 use super::stages::{Stages, Unknowns};
 use liouville_base::error::StepError;
 use liouville_base::linalg::{Matrix, copy, max_norm};
-use liouville_base::newton::{Equations, MARGIN, SHAKE, signs};
+use liouville_base::newton::{Equations, PERTURBATION, RESIDUAL_MARGIN, random_signs};
 use liouville_base::real::Real;
 use liouville_problem::{Model, Step};
 
@@ -47,7 +47,7 @@ impl<R: Real> Probe<R> {
 }
 
 /// `x += size ξ`, with signs ξ.
-fn shake<R: Real>(x: &mut [R], size: R, sign: &mut impl FnMut() -> f64) {
+fn perturb<R: Real>(x: &mut [R], size: R, sign: &mut impl FnMut() -> f64) {
     for x in x {
         *x += size * sign();
     }
@@ -63,28 +63,28 @@ fn apart<R: Real>(a: &Matrix<R>, b: &Matrix<R>) -> R {
 
 impl<R: Real> Stages<R> {
     /// Moves the unknowns by this many ε of their sizes.
-    fn shake(&mut self, step: Step<R>, units: f64, seed: u64) {
-        let mut sign = signs(seed);
+    fn perturb(&mut self, step: Step<R>, units: f64, seed: u64) {
+        let mut sign = random_signs(seed);
         let size = R::splat(units * f64::EPSILON);
         let rest = max_norm(&step.state.y) * (1.0 / step.h.abs());
         let Unknowns { z, v, lam, nu } = &mut self.unknowns;
         let of_v = max_norm(v.flat()) + rest;
         if self.velocity_is_z {
-            shake(z.flat_mut(), of_v * size, &mut sign);
+            perturb(z.flat_mut(), of_v * size, &mut sign);
             copy(v.flat_mut(), z.flat());
         } else {
             let of_z = max_norm(z.flat());
-            shake(z.flat_mut(), of_z * size, &mut sign);
-            shake(v.flat_mut(), of_v * size, &mut sign);
+            perturb(z.flat_mut(), of_z * size, &mut sign);
+            perturb(v.flat_mut(), of_v * size, &mut sign);
         }
         for multipliers in [lam, nu] {
             let own = max_norm(multipliers.flat());
-            shake(multipliers.flat_mut(), own * size, &mut sign);
+            perturb(multipliers.flat_mut(), own * size, &mut sign);
         }
     }
 
     /// Whether the residuals of (S1)–(S4) are no larger than their changes by a few ε in the unknowns.
-    pub(super) fn is_solved(
+    pub(super) fn is_residual_roundoff(
         &mut self,
         model: &mut Model<R>,
         step: Step<R>,
@@ -95,8 +95,8 @@ impl<R: Real> Stages<R> {
         copy(probe.velocity.flat_mut(), self.velocity_residual.flat());
         copy(probe.g.flat_mut(), self.g.flat());
         probe.unknowns.copy_from(&self.unknowns);
-        self.shake(step, SHAKE, 1);
-        let shaken = self.evaluate(model, step);
+        self.perturb(step, PERTURBATION, 1);
+        let perturbed = self.evaluate(model, step);
         self.unknowns.copy_from(&probe.unknowns);
         let units = (self.stop.tolerance / f64::EPSILON).max(1.0);
         let unit =
@@ -109,7 +109,7 @@ impl<R: Real> Stages<R> {
         ];
         let mut is_solved = true;
         for ((kept, moved), least) in blocks.into_iter().zip(least) {
-            let bound = (apart(kept, moved) + unit * least) * (MARGIN * units);
+            let bound = (apart(kept, moved) + unit * least) * (RESIDUAL_MARGIN * units);
             let first = if moved.rows() > self.y.rows() {
                 kept.cols()
             } else {
@@ -121,7 +121,7 @@ impl<R: Real> Stages<R> {
                 .all(|x| x != 0.0);
         }
         self.probe = Some(probe);
-        shaken.map(|()| is_solved)
+        perturbed.map(|()| is_solved)
     }
 
     fn take_probe(&mut self) -> Box<Probe<R>> {
@@ -133,7 +133,7 @@ impl<R: Real> Stages<R> {
 
 /// The largest change of a correction by one ε in the unknowns, relative, of two perturbations; leaves the unknowns
 /// corrected.
-pub(super) fn floor<R: Real>(equations: &mut impl AtStages<R>) -> Result<f64, StepError> {
+pub(super) fn roundoff_floor<R: Real>(equations: &mut impl AtStages<R>) -> Result<f64, StepError> {
     let mut largest = 0.0_f64;
     for seed in [2, 3] {
         let (stages, _) = equations.stages();
@@ -143,7 +143,7 @@ pub(super) fn floor<R: Real>(equations: &mut impl AtStages<R>) -> Result<f64, St
         let (stages, step) = equations.stages();
         probe.corrected.copy_from(&stages.unknowns);
         stages.unknowns.copy_from(&probe.unknowns);
-        stages.shake(step, 1.0, seed);
+        stages.perturb(step, 1.0, seed);
         copy(probe.momentum.flat_mut(), stages.unknowns.v.flat());
         equations.correct()?;
         let (stages, step) = equations.stages();

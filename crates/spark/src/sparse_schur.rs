@@ -1,5 +1,5 @@
 //! The matrix of node Schur of a large mechanism: as sparse as its couplings, with k by k blocks.
-#![allow(clippy::inline_always)] // what is not inlined is compiled without the registers it is for
+#![allow(clippy::inline_always)] // other functions are compiled without the caller's instruction set
 
 use liouville_base::at_nodes;
 use liouville_base::linalg::choice::SPARSE_NODE_SCHUR;

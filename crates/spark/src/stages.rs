@@ -1,9 +1,9 @@
 //! The stage equations of one step, evaluated; see the module above for the letters.
-#![allow(clippy::inline_always)] // what is not inlined is compiled without the registers it is for
+#![allow(clippy::inline_always)] // other functions are compiled without the caller's instruction set
 
 use super::probe::Probe;
 use liouville_base::error::{Quantity, StepError};
-use liouville_base::linalg::{Matrix, all_finite, carry, combine, copy, copy_scaled};
+use liouville_base::linalg::{Matrix, all_finite, combine, copy, copy_scaled, sum_compensated};
 use liouville_base::newton::Stop;
 use liouville_base::real::Real;
 use liouville_base::simd::{dispatch_simd, dispatch_simd_nested};
@@ -76,21 +76,21 @@ pub(super) struct Stages<R = f64> {
     pub(super) g: Matrix<R>,
     /// Rounding errors of g, where its operations have them.
     pub(super) compensated: Option<Box<CompensatedTape<R>>>,
-    /// Moves h b_j V_j, and impulses: h b_j F_j, then h b̂_j R_j, j = 0..k, then those h b_j R_j of
+    /// Displacements h b_j V_j, and impulses: h b_j F_j, then h b̂_j R_j, j = 0..k, then those h b_j R_j of
     /// nonholonomic constraints.
-    pub(super) moves: Matrix<R>,
+    pub(super) displacements: Matrix<R>,
     pub(super) impulses: Matrix<R>,
     /// Residuals V_i − v(T_i, Y_i, Z_i) and those of the momentum equation.
     pub(super) velocity_residual: Matrix<R>,
     pub(super) momentum_residual: Matrix<R>,
-    /// Parts of the moves that the rounding of velocities has lost.
-    pub(super) lost_moves: Matrix<R>,
+    /// Parts of the displacements that the rounding of velocities has lost.
+    pub(super) lost_displacements: Matrix<R>,
     pub(super) evaluations: usize,
     /// When the stage equations count as solved.
     pub(super) stop: Stop,
     /// v at the start of the step, and the yardstick of the step: the speed that moves the coordinates by their size at
     /// the start, the same for all iterates; 0 where none is needed.
-    pub(super) still: Vec<R>,
+    pub(super) v0: Vec<R>,
     pub(super) yardstick: R,
     /// Whether V and Z are the same.
     pub(super) velocity_is_z: bool,
@@ -113,7 +113,7 @@ impl<R: Real> Stages<R> {
         let (s, k) = (tableau.stages, tableau.intervals);
         let at_stages = Matrix::zeros(s, n);
         let l = model.problem.l();
-        let rolling = if l > 0 { s } else { 0 };
+        let nonholonomic = if l > 0 { s } else { 0 };
         Self {
             unknowns: Unknowns {
                 z: at_stages.clone(),
@@ -128,14 +128,14 @@ impl<R: Real> Stages<R> {
             node_low: Matrix::zeros(k + 1, n),
             compensated: model.compensated_g().map(Box::new),
             g: Matrix::zeros(k + 1, m),
-            moves: at_stages.clone(),
-            impulses: Matrix::zeros(s + k + 1 + rolling, n),
+            displacements: at_stages.clone(),
+            impulses: Matrix::zeros(s + k + 1 + nonholonomic, n),
             velocity_residual: at_stages.clone(),
-            lost_moves: at_stages.clone(),
+            lost_displacements: at_stages.clone(),
             momentum_residual: at_stages,
             evaluations: 0,
             stop: Stop::default(),
-            still: vec![R::splat(0.0); n],
+            v0: vec![R::splat(0.0); n],
             yardstick: R::splat(0.0),
             speed: R::splat(0.0),
             size: R::splat(0.0),
@@ -143,7 +143,7 @@ impl<R: Real> Stages<R> {
             probe: None,
             velocity_is_z: model.problem.patterns.v_z.is_none(),
             is_affine: model.problem.is_affine(),
-            force_weights: Matrix::from_fn(s, s + k + rolling + usize::from(l > 0), |i, j| {
+            force_weights: Matrix::from_fn(s, s + k + nonholonomic + usize::from(l > 0), |i, j| {
                 if j < s {
                     tableau.mu_f[(i, j)]
                 } else if j <= s + k {
@@ -236,7 +236,7 @@ impl<R: Real> Stages<R> {
         }
         self.evaluations += s;
         if self.k.cols() > 0 {
-            self.evaluate_rolling(model, step);
+            self.evaluate_nonholonomic(model, step);
         }
         if model.problem.m > 0 {
             let at = times(step, &self.tableau.c_hat);
@@ -270,7 +270,7 @@ impl<R: Real> Stages<R> {
     }
 
     /// k and its reactions at the stages.
-    fn evaluate_rolling(&mut self, model: &mut Model<R>, step: Step<R>) {
+    fn evaluate_nonholonomic(&mut self, model: &mut Model<R>, step: Step<R>) {
         let first = self.tableau.stages + self.tableau.intervals + 1;
         for i in 0..self.k.rows() {
             let t = self.stage_time(step, i);
@@ -290,13 +290,17 @@ impl<R: Real> Stages<R> {
             #[inline(always)]
             || {
                 for (j, b) in self.tableau.b.iter().enumerate() {
-                    copy_scaled(self.moves.row_mut(j), step.h * b, self.unknowns.v.row(j));
+                    copy_scaled(
+                        self.displacements.row_mut(j),
+                        step.h * b,
+                        self.unknowns.v.row(j),
+                    );
                 }
                 let State { y, y_low, .. } = step.state;
                 combine(
                     self.y.flat_mut(),
                     &self.tableau.mu_v,
-                    &self.moves,
+                    &self.displacements,
                     #[inline(always)]
                     |_, k, sums| {
                         let at = k..k + sums.len();
@@ -309,7 +313,7 @@ impl<R: Real> Stages<R> {
                 combine(
                     self.node_low.flat_mut(),
                     &self.tableau.mu_bar,
-                    &self.moves,
+                    &self.displacements,
                     #[inline(always)]
                     |_, k, sums| {
                         for (sum, low) in sums.iter_mut().zip(&y_low[k..]) {
@@ -320,7 +324,7 @@ impl<R: Real> Stages<R> {
                 let n = y.len().max(1);
                 let rows = self.node_low.flat_mut().chunks_exact_mut(n);
                 for (node, low) in self.node_y.flat_mut().chunks_exact_mut(n).zip(rows) {
-                    carry(y, low, node);
+                    sum_compensated(y, low, node);
                 }
             },
         );
@@ -354,9 +358,9 @@ impl<R: Real> Stages<R> {
         );
     }
 
-    /// Whether the moves lost by the rounding of velocities are found. Where p depends on y, the rounding of Y_i could
+    /// Whether the displacements lost by the rounding of velocities are found. Where p depends on y, the rounding of Y_i could
     /// not be separated from them.
-    pub(super) fn loses_moves(&self, problem: &Mechanical) -> bool {
+    pub(super) fn finds_lost_displacements(&self, problem: &Mechanical) -> bool {
         problem.patterns.p_y.is_empty() && self.stop.is_roundoff()
     }
 
@@ -375,17 +379,17 @@ impl<R: Real> Stages<R> {
             finite(self.g.row(j), Quantity::Constraint, t)?;
             finite(self.impulses.row(s + j), Quantity::Reaction, t)
         };
-        let rolling = |i: usize| {
+        let nonholonomic = |i: usize| {
             let t = self.stage_time(step, i);
             let first = s + self.tableau.intervals + 1;
             finite_k(self.k.row(i), self.g.cols(), t)?;
             finite(self.impulses.row(first + i), Quantity::Reaction, t)
         };
-        let rolls = if self.k.cols() > 0 { s } else { 0 };
+        let count = if self.k.cols() > 0 { s } else { 0 };
         let found = (0..s)
             .map(at_stage)
             .chain((0..=self.tableau.intervals).map(at_node))
-            .chain((0..rolls).map(rolling))
+            .chain((0..count).map(nonholonomic))
             .find_map(Result::err);
         found.unwrap_or(StepError::NotConverged {
             iterations: 0,

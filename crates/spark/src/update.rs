@@ -7,12 +7,14 @@
 //!
 //! Increments are summed first and added last, and the rounding errors of both are carried in the low part: those of
 //! sums in a fixed order are not random, and would make the energy drift.
-#![allow(clippy::inline_always)] // what is not inlined is compiled without the registers it is for
+#![allow(clippy::inline_always)] // other functions are compiled without the caller's instruction set
 
 use super::stages::Stages;
 use liouville_base::compensated::Compensated;
 use liouville_base::error::{Quantity, StepError};
-use liouville_base::linalg::{add_scaled, carry, copy, copy_scaled, gather, max_norm};
+use liouville_base::linalg::{
+    add_compensated, add_scaled, copy, copy_scaled, max_norm, sum_compensated,
+};
 use liouville_base::newton::{self, Equations};
 use liouville_base::real::Real;
 use liouville_base::simd::{dispatch_simd, dispatch_simd_long};
@@ -71,23 +73,27 @@ impl<R: Real> Update<R> {
 
     /// y1, and the increment of p without the last reaction.
     #[inline(always)]
-    fn sum_up(&mut self, stages: &Stages<R>, state: &State<R>) {
+    fn accumulate(&mut self, stages: &Stages<R>, state: &State<R>) {
         let (s, k) = (stages.tableau.stages, stages.tableau.intervals);
         copy(&mut self.y_low, &state.y_low);
         copy(&mut self.p_low, &state.p_low);
         self.y_lost.fill(R::splat(0.0));
         self.p_lost.fill(R::splat(0.0));
         for j in 0..s {
-            gather(&mut self.y_low, &mut self.y_lost, stages.moves.row(j));
-            add_scaled(&mut self.y_lost, 1.0, stages.lost_moves.row(j));
+            add_compensated(
+                &mut self.y_low,
+                &mut self.y_lost,
+                stages.displacements.row(j),
+            );
+            add_scaled(&mut self.y_lost, 1.0, stages.lost_displacements.row(j));
         }
         for j in 0..s + k {
-            gather(&mut self.p_low, &mut self.p_lost, stages.impulses.row(j));
+            add_compensated(&mut self.p_low, &mut self.p_lost, stages.impulses.row(j));
         }
         for j in s + k + 1..stages.impulses.rows() {
-            gather(&mut self.p_low, &mut self.p_lost, stages.impulses.row(j));
+            add_compensated(&mut self.p_low, &mut self.p_lost, stages.impulses.row(j));
         }
-        carry(&state.y, &mut self.y_low, &mut self.y);
+        sum_compensated(&state.y, &mut self.y_low, &mut self.y);
         add_scaled(&mut self.y_low, 1.0, &self.y_lost);
     }
 
@@ -114,7 +120,7 @@ impl<R: Real> Update<R> {
     ) -> Result<(), StepError> {
         let k = stages.tableau.intervals;
         let (h, state) = (step.h, step.state);
-        self.sum_up(stages, state);
+        self.accumulate(stages, state);
         if model.problem.m > 0 {
             self.project(model, stages, stages.node_time(step, k))?;
         }
@@ -133,8 +139,8 @@ impl<R: Real> Update<R> {
 
         let impulse = &mut self.momentum;
         copy_scaled(impulse, h * stages.tableau.b_hat[k], &self.reaction);
-        gather(&mut self.p_low, &mut self.p_lost, impulse);
-        carry(&state.p, &mut self.p_low, &mut self.p);
+        add_compensated(&mut self.p_low, &mut self.p_lost, impulse);
+        sum_compensated(&state.p, &mut self.p_low, &mut self.p);
         add_scaled(&mut self.p_low, 1.0, &self.p_lost);
         if model.problem.patterns.v_z.is_some() {
             let t = stages.node_time(step, k);
@@ -258,7 +264,7 @@ impl<R: Real> EndEquations<'_, R> {
             .add_reaction(model, d_lam, &mut update.reaction);
         update
             .saddle
-            .add_rolling(model, &update.hidden[m..], &mut update.p_low);
+            .add_nonholonomic(model, &update.hidden[m..], &mut update.p_low);
         update.v.fill(R::splat(0.0));
         let mass = &update.saddle.mass;
         mass.add_velocity(&update.momentum, &mut update.v);

@@ -1,16 +1,16 @@
 //! How large corrections and moves are: relative to the present velocities, and in a yardstick of the step.
-#![allow(clippy::inline_always)] // what is not inlined is compiled without the registers it is for
+#![allow(clippy::inline_always)] // other functions are compiled without the caller's instruction set
 
 use super::stages::{Stages, Unknowns};
 use liouville_base::linalg::{copy, furthest, max_norm};
-use liouville_base::newton::reach;
+use liouville_base::newton::scaled_size;
 use liouville_base::real::Real;
 use liouville_problem::Step;
 
 impl<R: Real> Stages<R> {
     /// Begins a step with these velocities at its start.
     pub(super) fn begin(&mut self, step: Step<R>, v: &[R]) {
-        copy(&mut self.still, v);
+        copy(&mut self.v0, v);
         self.begin_again(step);
     }
 
@@ -20,7 +20,7 @@ impl<R: Real> Stages<R> {
         self.yardstick = if self.is_affine {
             R::splat(0.0)
         } else {
-            max_norm(&self.still) + max_norm(&step.state.y) / R::splat(step.h.abs())
+            max_norm(&self.v0) + max_norm(&step.state.y) / R::splat(step.h.abs())
         };
     }
 }
@@ -72,13 +72,13 @@ impl<R: Real> Stages<R> {
 
     /// A relative size in the yardstick of the step; from rest at the origin there is none.
     #[inline(always)]
-    pub(super) fn reach(&self, size: R) -> R {
-        reach(size, self.speed, self.yardstick)
+    pub(super) fn scaled_size(&self, size: R) -> R {
+        scaled_size(size, self.speed, self.yardstick)
     }
 
     /// How far the stages are from y0 + c_i h v0, in the yardstick.
     #[inline(always)]
-    pub(super) fn moved(&self, step: Step<R>) -> R {
+    pub(super) fn deviation(&self, step: Step<R>) -> R {
         let mut largest = R::splat(0.0);
         for (c, y) in self
             .tableau
@@ -86,7 +86,7 @@ impl<R: Real> Stages<R> {
             .iter()
             .zip(self.y.flat().chunks_exact(self.y.cols().max(1)))
         {
-            let given = step.state.y.iter().zip(&self.still);
+            let given = step.state.y.iter().zip(&self.v0);
             for (y, (y0, v0)) in y.iter().zip(given) {
                 let moved = (*y - *y0) - *v0 * (c * step.h);
                 largest = largest.zip(

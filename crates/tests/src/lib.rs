@@ -260,11 +260,11 @@ impl Functions {
 
     /// The system, with all derivatives.
     pub fn build(&self) -> Arc<Mechanical> {
-        self.rolling(&[], &[])
+        self.nonholonomic(&[], &[])
     }
 
     /// The system with nonholonomic constraints k and their reactions (t, y, z, ν) → r_n beside its own.
-    pub fn rolling(&self, k: &[Expr], rolling: &[Expr]) -> Arc<Mechanical> {
+    pub fn nonholonomic(&self, k: &[Expr], rolling: &[Expr]) -> Arc<Mechanical> {
         let (n, m) = (self.p.len(), self.g.len());
         let velocity = self.v.clone().unwrap_or_else(|| inputs(Z, n));
         let own_velocity = self.v.as_deref().unwrap_or(&[]);

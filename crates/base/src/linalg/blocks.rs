@@ -1,5 +1,5 @@
 //! Inverses of matrices that fall into small blocks, as the masses of rigid bodies do.
-#![allow(clippy::inline_always)] // what is not inlined is compiled without the registers it is for
+#![allow(clippy::inline_always)] // other functions are compiled without the caller's instruction set
 
 use super::choice::LARGEST_BLOCK;
 use super::kernels::short;

@@ -1,5 +1,5 @@
 //! Factorisations.
-#![allow(clippy::inline_always)] // what is not inlined is compiled without the registers it is for
+#![allow(clippy::inline_always)] // other functions are compiled without the caller's instruction set
 
 use super::choice::prefers_sparse;
 use super::kernels::short;

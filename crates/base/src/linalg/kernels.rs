@@ -1,5 +1,5 @@
 //! Loops over short vectors.
-#![allow(clippy::inline_always)] // what is not inlined is compiled without the registers it is for
+#![allow(clippy::inline_always)] // other functions are compiled without the caller's instruction set
 
 use super::Matrix;
 use crate::real::Real;
@@ -280,7 +280,7 @@ pub fn dot<R: Real>(x: &[R], y: &[R]) -> R {
 
 /// `sum += x`; the rounding errors are added to `lost` (Knuth's two-sum).
 #[inline(always)]
-pub fn gather<R: Real>(sum: &mut [R], lost: &mut [R], x: &[R]) {
+pub fn add_compensated<R: Real>(sum: &mut [R], lost: &mut [R], x: &[R]) {
     for ((sum, lost), x) in sum.iter_mut().zip(lost).zip(x) {
         let total = *sum + *x;
         let part = total - *sum;
@@ -291,7 +291,7 @@ pub fn gather<R: Real>(sum: &mut [R], lost: &mut [R], x: &[R]) {
 
 /// `sum = high + low`; `low` becomes the rounding error (Knuth's two-sum).
 #[inline(always)]
-pub fn carry<R: Real>(high: &[R], low: &mut [R], sum: &mut [R]) {
+pub fn sum_compensated<R: Real>(high: &[R], low: &mut [R], sum: &mut [R]) {
     for ((high, low), sum) in high.iter().zip(low).zip(sum) {
         *sum = *high + *low;
         let part = *sum - *high;

@@ -1,5 +1,5 @@
 //! A small dense matrix.
-#![allow(clippy::inline_always)] // what is not inlined is compiled without the registers it is for
+#![allow(clippy::inline_always)] // other functions are compiled without the caller's instruction set
 
 use crate::real::Real;
 use std::ops::{Index, IndexMut};

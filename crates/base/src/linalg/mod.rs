@@ -25,8 +25,8 @@ pub(crate) use choice::prefers_sparse;
 pub use dependent::{IndependentRows, dependencies, dependent_rows, independent_rows};
 pub use factor::{Factor, Lu, Singular, inverse};
 pub use kernels::{
-    add_scaled, all_finite, as_is, carry, combine, copy, copy_scaled, dot, furthest, gather,
-    max_norm, scale_each,
+    add_compensated, add_scaled, all_finite, as_is, combine, copy, copy_scaled, dot, furthest,
+    max_norm, scale_each, sum_compensated,
 };
 pub use matrix::Matrix;
 pub use members::SparseOf;

@@ -1,5 +1,5 @@
 //! Blocks of k by k numbers, column by column, in memory for K by K; those of several members number by number.
-#![allow(clippy::inline_always)] // what is not inlined is compiled without the registers it is for
+#![allow(clippy::inline_always)] // other functions are compiled without the caller's instruction set
 
 use crate::real::{Real, Scalar};
 

@@ -10,7 +10,7 @@
 //! of a solve leaves for the next is then a single product.
 //!
 //! Loops go up to k, the number of nodes, in memory for K: [`at_nodes`](crate::at_nodes).
-#![allow(clippy::inline_always)] // what is not inlined is compiled without the registers it is for
+#![allow(clippy::inline_always)] // other functions are compiled without the caller's instruction set
 
 use super::choice::{MOST_NODES, MOST_UPDATES};
 use super::fill::EliminationPlan;

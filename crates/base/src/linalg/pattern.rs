@@ -1,5 +1,5 @@
 //! Sparsity patterns, for matrices whose values come from a tape.
-#![allow(clippy::inline_always)] // what is not inlined is compiled without the registers it is for
+#![allow(clippy::inline_always)] // other functions are compiled without the caller's instruction set
 
 use super::Matrix;
 use crate::real::Real;

@@ -234,7 +234,7 @@ impl<R: Real> Rows<R> {
     ///
     /// # Panics
     /// When `x` or `out` is too short.
-    #[allow(clippy::inline_always)] // what is not inlined is compiled without the registers it is for
+    #[allow(clippy::inline_always)] // other functions are compiled without the caller's instruction set
     #[inline(always)]
     pub fn add_product<const K: usize>(&self, k: usize, x: &[R], out: &mut [R]) {
         let (mut sum, mut values) = ([R::splat(0.0); K], self.values.chunks_exact(k));
@@ -255,7 +255,7 @@ impl<R: Real> Rows<R> {
     ///
     /// # Panics
     /// When `x` or `out` is too short.
-    #[allow(clippy::inline_always)] // what is not inlined is compiled without the registers it is for
+    #[allow(clippy::inline_always)] // other functions are compiled without the caller's instruction set
     #[inline(always)]
     pub fn add_product_transposed<const K: usize>(&self, k: usize, x: &[R], out: &mut [R]) {
         let mut values = self.values.chunks_exact(k);

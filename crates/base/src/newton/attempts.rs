@@ -3,11 +3,11 @@
 //! A step is attempted from the extrapolated start with the matrix at hand, from there with a new matrix, and from the
 //! cold start. The solution of a step is the one on the branch that begins at the present state as h grows from 0. A
 //! solution near its start is accepted; any other is confirmed by path following: it is continued to shorter steps,
-//! until one is near its start. Where that fails, the step is solved by full Newton from the still start, and, where
+//! until one is near its start. Where that fails, the step is solved by full Newton from the uniform start, and, where
 //! the solution is far from there too, by continuation through longer and longer steps.
 //! Source: docs/theory/newton.md.
 
-use super::Rest;
+use super::Backoff;
 use crate::error::StepError;
 
 /// The start values of the unknowns of a step.
@@ -18,7 +18,7 @@ pub enum Start {
     /// Motion with the present velocities and accelerations.
     Cold,
     /// Uniform motion: the present velocities, without accelerations.
-    Still,
+    Uniform,
     /// The extrapolation of the solution in [`Slot::Part`], of a shorter or longer step from the same state.
     Continued,
     /// That solution itself: for stiff forces the extrapolation is far off.
@@ -29,7 +29,7 @@ pub enum Start {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Slot {
     /// The solution to be confirmed.
-    First,
+    Candidate,
     /// The solution of the last part of the step.
     Part,
     /// The start values of the next part.
@@ -64,7 +64,7 @@ pub trait Attempts {
 }
 
 /// The equations of a step whose solutions can be followed along their branch.
-pub trait Confirms: Attempts {
+pub trait BranchAttempts: Attempts {
     /// Solves a step of `h` by full Newton; returns whether the solution is near its start.
     ///
     /// # Errors
@@ -82,24 +82,24 @@ pub trait Confirms: Attempts {
     fn distance(&mut self, h: f64, slot: Slot) -> (f64, usize);
 
     /// The rest of the modified iteration after steps that only full Newton has solved.
-    fn rest(&mut self) -> &mut Rest;
+    fn backoff(&mut self) -> &mut Backoff;
 }
 
 /// Solutions at a smaller distance are the same.
-const SAME: f64 = 1e-6;
+const SAME_SOLUTION: f64 = 1e-6;
 /// Continuation begins with this fraction of the step, or where that fails with its square.
 const FIRST_PART: f64 = 0.125;
 /// Largest ratio of successive parts; it is lowered where a solution is off the extrapolation of the last one.
-const LONGER: f64 = 2.0;
+const MAX_GROWTH: f64 = 2.0;
 /// The branch ends where no part longer by this ratio can be solved.
-const LEAST_LONGER: f64 = 1.001;
+const MIN_GROWTH: f64 = 1.001;
 /// Ratio of successive parts where a solution is followed to shorter steps, and how many there are at most.
-const SHORTER: f64 = 0.5;
-const MOST_SHORTER: i32 = 3;
+const REDUCTION: f64 = 0.5;
+const MOST_REDUCTIONS: i32 = 3;
 /// A solution further from the extrapolation of the last one need not be on its branch.
-const OFF: f64 = 0.01;
+const OFF_BRANCH: f64 = 0.01;
 /// The same of its distance from the last solution itself.
-const APART: f64 = 0.1;
+const OFF_LAST: f64 = 0.1;
 /// The most parts of a continuation.
 const MOST_PARTS: usize = 60;
 
@@ -135,22 +135,22 @@ pub fn attempt_modified(step: &mut impl Attempts, h: f64) -> Result<bool, StepEr
 /// # Errors
 /// [`StepError::StepTooLarge`] where the branch of the present state ends before `h`; else that of the modified
 /// iteration.
-pub fn attempt(step: &mut impl Confirms, h: f64) -> Result<(), StepError> {
-    if step.rest().take() {
-        return from_still(step, h);
+pub fn attempt(step: &mut impl BranchAttempts, h: f64) -> Result<(), StepError> {
+    if step.backoff().skip() {
+        return from_uniform(step, h);
     }
     match attempt_modified(step, h) {
         Ok(true) => {
-            step.rest().end_row();
+            step.backoff().succeed();
             Ok(())
         }
-        Ok(false) => confirm(step, h),
+        Ok(false) => confirm_branch(step, h),
         Err(error) => {
-            from_still(step, h).map_err(|later| match (&later, &error) {
+            from_uniform(step, h).map_err(|later| match (&later, &error) {
                 (StepError::StepTooLarge { .. }, StepError::NotConverged { .. }) => later,
                 _ => error,
             })?;
-            step.rest().begin();
+            step.backoff().fail();
             Ok(())
         }
     }
@@ -158,63 +158,66 @@ pub fn attempt(step: &mut impl Confirms, h: f64) -> Result<(), StepError> {
 
 /// Confirms the present solution, which is then kept to the bit, or finds the one on the branch of the present state.
 #[cold]
-fn confirm(step: &mut impl Confirms, h: f64) -> Result<(), StepError> {
-    if is_own(step, h)? {
+fn confirm_branch(step: &mut impl BranchAttempts, h: f64) -> Result<(), StepError> {
+    if is_on_branch(step, h)? {
         return Ok(());
     }
-    if full_from_still(step, h)? != Ok(true) {
+    if full_from_uniform(step, h)? != Ok(true) {
         by_parts(step, h)?;
     }
-    if step.distance(h, Slot::First).0 <= SAME {
-        step.put_back(h, Slot::First);
+    if step.distance(h, Slot::Candidate).0 <= SAME_SOLUTION {
+        step.put_back(h, Slot::Candidate);
     }
     Ok(())
 }
 
-/// Solves by full Newton from the still start, and by continuation where that solution is far.
+/// Solves by full Newton from the uniform start, and by continuation where that solution is far.
 #[cold]
-fn from_still(step: &mut impl Confirms, h: f64) -> Result<(), StepError> {
-    match full_from_still(step, h)? {
+fn from_uniform(step: &mut impl BranchAttempts, h: f64) -> Result<(), StepError> {
+    match full_from_uniform(step, h)? {
         Ok(true) => Ok(()),
-        Ok(false) if is_own(step, h)? => Ok(()),
+        Ok(false) if is_on_branch(step, h)? => Ok(()),
         _ => by_parts(step, h),
     }
 }
 
-/// The outcome of full Newton from the still start: whether the solution is near.
-fn full_from_still(step: &mut impl Confirms, h: f64) -> Result<Result<bool, StepError>, StepError> {
+/// The outcome of full Newton from the uniform start: whether the solution is near.
+fn full_from_uniform(
+    step: &mut impl BranchAttempts,
+    h: f64,
+) -> Result<Result<bool, StepError>, StepError> {
     step.discard();
-    step.start(h, Start::Still)?;
+    step.start(h, Start::Uniform)?;
     Ok(step.iterate_full(h))
 }
 
 /// Solves for a part of the step, and continues from there to the whole step.
-fn by_parts(step: &mut impl Confirms, h: f64) -> Result<(), StepError> {
-    if full_from_still(step, FIRST_PART * h)?.is_ok() {
+fn by_parts(step: &mut impl BranchAttempts, h: f64) -> Result<(), StepError> {
+    if full_from_uniform(step, FIRST_PART * h)?.is_ok() {
         return continuation(step, h, FIRST_PART);
     }
     let part = FIRST_PART * FIRST_PART;
-    full_from_still(step, part * h)??;
+    full_from_uniform(step, part * h)??;
     continuation(step, h, part)
 }
 
 /// Whether the present solution is on the branch of the present state, by following it to shorter steps; it is kept to
 /// the bit.
-fn is_own(step: &mut impl Confirms, h: f64) -> Result<bool, StepError> {
-    step.keep(h, Slot::First);
-    let is_own = follows_down(step, h)?;
+fn is_on_branch(step: &mut impl BranchAttempts, h: f64) -> Result<bool, StepError> {
+    step.keep(h, Slot::Candidate);
+    let is_on_branch = follows_down(step, h)?;
     step.discard();
-    if is_own {
-        step.put_back(h, Slot::First);
+    if is_on_branch {
+        step.put_back(h, Slot::Candidate);
     }
-    Ok(is_own)
+    Ok(is_on_branch)
 }
 
 /// Follows the present solution, of a step of `h`, to shorter steps; returns whether one near its start is reached.
-fn follows_down(step: &mut impl Confirms, h: f64) -> Result<bool, StepError> {
+fn follows_down(step: &mut impl BranchAttempts, h: f64) -> Result<bool, StepError> {
     step.keep(h, Slot::Part);
-    for halvings in 1..=MOST_SHORTER {
-        let part = h * SHORTER.powi(halvings);
+    for reductions in 1..=MOST_REDUCTIONS {
+        let part = h * REDUCTION.powi(reductions);
         match follow(step, part, Start::Continued)? {
             Followed::Near => return Ok(true),
             Followed::Far => step.keep(part, Slot::Part),
@@ -226,7 +229,7 @@ fn follows_down(step: &mut impl Confirms, h: f64) -> Result<bool, StepError> {
 
 /// The outcome of following a branch to another part of the step.
 enum Followed {
-    /// A solution on the branch, near the still start.
+    /// A solution on the branch, near the uniform start.
     Near,
     /// A solution on the branch.
     Far,
@@ -235,13 +238,17 @@ enum Followed {
 }
 
 /// Solves for a step of `h` from the solution of the last part, or from its extrapolation.
-fn follow(step: &mut impl Confirms, h: f64, start: Start) -> Result<Followed, StepError> {
+fn follow(step: &mut impl BranchAttempts, h: f64, start: Start) -> Result<Followed, StepError> {
     step.discard();
     step.start(h, start)?;
     step.keep(h, Slot::Start);
     let found = step.iterate_full(h);
     let (off, coordinate) = step.distance(h, Slot::Start);
-    let bound = if start == Start::Part { APART } else { OFF };
+    let bound = if start == Start::Part {
+        OFF_LAST
+    } else {
+        OFF_BRANCH
+    };
     Ok(match found {
         Ok(true) if off <= bound => Followed::Near,
         Ok(false) if off <= bound => Followed::Far,
@@ -251,22 +258,22 @@ fn follow(step: &mut impl Confirms, h: f64, start: Start) -> Result<Followed, St
 
 /// Solves for longer and longer parts of the step, each from the extrapolation of the one before, or from that one;
 /// `part` of it is solved already.
-fn continuation(step: &mut impl Confirms, h: f64, part: f64) -> Result<(), StepError> {
-    let (mut solved, mut longer, mut furthest) = (part, LONGER, 0);
+fn continuation(step: &mut impl BranchAttempts, h: f64, part: f64) -> Result<(), StepError> {
+    let (mut solved, mut growth, mut furthest) = (part, MAX_GROWTH, 0);
     let mut start = Start::Continued;
     step.keep(solved * h, Slot::Part);
     for _ in 0..MOST_PARTS {
-        let part = (solved * longer).min(1.0);
+        let part = (solved * growth).min(1.0);
         match follow(step, part * h, start)? {
             Followed::Near | Followed::Far if part == 1.0 => return Ok(()),
             Followed::Near | Followed::Far => {
                 step.keep(part * h, Slot::Part);
-                (solved, longer) = (part, (longer * longer.sqrt()).min(LONGER));
+                (solved, growth) = (part, (growth * growth.sqrt()).min(MAX_GROWTH));
             }
             Followed::Lost { .. } if start == Start::Continued => start = Start::Part,
-            Followed::Lost { coordinate } => (furthest, longer) = (coordinate, longer.sqrt()),
+            Followed::Lost { coordinate } => (furthest, growth) = (coordinate, growth.sqrt()),
         }
-        if longer < LEAST_LONGER {
+        if growth < MIN_GROWTH {
             break;
         }
     }

@@ -14,27 +14,27 @@
 #![allow(clippy::float_cmp)] // verdicts are small integers
 
 mod attempts;
+mod backoff;
 mod block_matrix;
 mod broyden;
 mod condensed;
 mod predictor;
 mod progress;
-mod rest;
 mod reuse;
 mod stop;
 
-pub use attempts::{Attempts, Confirms, Slot, Start, attempt, attempt_modified};
+pub use attempts::{Attempts, BranchAttempts, Slot, Start, attempt, attempt_modified};
+pub use backoff::Backoff;
 pub use block_matrix::{BlockGrid, BlockHandle, BlockLayout, BlockMatrix};
 pub use broyden::Broyden;
 pub use predictor::{Continuation, Polynomial, Predictor};
-pub use rest::Rest;
 pub use reuse::{Renewal, Reuse};
-pub use stop::{Stop, reach};
+pub use stop::{Stop, scaled_size};
 
 use crate::error::StepError;
 use crate::real::Real;
 use crate::simd::dispatch_simd;
-use progress::{CONVERGED, HOPELESS, OPEN, Progress};
+use progress::{ACTIVE, CONVERGED, FAILED, Progress};
 
 /// A system of equations with its present unknowns: of one trajectory, or of several members in lock-step.
 pub trait Equations<R: Real = f64> {
@@ -50,12 +50,12 @@ pub trait Equations<R: Real = f64> {
     }
 
     /// The last correction, whose relative size is `size`, in the yardstick of the step.
-    fn reach(&self, _size: R) -> R {
+    fn scaled_size(&self, _size: R) -> R {
         R::splat(0.0)
     }
 
     /// Distance of the coordinates at the last evaluation from uniform motion, in the yardstick of the step.
-    fn moved(&self) -> R {
+    fn deviation(&self) -> R {
         R::splat(0.0)
     }
 
@@ -66,7 +66,7 @@ pub trait Equations<R: Real = f64> {
     ///
     /// # Errors
     /// A value is not finite.
-    fn is_solved(&mut self) -> Result<bool, StepError> {
+    fn is_residual_roundoff(&mut self) -> Result<bool, StepError> {
         Ok(true)
     }
 
@@ -74,7 +74,7 @@ pub trait Equations<R: Real = f64> {
     ///
     /// # Errors
     /// A value is not finite.
-    fn floor(&mut self) -> Result<f64, StepError> {
+    fn roundoff_floor(&mut self) -> Result<f64, StepError> {
         Ok(0.0)
     }
 
@@ -86,29 +86,29 @@ pub trait Equations<R: Real = f64> {
 }
 
 /// Corrections above this fraction of the yardstick are large: their ratios do not bound the rate.
-const FAR: f64 = 0.1;
+const LARGE_CORRECTION: f64 = 0.1;
 /// Coordinates further from uniform motion than this fraction of the yardstick may be on another branch.
-const MOVED: f64 = 0.5;
+const LARGE_DEVIATION: f64 = 0.5;
 /// A single ratio of corrections is not sufficient where the first correction is larger than this.
 const DOUBTFUL: f64 = 1e-3;
 /// Corrections below this are small enough for the residual to be checked, and for the floor to be measured.
-const SMALL: f64 = 1e-6;
+const SMALL_CORRECTION: f64 = 1e-6;
 /// Corrections below this many floors are roundoff, where they no longer shrink.
-const FLOORS: f64 = 8.0;
+const MOST_FLOORS: f64 = 8.0;
 /// The most matrices that full Newton makes, and the most corrections.
 const MOST_MATRICES: usize = 12;
 const MOST_FULL: usize = 40;
 /// Newton's method converges to a double root with ratio 1/2: ratios in this range, so many in a row, are refused.
-const HALF: std::ops::Range<f64> = 0.4..0.6;
-const HALVES: usize = 4;
+const DOUBLE_ROOT: std::ops::Range<f64> = 0.4..0.6;
+const MOST_HALVINGS: usize = 4;
 
 /// Perturbation of the unknowns, in ε, that measures the roundoff of residuals.
-pub const SHAKE: f64 = 4.0;
+pub const PERTURBATION: f64 = 4.0;
 /// Ratio up to which a residual is roundoff by that measure.
-pub const MARGIN: f64 = 16.0;
+pub const RESIDUAL_MARGIN: f64 = 16.0;
 
 /// Pseudo-random signs, the same in every run, by which unknowns are perturbed.
-pub fn signs(seed: u64) -> impl FnMut() -> f64 {
+pub fn random_signs(seed: u64) -> impl FnMut() -> f64 {
     let mut state = seed;
     move || {
         let next = state.wrapping_mul(6_364_136_223_846_793_005);
@@ -128,36 +128,40 @@ pub struct Solved {
 
 /// The path length of an iteration, of each member.
 #[derive(Clone, Copy, Debug)]
-struct Reach<R> {
+struct PathLength<R> {
     largest: R,
     /// A bound of the distance from uniform motion.
-    moved: R,
+    deviation: R,
 }
 
-impl<R: Real> Reach<R> {
+impl<R: Real> PathLength<R> {
     fn new() -> Self {
-        let (largest, moved) = (R::splat(0.0), R::splat(0.0));
-        Self { largest, moved }
+        let (largest, deviation) = (R::splat(0.0), R::splat(0.0));
+        Self { largest, deviation }
     }
 
     /// Adds a correction; the first one has evaluated the start.
     #[inline(always)]
     fn add(&mut self, equations: &impl Equations<R>, size: R, iterations: usize) {
-        let reach = equations.reach(size);
+        let scaled = equations.scaled_size(size);
         if iterations == 1 {
-            self.moved = equations.moved();
+            self.deviation = equations.deviation();
         }
-        self.largest = self.largest.zip(reach, f64::max);
-        self.moved += reach;
+        self.largest = self.largest.zip(scaled, f64::max);
+        self.deviation += scaled;
     }
 
     /// 1 where all corrections were small and the solution is near, else 0.
     #[inline(always)]
     fn is_near(&self) -> R {
         self.largest.zip(
-            self.moved,
+            self.deviation,
             #[inline(always)]
-            |largest, moved| f64::from(u8::from((largest <= FAR) & (moved <= MOVED))),
+            |largest, deviation| {
+                f64::from(u8::from(
+                    (largest <= LARGE_CORRECTION) & (deviation <= LARGE_DEVIATION),
+                ))
+            },
         )
     }
 
@@ -181,23 +185,25 @@ impl<R: Real> Reach<R> {
 /// corrections vanish and the residual does not.
 pub fn solve(equations: &mut impl Equations, most: usize) -> Result<Solved, StepError> {
     let mut progress = Progress::new(equations.stop());
-    let mut reach = Reach::new();
+    let mut path = PathLength::new();
     for iterations in 1..=most {
         let size = equations.correct()?;
-        reach.add(equations, size, iterations);
+        path.add(equations, size, iterations);
         let verdict = progress.judge(size, iterations, most);
         let failed = StepError::NotConverged { iterations, size };
         let is_converged = if verdict == CONVERGED {
-            reach.is_doubtful(iterations) == 0.0 || equations.is_solved()?
-        } else if verdict == HOPELESS {
-            iterations < most && is_at_floor(equations, size)? && equations.is_solved()?
+            path.is_doubtful(iterations) == 0.0 || equations.is_residual_roundoff()?
+        } else if verdict == FAILED {
+            iterations < most
+                && is_at_floor(equations, size)?
+                && equations.is_residual_roundoff()?
         } else {
             continue;
         };
         if !is_converged {
             return Err(failed);
         }
-        let is_near = reach.is_near() != 0.0;
+        let is_near = path.is_near() != 0.0;
         return Ok(Solved {
             iterations,
             is_near,
@@ -212,7 +218,8 @@ pub fn solve(equations: &mut impl Equations, most: usize) -> Result<Solved, Step
 /// Whether corrections that no longer shrink are at their roundoff floor.
 #[cold]
 fn is_at_floor(equations: &mut impl Equations, size: f64) -> Result<bool, StepError> {
-    Ok(size < SMALL && size <= FLOORS * equations.floor()?.min(SMALL))
+    Ok(size < SMALL_CORRECTION
+        && size <= MOST_FLOORS * equations.roundoff_floor()?.min(SMALL_CORRECTION))
 }
 
 /// Full Newton: corrects with a matrix for each correction, until the residual is roundoff. Corrections may grow in
@@ -221,7 +228,7 @@ fn is_at_floor(equations: &mut impl Equations, size: f64) -> Result<bool, StepEr
 /// # Errors
 /// [`StepError::NotConverged`] after too many corrections, or at a double root, where branches meet.
 pub fn solve_full(equations: &mut impl Equations) -> Result<Solved, StepError> {
-    let (mut largest, mut size, mut halves) = (0.0_f64, f64::INFINITY, 0);
+    let (mut largest, mut size, mut halvings) = (0.0_f64, f64::INFINITY, 0);
     for iterations in 1..=MOST_FULL {
         let is_fresh = iterations <= MOST_MATRICES;
         if is_fresh {
@@ -229,15 +236,15 @@ pub fn solve_full(equations: &mut impl Equations) -> Result<Solved, StepError> {
         }
         let last = size;
         size = equations.correct()?;
-        let is_half = is_fresh && HALF.contains(&(size / last));
-        halves = if is_half { halves + 1 } else { 0 };
-        if !size.is_finite() || halves == HALVES {
+        let is_halved = is_fresh && DOUBLE_ROOT.contains(&(size / last));
+        halvings = if is_halved { halvings + 1 } else { 0 };
+        if !size.is_finite() || halvings == MOST_HALVINGS {
             return Err(StepError::NotConverged { iterations, size });
         }
-        let reach = equations.reach(size);
-        largest = largest.max(reach);
-        if size.max(reach) <= SMALL && equations.is_solved()? {
-            let is_near = largest <= FAR && equations.moved() <= MOVED;
+        let scaled = equations.scaled_size(size);
+        largest = largest.max(scaled);
+        if size.max(scaled) <= SMALL_CORRECTION && equations.is_residual_roundoff()? {
+            let is_near = largest <= LARGE_CORRECTION && equations.deviation() <= LARGE_DEVIATION;
             return Ok(Solved {
                 iterations,
                 is_near,
@@ -255,13 +262,13 @@ pub fn solve_full(equations: &mut impl Equations) -> Result<Solved, StepError> {
 pub enum Member {
     /// It takes no part.
     #[default]
-    Out,
+    Inactive,
     /// It needs further corrections.
-    Open,
+    Active,
     /// It took so many corrections.
     Converged(usize),
     /// It does not converge, or its solution has to be confirmed.
-    Hopeless {
+    Failed {
         /// Corrections made.
         iterations: usize,
         /// Relative size of the last.
@@ -269,7 +276,7 @@ pub enum Member {
     },
 }
 
-/// Corrects several members in lock-step, those that are [`Member::Open`], until each has converged or failed by its own
+/// Corrects several members in lock-step, those that are [`Member::Active`], until each has converged or failed by its own
 /// corrections: it takes as many as it would alone. `members` has a place for each lane.
 ///
 /// # Errors
@@ -281,25 +288,25 @@ pub fn solve_each<R: Real>(
 ) -> Result<(), StepError> {
     let mut progress = Progress::new(equations.stop());
     let (mut kept, mut has_kept) = (R::splat(0.0), false);
-    let mut reach = Reach::new();
+    let mut path = PathLength::new();
     for iterations in 1..=most {
         let sizes = equations.correct()?;
         dispatch_simd::<R, _>(
             #[inline(always)]
-            || reach.add(equations, sizes, iterations),
+            || path.add(equations, sizes, iterations),
         );
         let verdicts = dispatch_simd::<R, _>(
             #[inline(always)]
             || progress.judge(sizes, iterations, most),
         );
-        if verdicts.all(|verdict| verdict == OPEN) {
+        if verdicts.all(|verdict| verdict == ACTIVE) {
             continue;
         }
-        let (is_near, is_doubtful) = (reach.is_near(), reach.is_doubtful(iterations));
+        let (is_near, is_doubtful) = (path.is_near(), path.is_doubtful(iterations));
         let mut done = R::splat(0.0);
         for (member, stands) in members.iter_mut().enumerate() {
             let (verdict, size) = (verdicts.member(member), sizes.member(member));
-            if *stands != Member::Open || verdict == OPEN {
+            if *stands != Member::Active || verdict == ACTIVE {
                 continue;
             }
             let is_trusted = is_near.member(member) != 0.0 && is_doubtful.member(member) == 0.0;
@@ -307,10 +314,10 @@ pub fn solve_each<R: Real>(
                 done.set_member(member, 1.0);
                 Member::Converged(iterations)
             } else {
-                Member::Hopeless { iterations, size }
+                Member::Failed { iterations, size }
             };
         }
-        if !members.contains(&Member::Open) {
+        if !members.contains(&Member::Active) {
             break;
         }
         dispatch_simd::<R, _>(
@@ -338,14 +345,14 @@ const MOST_MEMBERS: usize = 16;
 /// [`StepError::NotConverged`] as soon as one of them has failed.
 pub fn solve_all<R: Real>(equations: &mut impl Equations<R>, most: usize) -> Result<(), StepError> {
     const { assert!(R::MEMBERS <= MOST_MEMBERS, "a place for each member") };
-    let mut members = [Member::Open; MOST_MEMBERS];
+    let mut members = [Member::Active; MOST_MEMBERS];
     let members = &mut members[..R::MEMBERS];
     solve_each(equations, most, members)?;
-    let hopeless = members.iter().find_map(|member| match member {
-        Member::Hopeless { iterations, size } => Some((*iterations, *size)),
+    let failed = members.iter().find_map(|member| match member {
+        Member::Failed { iterations, size } => Some((*iterations, *size)),
         _ => None,
     });
-    hopeless.map_or(Ok(()), |(iterations, size)| {
+    failed.map_or(Ok(()), |(iterations, size)| {
         Err(StepError::NotConverged { iterations, size })
     })
 }

@@ -3,8 +3,8 @@
 //! A polynomial goes through the first node, the last one and those strictly between them. A value at
 //! a node that repeats an end (a stage at 0 or 1, beside z0 or z1) is off the polynomial; how far
 //! scales as h to the degree.
-#![allow(clippy::inline_always)] // what is not inlined is compiled without the registers it is for
-#![allow(clippy::float_cmp)] // begin is 0 or 1
+#![allow(clippy::inline_always)] // other functions are compiled without the caller's instruction set
+#![allow(clippy::float_cmp)] // origin is 0 or 1
 
 use crate::checkpoint::{Checkpoint, CheckpointMismatch, Numbers};
 use crate::linalg::{Matrix, as_is, combine, copy};
@@ -73,10 +73,10 @@ impl<R: Real> Polynomial<R> {
         self.knots.extend(0..count);
     }
 
-    /// Makes the weights for steps that are `ratio` times as long as the one held, and begin at its fraction `begin`.
-    fn weigh(&mut self, begin: f64, ratio: f64) {
+    /// Makes the weights for steps that are `ratio` times as long as the one held, and begin at its fraction `origin`.
+    fn update_weights(&mut self, origin: f64, ratio: f64) {
         let (nodes, knots) = (&self.nodes, &self.knots);
-        let place = |x: &f64| begin + ratio * x;
+        let place = |x: &f64| origin + ratio * x;
         let targets = self.targets.iter().map(place);
         self.weights.clear();
         lagrange(nodes, knots, targets, &mut self.weights);
@@ -104,7 +104,7 @@ pub struct Predictor<R = f64> {
     h: Option<f64>,
     ratio: f64,
     /// Where the next step begins: at the end of the one held, 1, or after a rejected step at its start, 0.
-    begin: f64,
+    origin: f64,
     /// The polynomials.
     pub curves: Vec<Polynomial<R>>,
 }
@@ -115,44 +115,44 @@ impl<R: Real> Predictor<R> {
         Self {
             h: None,
             ratio: f64::NAN,
-            begin: 1.0,
+            origin: 1.0,
             curves,
         }
     }
 
     /// Makes the weights for a step of `h`, unless they are up to date; returns false without a step to extrapolate.
-    pub fn weigh(&mut self, h: f64) -> bool {
+    pub fn update_weights(&mut self, h: f64) -> bool {
         let Some(last) = self.h else { return false };
         let ratio = h / last;
         if ratio.to_bits() != self.ratio.to_bits() {
             self.ratio = ratio;
             for curve in &mut self.curves {
-                curve.weigh(self.begin, ratio);
+                curve.update_weights(self.origin, ratio);
             }
         }
         true
     }
 
     /// The start and the length of the step that the weights are for, in units of the step held.
-    pub fn place(&self) -> [f64; 2] {
-        [self.begin, self.ratio]
+    pub fn weights_key(&self) -> [f64; 2] {
+        [self.origin, self.ratio]
     }
 
     /// The size of the step held.
-    pub fn held(&self) -> Option<f64> {
+    pub fn h(&self) -> Option<f64> {
         self.h
     }
 
     /// Whether the step held begins where the next one does.
     pub fn is_undone(&self) -> bool {
-        self.begin == 0.0
+        self.origin == 0.0
     }
 
     /// Holds a finished step of `h`, whose values have been written.
     pub fn hold(&mut self, h: f64) {
         self.h = Some(h);
         if self.is_undone() {
-            (self.begin, self.ratio) = (1.0, f64::NAN);
+            (self.origin, self.ratio) = (1.0, f64::NAN);
         }
     }
 
@@ -173,7 +173,7 @@ impl<R: Real> Predictor<R> {
 
     /// Lets the next step begin where the one held began, which was rejected.
     pub fn undo(&mut self) {
-        (self.begin, self.ratio) = (0.0, f64::NAN);
+        (self.origin, self.ratio) = (0.0, f64::NAN);
     }
 }
 
@@ -202,7 +202,7 @@ impl Continuation {
     ) {
         self.held.hold(from);
         self.held.undo();
-        self.held.weigh(to);
+        self.held.update_weights(to);
         let curve = &mut self.held.curves[0];
         copy(curve.values.row_mut(0), start);
         for i in 0..stages.rows() {
@@ -215,20 +215,20 @@ impl Continuation {
 /// Saves the curves; weights are made again, to the same bits.
 impl<R: Real> Checkpoint for Predictor<R> {
     fn save(&self, member: usize, out: &mut dyn Numbers) {
-        (self.h, self.begin).save(member, out);
+        (self.h, self.origin).save(member, out);
         for curve in &self.curves {
             curve.values.flat().save(member, out);
         }
     }
 
     fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
-        let begin = self.begin;
+        let origin = self.origin;
         self.h.restore(member, saved)?;
-        self.begin.restore(member, saved)?;
+        self.origin.restore(member, saved)?;
         for curve in &mut self.curves {
             curve.values.flat_mut().restore(member, saved)?;
         }
-        if begin.to_bits() != self.begin.to_bits() {
+        if origin.to_bits() != self.origin.to_bits() {
             self.ratio = f64::NAN;
         }
         Ok(())

@@ -2,7 +2,7 @@
 #![allow(clippy::needless_bitwise_bool)] // short-circuiting would end the loop over members
 #![allow(clippy::inline_always)] // other functions are compiled without the caller's instruction set
 
-use super::{SMALL, Stop};
+use super::{SMALL_CORRECTION, Stop};
 use crate::real::Real;
 
 /// Corrections below this fraction of the solution may be roundoff alone.
@@ -27,9 +27,9 @@ pub(super) struct Progress<R> {
 }
 
 /// Verdicts on the corrections of a member, as numbers: they are found for all members at once.
-pub(super) const OPEN: f64 = 0.0;
+pub(super) const ACTIVE: f64 = 0.0;
 pub(super) const CONVERGED: f64 = 1.0;
-pub(super) const HOPELESS: f64 = 2.0;
+pub(super) const FAILED: f64 = 2.0;
 
 impl<R: Real> Progress<R> {
     pub(super) fn new(stop: Stop) -> Self {
@@ -46,8 +46,8 @@ impl<R: Real> Progress<R> {
     #[inline(always)]
     pub(super) fn judge(&mut self, size: R, iterations: usize, most: usize) -> R {
         let Stop {
-            is_even,
-            least_rate,
+            has_steady_rate,
+            min_rate,
             ..
         } = self.stop;
         let theta = size / self.last;
@@ -60,8 +60,8 @@ impl<R: Real> Progress<R> {
             #[inline(always)]
             |[size, theta, rate]| {
                 let is_believed = theta <= (GROWTH * rate).min(LARGEST_RATE);
-                if !(is_even & (size < NOISE)) {
-                    theta.max(least_rate)
+                if !(has_steady_rate & (size < NOISE)) {
+                    theta.max(min_rate)
                 } else if is_believed & !rate.is_nan() {
                     theta.max(rate)
                 } else {
@@ -76,7 +76,7 @@ impl<R: Real> Progress<R> {
             [size, self.rate * self.expected],
             #[inline(always)]
             |[size, rest]| {
-                if is_even & (size < NOISE) {
+                if has_steady_rate & (size < NOISE) {
                     size.min(rest)
                 } else {
                     size
@@ -97,10 +97,12 @@ impl<R: Real> Progress<R> {
     #[inline(always)]
     fn verdict(&self, iterations: usize, most: usize) -> impl Fn([f64; 6]) -> f64 + use<R> {
         let Stop {
-            tolerance, is_even, ..
+            tolerance,
+            has_steady_rate,
+            ..
         } = self.stop;
         // the ratio at which the iteration has failed, and whether a low rate is a failure
-        let (worst, minds_slow) = match iterations {
+        let (worst, checks_rate) = match iterations {
             1 => (f64::INFINITY, false),
             2 => (NEARBY.next_up(), false),
             3 => (2.0, false),
@@ -115,15 +117,16 @@ impl<R: Real> Progress<R> {
             let rate_now = if rate.is_nan() { least } else { rate };
             let is_converged = (size == 0.0)
                 | (!is_first & (still_to_come(rate_now, expected) < tolerance))
-                | (is_noise & (rate.is_nan() | !is_even) & ((theta >= 0.5) | is_last));
-            let is_stalled = !is_even & is_third & (size < SMALL) & (theta >= 0.9);
-            let is_hopeless = (theta >= worst) | is_stalled | (minds_slow & (slow != 0.0));
+                | (is_noise & (rate.is_nan() | !has_steady_rate) & ((theta >= 0.5) | is_last));
+            let is_stalled =
+                !has_steady_rate & is_third & (size < SMALL_CORRECTION) & (theta >= 0.9);
+            let has_failed = (theta >= worst) | is_stalled | (checks_rate & (slow != 0.0));
             if is_converged {
                 CONVERGED
-            } else if !size.is_finite() | is_last | (!is_noise & is_hopeless) {
-                HOPELESS
+            } else if !size.is_finite() | is_last | (!is_noise & has_failed) {
+                FAILED
             } else {
-                OPEN
+                ACTIVE
             }
         }
     }
@@ -132,9 +135,11 @@ impl<R: Real> Progress<R> {
     #[inline(always)]
     fn too_slow(&self, size: R, theta: R, iterations: usize, most: usize) -> R {
         let Stop {
-            tolerance, is_even, ..
+            tolerance,
+            has_steady_rate,
+            ..
         } = self.stop;
-        if iterations < 4 || !is_even {
+        if iterations < 4 || !has_steady_rate {
             return R::splat(0.0);
         }
         let to_come = theta.zip(size, still_to_come) * power(theta, most - iterations);

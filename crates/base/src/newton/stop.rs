@@ -17,9 +17,9 @@ pub struct Stop {
     /// The iteration ends where the sum of all further corrections is expected below this.
     pub tolerance: f64,
     /// Whether the rate of convergence is steady, so that the one measured above the noise holds below it.
-    pub is_even: bool,
+    pub has_steady_rate: bool,
     /// Lower bound of the measured rates.
-    pub least_rate: f64,
+    pub min_rate: f64,
 }
 
 impl Default for Stop {
@@ -36,15 +36,15 @@ impl Stop {
         let steps = steps.clamp(FEW_STEPS, MANY_STEPS);
         Self {
             tolerance: 0.03 * f64::EPSILON / steps.sqrt(),
-            is_even: true,
-            least_rate: 0.0,
+            has_steady_rate: true,
+            min_rate: 0.0,
         }
     }
 
     /// 1 where rounding errors of a residual are to be computed, else 0, after a correction of this relative size: the error
     /// left by a large one is far above them.
     #[inline(always)]
-    #[allow(clippy::inline_always)] // what is not inlined is compiled without the registers it is for
+    #[allow(clippy::inline_always)] // other functions are compiled without the caller's instruction set
     pub fn wants_roundings<R: Real>(&self, size: R) -> R {
         let is_roundoff = self.is_roundoff();
         size.map(
@@ -90,16 +90,16 @@ impl Stop {
 /// A size relative to a speed, in a yardstick; 0 where there is none.
 #[inline(always)]
 #[allow(clippy::inline_always)] // other functions are compiled without the caller's instruction set
-pub fn reach<R: Real>(size: R, speed: R, yardstick: R) -> R {
+pub fn scaled_size<R: Real>(size: R, speed: R, yardstick: R) -> R {
     R::each(
         [size, speed, yardstick],
         #[inline(always)]
         |[size, speed, yardstick]| {
-            let reach = size * (speed / yardstick);
+            let scaled = size * (speed / yardstick);
             if size == 0.0 || yardstick == 0.0 {
                 0.0
             } else {
-                reach
+                scaled
             }
         },
     )

@@ -90,7 +90,7 @@ impl Equations for Positions<'_> {
         Ok(self.sizes.next(moves, self.y))
     }
 
-    fn is_solved(&mut self) -> Result<bool, StepError> {
+    fn is_residual_roundoff(&mut self) -> Result<bool, StepError> {
         Ok(self.sizes.are_roundoff())
     }
 }

@@ -5,11 +5,11 @@
 //!
 //! or, where S would be large, as it stands: with V = v_z x for a further unknown, in the units of μ that
 //! make r_λ as large as p_z. Nonholonomic constraints add the rows k_z and the columns −∂r_n/∂ν.
-#![allow(clippy::inline_always)] // what is not inlined is compiled without the registers it is for
+#![allow(clippy::inline_always)] // other functions are compiled without the caller's instruction set
 
 mod transposed;
 
-use super::Block;
+use super::MemberLanes;
 use super::kkt::{KktMatrix, NonholonomicBlocks};
 use super::model::finite;
 use super::nonholonomic::diagnose_rank_all;
@@ -138,7 +138,7 @@ impl<R: Real> Saddle<R> {
     }
 
     /// `out += ∂r_n/∂ν x`, as it was last factored with.
-    pub fn add_rolling(&self, model: &Model<R>, x: &[R], out: &mut [R]) {
+    pub fn add_nonholonomic(&self, model: &Model<R>, x: &[R], out: &mut [R]) {
         if let (Some(problem), Some(own)) = (&model.problem.nonholonomic, &self.nonholonomic) {
             problem.patterns.r_nu.multiply_add(&own.r_nu, 1.0, x, out);
         }
@@ -324,7 +324,7 @@ impl<R: Real> Eliminated<R> {
     }
 }
 
-compiled!(R in [f64, Block] {
+compiled!(R in [f64, MemberLanes] {
     Saddle::<R>::new as fn(_) -> _,
     diagnose_rank::<R> as fn(_, _, _) -> _,
 });

@@ -1,7 +1,7 @@
 //! The blocks of the Newton matrix: their places, and the coefficients they are weighted with.
 
 use self::Along::{Column, Row};
-use super::super::derivatives::{Derivatives, EndDerivatives, RollingDerivatives};
+use super::super::derivatives::{Derivatives, EndDerivatives, NonholonomicDerivatives};
 use liouville_base::linalg::{Matrix, Pattern, as_is, combine};
 use liouville_base::newton::{BlockGrid, BlockHandle, BlockLayout, BlockMatrix};
 use liouville_base::tableau;
@@ -72,12 +72,12 @@ pub(super) struct SparkBlocks {
     pub(super) g_y: Vec<Targets>,
     pub(super) r_lam: Vec<Targets>,
     pub(super) r_y: ByPosition,
-    pub(super) own: Option<RollingBlocks>,
+    pub(super) own: Option<NonholonomicBlocks>,
 }
 
 /// Where the derivatives of k and of its reactions go.
 #[derive(Clone, Debug)]
-pub(super) struct RollingBlocks {
+pub(super) struct NonholonomicBlocks {
     pub(super) r_z: Vec<Targets>,
     pub(super) r_nu: Vec<Targets>,
     pub(super) r_y: ByPosition,
@@ -215,7 +215,7 @@ impl SparkBlocks {
             r_lam: place(to, &at.r_lam, (0, lam), &a_hat, Column),
             r_y: ByPosition::new(to, &at.r_y, (0, v), [&a_hat, &a_bar]),
             own: (problem.nonholonomic.as_ref())
-                .map(|own| RollingBlocks::new(to, &at.g_y, &own.patterns, tableau, offsets)),
+                .map(|own| NonholonomicBlocks::new(to, &at.g_y, &own.patterns, tableau, offsets)),
             v_z,
             ones: vec![1.0; n],
             one: ones,
@@ -287,7 +287,7 @@ impl SparkBlocks {
     }
 }
 
-impl RollingBlocks {
+impl NonholonomicBlocks {
     fn new<'a>(
         to: &mut BlockLayout<'a>,
         g_y: &'a Pattern,
@@ -325,7 +325,7 @@ impl RollingBlocks {
     }
 
     /// Adds the blocks of k and its reactions at the stages.
-    fn add_stages(&mut self, matrix: &mut BlockMatrix, of: &RollingDerivatives, h: f64) {
+    fn add_stages(&mut self, matrix: &mut BlockMatrix, of: &NonholonomicDerivatives, h: f64) {
         for j in 0..of.k_z.rows() {
             add_to(matrix, &self.k_z[j], of.k_z.row(j), 1.0);
             add_to(matrix, &self.r_z[j], of.r_z.row(j), -h);

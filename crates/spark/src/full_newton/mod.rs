@@ -209,24 +209,24 @@ impl Equations for StageEquations<'_> {
         self.stages.stop
     }
 
-    fn reach(&self, size: f64) -> f64 {
-        self.stages.reach(size)
+    fn scaled_size(&self, size: f64) -> f64 {
+        self.stages.scaled_size(size)
     }
 
-    fn moved(&self) -> f64 {
-        self.stages.moved(self.step)
+    fn deviation(&self) -> f64 {
+        self.stages.deviation(self.step)
     }
 
     fn refresh(&mut self) {
         self.is_linearized = false;
     }
 
-    fn is_solved(&mut self) -> Result<bool, StepError> {
-        self.stages.is_solved(self.model, self.step)
+    fn is_residual_roundoff(&mut self) -> Result<bool, StepError> {
+        self.stages.is_residual_roundoff(self.model, self.step)
     }
 
-    fn floor(&mut self) -> Result<f64, StepError> {
-        probe::floor(self)
+    fn roundoff_floor(&mut self) -> Result<f64, StepError> {
+        probe::roundoff_floor(self)
     }
 
     fn correct(&mut self) -> Result<f64, StepError> {

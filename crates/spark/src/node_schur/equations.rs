@@ -1,5 +1,5 @@
 //! The stage equations of one step, corrected by node Schur.
-#![allow(clippy::inline_always)] // what is not inlined is compiled without the registers it is for
+#![allow(clippy::inline_always)] // other functions are compiled without the caller's instruction set
 
 use super::super::probe;
 use super::super::stages::Stages;
@@ -132,21 +132,21 @@ impl<R: Real> Equations<R> for SchurEquations<'_, R> {
     }
 
     #[inline(always)]
-    fn reach(&self, size: R) -> R {
-        self.stages.reach(size)
+    fn scaled_size(&self, size: R) -> R {
+        self.stages.scaled_size(size)
     }
 
     #[inline(always)]
-    fn moved(&self) -> R {
-        self.stages.moved(self.step)
+    fn deviation(&self) -> R {
+        self.stages.deviation(self.step)
     }
 
-    fn is_solved(&mut self) -> Result<bool, StepError> {
-        self.stages.is_solved(self.model, self.step)
+    fn is_residual_roundoff(&mut self) -> Result<bool, StepError> {
+        self.stages.is_residual_roundoff(self.model, self.step)
     }
 
-    fn floor(&mut self) -> Result<f64, StepError> {
-        probe::floor(self)
+    fn roundoff_floor(&mut self) -> Result<f64, StepError> {
+        probe::roundoff_floor(self)
     }
 
     fn correct(&mut self) -> Result<R, StepError> {

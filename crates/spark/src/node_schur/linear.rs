@@ -30,7 +30,7 @@ impl LinearSchur {
     pub(crate) fn new(model: &Model, stages: &Stages) -> Option<Self> {
         let inner = NodeSchur::new(model, stages);
         let transposed = |a: &Matrix| Matrix::from_fn(a.cols(), a.rows(), |i, j| a[(j, i)]);
-        inner.is_able().then(|| Self {
+        inner.has_matrix().then(|| Self {
             a_bar: transposed(&inner.a_bar),
             a_hat: transposed(&inner.a_hat),
             momentum: inner.d_z.clone(),

@@ -5,7 +5,7 @@
 //!
 //! with G_i = g_y and R_l = r_λ at nodes i and l, taken where the iteration starts, and B at its middle stage. Errors
 //! shrink by O(h²) a correction for constant B and forces without z, else by O(h). With Λ = h λ it is O(1) as h → 0.
-#![allow(clippy::inline_always)] // what is not inlined is compiled without the registers it is for
+#![allow(clippy::inline_always)] // other functions are compiled without the caller's instruction set
 
 mod equations;
 mod linear;
@@ -104,12 +104,12 @@ impl<R: Real> NodeSchur<R> {
     }
 
     /// Whether there is a matrix to solve with.
-    pub(super) fn is_able(&self) -> bool {
+    pub(super) fn has_matrix(&self) -> bool {
         !matches!(self.matrix, Schur::Missing)
     }
 
-    /// Finds the moves −h b_j (B R2_j + R1_j), below the last bit of V_j, that the residuals still ask for.
-    pub(super) fn find_lost_moves(&mut self, stages: &mut Stages<R>, step: Step<R>) {
+    /// Finds the displacements −h b_j (B R2_j + R1_j), below the last bit of V_j, that the residuals still ask for.
+    pub(super) fn find_lost_displacements(&mut self, stages: &mut Stages<R>, step: Step<R>) {
         dispatch_simd::<R, _>(
             #[inline(always)]
             || {
@@ -120,7 +120,7 @@ impl<R: Real> NodeSchur<R> {
                     self.mass.solve_velocity(u);
                     add_scaled(u, 1.0, stages.velocity_residual.row(j));
                     let weight = -step.h * stages.tableau.b[j];
-                    copy_scaled(stages.lost_moves.row_mut(j), weight, u);
+                    copy_scaled(stages.lost_displacements.row_mut(j), weight, u);
                 }
             },
         );

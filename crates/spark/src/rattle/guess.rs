@@ -26,7 +26,7 @@ impl Guess {
     pub(super) fn extrapolate(&mut self, lam: &mut [f64], h: f64) -> bool {
         let is_equal = self
             .held
-            .held()
+            .h()
             .is_some_and(|last| last.to_bits() == h.to_bits());
         let count = if is_equal {
             self.count
@@ -34,7 +34,7 @@ impl Guess {
             self.count.min(1)
         };
         self.held.pass_through(count);
-        let is_held = count > 0 && self.held.weigh(h);
+        let is_held = count > 0 && self.held.update_weights(h);
         if is_held {
             self.held.curves[0].extrapolate(lam);
         }
@@ -45,7 +45,7 @@ impl Guess {
     pub(super) fn keep(&mut self, h: f64, lam: &[f64]) {
         let is_equal = self
             .held
-            .held()
+            .h()
             .is_some_and(|last| last.to_bits() == h.to_bits());
         let known = if is_equal { self.count } else { 0 };
         let values = &mut self.held.curves[0].values;

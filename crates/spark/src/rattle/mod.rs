@@ -20,7 +20,7 @@ use crate::{Solver, Spark};
 use guess::Guess;
 use liouville_base::checkpoint::CheckpointMismatch;
 use liouville_base::error::StepError;
-use liouville_base::linalg::{add_scaled, carry, copy};
+use liouville_base::linalg::{add_scaled, copy, sum_compensated};
 use liouville_base::method::{Stats, Stepper, Symmetric};
 use liouville_base::newton::{self, Attempts, Start};
 use liouville_base::tableau::{self, Force};
@@ -123,7 +123,7 @@ impl Rattle {
         for ((out, low), v) in moves.zip(&self.v) {
             *out = low + step.h * v;
         }
-        carry(y, &mut self.y_low, self.positions.y_mut());
+        sum_compensated(y, &mut self.y_low, self.positions.y_mut());
     }
 
     /// p1 with f and G at the end; μ is the multiplier that stops velocities leaving the constraints.
@@ -139,7 +139,7 @@ impl Rattle {
             self.mass.velocity(&step.state.p, &self.low, &mut self.v);
             self.reactions.project(&self.model, &self.v, &mut self.low);
         }
-        carry(&step.state.p, &mut self.low, &mut self.p);
+        sum_compensated(&step.state.p, &mut self.low, &mut self.p);
         Ok(())
     }
 

@@ -126,11 +126,11 @@ impl PositionEquations<'_> {
 
 impl Equations for PositionEquations<'_> {
     /// Sizes are relative to the start of the step already.
-    fn reach(&self, size: f64) -> f64 {
+    fn scaled_size(&self, size: f64) -> f64 {
         size
     }
 
-    fn moved(&self) -> f64 {
+    fn deviation(&self) -> f64 {
         let (at, Some(scale)) = (&*self.at, self.scale) else {
             return 0.0;
         };

@@ -31,7 +31,7 @@ pub(super) struct Backward {
     momentum: Vec<f64>,
     hidden: Vec<f64>,
     /// Of k at a stage.
-    rolling: Vec<f64>,
+    nonholonomic: Vec<f64>,
 }
 
 impl Backward {
@@ -45,7 +45,7 @@ impl Backward {
             y: vec![0.0; n],
             momentum: vec![0.0; n],
             hidden: vec![0.0; problem.m],
-            rolling: vec![0.0; problem.l()],
+            nonholonomic: vec![0.0; problem.l()],
         }
     }
 
@@ -101,7 +101,7 @@ impl Backward {
         copy(&mut self.momentum, &self.right[momenta..momenta + n]);
         copy(&mut self.hidden, &self.right[hidden..hidden + m]);
         copy(
-            &mut self.rolling,
+            &mut self.nonholonomic,
             &self.right[offsets.order - l..offsets.order],
         );
     }
@@ -126,10 +126,10 @@ impl Backward {
         by_tau
             .w_tau
             .multiply_add_transposed(&end.w_tau, -1.0, &self.hidden, tau);
-        if let Some(own) = linear.rolling() {
+        if let Some(own) = linear.nonholonomic() {
             let (k_y, k_tau) = (&own.at.k_y, &own.by_tau[0]);
-            k_y.multiply_add_transposed(&own.of.end.k_y, -1.0, &self.rolling, &mut self.y);
-            k_tau.multiply_add_transposed(own.end_k_tau, -1.0, &self.rolling, tau);
+            k_y.multiply_add_transposed(&own.of.end.k_y, -1.0, &self.nonholonomic, &mut self.y);
+            k_tau.multiply_add_transposed(own.end_k_tau, -1.0, &self.nonholonomic, tau);
         }
         cotangents.stretch += step.h * (cotangents.tau[0] - before);
     }
@@ -167,7 +167,7 @@ impl Backward {
                 out,
             );
         }
-        if let Some(own) = linear.rolling() {
+        if let Some(own) = linear.nonholonomic() {
             let l = linear.problem.l();
             for (j, b) in tableau.b.iter().enumerate() {
                 let (weight, out) = (step.h * b, &mut self.right[j * n..(j + 1) * n]);
@@ -295,7 +295,9 @@ impl Backward {
         i: usize,
         of: &mut Cotangents,
     ) {
-        let Some(own) = linear.rolling() else { return };
+        let Some(own) = linear.nonholonomic() else {
+            return;
+        };
         let (n, l, tableau) = (linear.problem.n, linear.problem.l(), &stages.tableau);
         let (column, offsets) = (
             tableau.stages + tableau.intervals + 1 + i,
@@ -303,10 +305,10 @@ impl Backward {
         );
         self.weigh(stages, n, column, of);
         of.stretch += dot(stages.impulses.row(column), &self.impulse);
-        self.rolling.fill(0.0);
+        self.nonholonomic.fill(0.0);
         let moments = self.right[offsets.nu..offsets.order - l].chunks_exact(l);
         for (row, moment) in moments.enumerate() {
-            add_scaled(&mut self.rolling, own.moments[(row, i)], moment);
+            add_scaled(&mut self.nonholonomic, own.moments[(row, i)], moment);
         }
         let (weight, dy, tau) = (step.h * tableau.b[i], self.stages.row_mut(i), &mut of.tau);
         let (at, [k_tau, rn_tau]) = (own.at, own.by_tau);
@@ -314,8 +316,8 @@ impl Backward {
             .multiply_add_transposed(own.of.r_y.row(i), weight, &self.impulse, dy);
         rn_tau.multiply_add_transposed(own.rn_tau.row(i), weight, &self.impulse, tau);
         at.k_y
-            .multiply_add_transposed(own.of.k_y.row(i), -1.0, &self.rolling, dy);
-        k_tau.multiply_add_transposed(own.k_tau.row(i), -1.0, &self.rolling, tau);
+            .multiply_add_transposed(own.of.k_y.row(i), -1.0, &self.nonholonomic, dy);
+        k_tau.multiply_add_transposed(own.k_tau.row(i), -1.0, &self.nonholonomic, tau);
     }
 
     fn enter_node(

@@ -13,7 +13,7 @@ use super::super::{Solver, Spark};
 use super::operator::Operator;
 use liouville_base::error::StepError;
 use liouville_base::linalg::{add_scaled, copy, max_norm};
-use liouville_base::newton::Rest;
+use liouville_base::newton::Backoff;
 use liouville_problem::{Mechanical, Model, diagnose_rank};
 use std::sync::Arc;
 
@@ -43,7 +43,7 @@ pub(super) struct LinearEquations {
     full: Option<Box<FullNewton>>,
     /// The matrix that is factored.
     is_full: bool,
-    rest: Rest,
+    backoff: Backoff,
 }
 
 /// Node Schur, and the memory of corrections.
@@ -80,7 +80,7 @@ impl LinearEquations {
             schur: schur.flatten().map(corrected),
             full: None,
             is_full: true,
-            rest: Rest::default(),
+            backoff: Backoff::default(),
             problem: problem.clone(),
         }
     }
@@ -93,7 +93,7 @@ impl LinearEquations {
     ) -> Result<(), StepError> {
         self.h = h;
         self.is_full = match &mut self.schur {
-            Some(schur) if !self.rest.take() => schur.matrix.factor(&self.derivatives).is_err(),
+            Some(schur) if !self.backoff.skip() => schur.matrix.factor(&self.derivatives).is_err(),
             _ => true,
         };
         if self.is_full {
@@ -124,7 +124,7 @@ impl LinearEquations {
             return Ok(());
         }
         if !self.is_full {
-            self.rest.begin();
+            self.backoff.fail();
             self.factor_full(at)?;
         }
         if let Some(full) = &mut self.full {
@@ -175,13 +175,13 @@ impl LinearEquations {
             // the first correction has no ratio yet
             let shrunk = if last.is_finite() { size / last } else { 1.0 };
             if size * shrunk <= 4.0 * f64::EPSILON {
-                self.rest.end_row();
+                self.backoff.succeed();
                 return true;
             }
             let is_contracting = shrunk < CONTRACTION;
             if last.is_finite() && !is_contracting {
                 if size <= ROUNDOFF {
-                    self.rest.end_row();
+                    self.backoff.succeed();
                     return true;
                 }
                 break;
@@ -201,4 +201,4 @@ impl LinearEquations {
     }
 }
 
-liouville_base::checkpoint!(LinearEquations { rest });
+liouville_base::checkpoint!(LinearEquations { backoff });

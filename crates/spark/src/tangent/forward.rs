@@ -13,7 +13,7 @@
 //! moments, dp0 + Σ .. − e(p1), −e(w1) and −e(k1), the reactions r_n being further impulses.
 
 use super::super::stages::Stages;
-use super::linear_step::{LinearStep, Rolling};
+use super::linear_step::{LinearNonholonomic, LinearStep};
 use liouville_base::error::StepError;
 use liouville_base::linalg::{Matrix, add_scaled, as_is, combine, copy, copy_scaled};
 use liouville_base::tableau;
@@ -26,7 +26,7 @@ pub(super) struct Forward {
     stages: Matrix,
     nodes: Matrix,
     /// h b_j dV_j
-    moves: Matrix,
+    displacements: Matrix,
     /// d(h b_j f_j), then d(h b̂_j r_j), then d(h b_j r_n).
     impulses: Matrix,
     right: Vec<f64>,
@@ -35,7 +35,7 @@ pub(super) struct Forward {
     momentum: Vec<f64>,
     hidden: Vec<f64>,
     /// The derivative of k at a stage.
-    rolling: Vec<f64>,
+    nonholonomic: Vec<f64>,
 }
 
 /// A direction through a step from a state.
@@ -66,13 +66,13 @@ impl Forward {
         Self {
             stages: Matrix::zeros(s, n),
             nodes: Matrix::zeros(k + 1, n),
-            moves: Matrix::zeros(s, n),
+            displacements: Matrix::zeros(s, n),
             impulses: Matrix::zeros(s + k + 1 + if problem.l() > 0 { s } else { 0 }, n),
             right: vec![0.0; order],
             y: vec![0.0; n],
             momentum: vec![0.0; n],
             hidden: vec![0.0; problem.m],
-            rolling: vec![0.0; problem.l()],
+            nonholonomic: vec![0.0; problem.l()],
         }
     }
 
@@ -90,7 +90,7 @@ impl Forward {
     ) -> Result<(), StepError> {
         self.vary(linear, stages, directions, along);
         self.set_right(linear, stages, directions, along);
-        self.set_right_rolling(linear, stages, directions, along);
+        self.set_right_nonholonomic(linear, stages, directions, along);
         linear.solve((model, stages), &mut self.right)?;
         self.move_points(linear, stages, along.step);
         self.add_impulses(linear, stages, along.step);
@@ -143,7 +143,9 @@ impl Forward {
                 .multiply_add(linear.r_tau.row(j), weight, tau, out);
         }
         let first = tableau.stages + self.nodes.rows();
-        let Some(own) = linear.rolling() else { return };
+        let Some(own) = linear.nonholonomic() else {
+            return;
+        };
         for (i, (b, c)) in tableau.b.iter().zip(&tableau.c).enumerate() {
             let (dy, out) = (self.stages.row(i), self.impulses.row_mut(first + i));
             let (weight, tau) = (step.h * b, along.tau(directions, *c));
@@ -196,14 +198,14 @@ impl Forward {
     }
 
     /// The same of nonholonomic constraints and of the end, which is among the unknowns with them.
-    fn set_right_rolling(
+    fn set_right_nonholonomic(
         &mut self,
         linear: &LinearStep,
         stages: &Stages,
         directions: &mut Directions,
         along: StepAlong,
     ) {
-        let Some(Rolling {
+        let Some(LinearNonholonomic {
             at: own,
             by_tau: of_own,
             of,
@@ -211,7 +213,7 @@ impl Forward {
             k_tau,
             end_k_tau,
             ..
-        }) = linear.rolling()
+        }) = linear.nonholonomic()
         else {
             return;
         };
@@ -222,7 +224,7 @@ impl Forward {
         let (tableau, offsets) = (&stages.tableau, linear.places().0);
         let (s, n, l) = (tableau.stages, linear.problem.n, linear.problem.l());
         let (right, end) = (&mut self.right, &linear.end);
-        let (moved, value) = (self.nodes.row(tableau.intervals), &mut self.rolling);
+        let (moved, value) = (self.nodes.row(tableau.intervals), &mut self.nonholonomic);
         for j in 0..s {
             let tau = along.tau(directions, tableau.c[j]);
             value.fill(0.0);
@@ -257,11 +259,21 @@ impl Forward {
         let (tableau, offsets) = (&stages.tableau, linear.places().0);
         let d_v = self.right[offsets.v..].chunks_exact(linear.problem.n);
         for (j, d_v) in (0..tableau.stages).zip(d_v) {
-            copy_scaled(self.moves.row_mut(j), step.h * tableau.b[j], d_v);
+            copy_scaled(self.displacements.row_mut(j), step.h * tableau.b[j], d_v);
         }
-        combine(self.stages.flat_mut(), &tableau.mu_v, &self.moves, as_is);
+        combine(
+            self.stages.flat_mut(),
+            &tableau.mu_v,
+            &self.displacements,
+            as_is,
+        );
         copy(&mut self.y, self.nodes.row(tableau.intervals));
-        combine(self.nodes.flat_mut(), &tableau.mu_bar, &self.moves, as_is);
+        combine(
+            self.nodes.flat_mut(),
+            &tableau.mu_bar,
+            &self.displacements,
+            as_is,
+        );
         add_scaled(&mut self.y, 1.0, self.nodes.row(tableau.intervals));
     }
 
@@ -296,7 +308,7 @@ impl Forward {
             at.r_lam
                 .multiply_add(linear.derivatives().r_lam.row(j), weight, d_lam, out);
         }
-        if let Some(Rolling { at, of, .. }) = linear.rolling() {
+        if let Some(LinearNonholonomic { at, of, .. }) = linear.nonholonomic() {
             let (first, l) = (tableau.stages + self.nodes.rows(), linear.problem.l());
             for (j, b) in tableau.b.iter().enumerate() {
                 let (d_y, d_z) = (self.stages.row(j), &self.right[j * n..(j + 1) * n]);

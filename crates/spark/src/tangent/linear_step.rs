@@ -2,7 +2,7 @@
 //! those by τ = (t, θ), and those at the end of the step.
 
 use super::super::Spark;
-use super::super::derivatives::{Derivatives, RollingDerivatives, take};
+use super::super::derivatives::{Derivatives, NonholonomicDerivatives, take};
 use super::super::full_newton::Offsets;
 use super::super::stages::Stages;
 use super::equations::LinearEquations;
@@ -51,13 +51,13 @@ pub(super) struct End {
 
 /// Nonholonomic constraints of a linearised step.
 #[derive(Clone, Copy)]
-pub(super) struct Rolling<'a> {
+pub(super) struct LinearNonholonomic<'a> {
     pub(super) at: &'a NonholonomicPatterns,
     /// b_j P_{i−1}(c_j), s − 1 by s.
     pub(super) moments: &'a Matrix,
     /// Of k_τ and of the derivative of r_n by τ.
     pub(super) by_tau: &'a [Pattern; 2],
-    pub(super) of: &'a RollingDerivatives,
+    pub(super) of: &'a NonholonomicDerivatives,
     pub(super) k_tau: &'a Matrix,
     pub(super) rn_tau: &'a Matrix,
     pub(super) end_k_tau: &'a [f64],
@@ -124,7 +124,7 @@ impl LinearStep {
             self.evaluate_nodes(stages, step)?;
         }
         if self.problem.l() > 0 {
-            self.evaluate_rolling(stages, step, end)?;
+            self.evaluate_nonholonomic(stages, step, end)?;
         }
         self.is_ready = true;
         Ok(())
@@ -146,7 +146,7 @@ impl LinearStep {
         take(out, times, points, (y.rows(), self.is_ready))
     }
 
-    fn evaluate_rolling(
+    fn evaluate_nonholonomic(
         &mut self,
         stages: &Stages,
         step: Step,
@@ -218,8 +218,8 @@ impl LinearStep {
     }
 
     /// The patterns of nonholonomic constraints and of their derivatives by τ, with the derivatives, if there are any.
-    pub(super) fn rolling(&self) -> Option<Rolling<'_>> {
-        Some(Rolling {
+    pub(super) fn nonholonomic(&self) -> Option<LinearNonholonomic<'_>> {
+        Some(LinearNonholonomic {
             at: &self.problem.nonholonomic.as_ref()?.patterns,
             by_tau: self.sensitivity.problem.patterns.nonholonomic.as_ref()?,
             of: self.derivatives().own.as_deref()?,

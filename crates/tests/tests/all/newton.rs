@@ -201,8 +201,8 @@ impl Equations for Roughly {
     fn stop(&self) -> Stop {
         Stop {
             tolerance: f64::EPSILON,
-            is_even: false,
-            least_rate: 0.1,
+            has_steady_rate: false,
+            min_rate: 0.1,
         }
     }
 }
@@ -227,7 +227,7 @@ fn broyden_s_update_makes_a_rough_matrix_good_enough() {
 struct Watched<'a> {
     sizes: &'a [f64],
     made: usize,
-    moved: f64,
+    deviation: f64,
     floor: f64,
     is_solved: bool,
     matrices: usize,
@@ -238,7 +238,7 @@ impl<'a> Watched<'a> {
         Self {
             sizes,
             made: 0,
-            moved: 0.0,
+            deviation: 0.0,
             floor: 0.0,
             is_solved: true,
             matrices: 0,
@@ -256,23 +256,23 @@ impl Equations for Watched<'_> {
         Ok(self.sizes[self.made - 1])
     }
 
-    fn reach(&self, size: f64) -> f64 {
+    fn scaled_size(&self, size: f64) -> f64 {
         size
     }
 
-    fn moved(&self) -> f64 {
-        self.moved
+    fn deviation(&self) -> f64 {
+        self.deviation
     }
 
     fn refresh(&mut self) {
         self.matrices += 1;
     }
 
-    fn is_solved(&mut self) -> Result<bool, StepError> {
+    fn is_residual_roundoff(&mut self) -> Result<bool, StepError> {
         Ok(self.is_solved)
     }
 
-    fn floor(&mut self) -> Result<f64, StepError> {
+    fn roundoff_floor(&mut self) -> Result<f64, StepError> {
         Ok(self.floor)
     }
 }
@@ -281,7 +281,7 @@ impl Equations for Watched<'_> {
 fn what_is_far_from_its_start_is_not_near() {
     let near = |sizes: &[f64], moved| {
         let mut equations = Watched::new(sizes);
-        equations.moved = moved;
+        equations.deviation = moved;
         equations.outcome().expect("it converges").is_near
     };
     let small = [0.05, 1e-3, 1e-6, 1e-12, 0.0];

@@ -158,7 +158,7 @@ fn skates(count: usize, has_own_velocity: bool) -> Arc<Mechanical> {
         g,
         params: 0,
     };
-    functions.rolling(&k, &reactions)
+    functions.nonholonomic(&k, &reactions)
 }
 
 /// Where skates that start in these directions are after a few steps.

@@ -247,7 +247,7 @@ fn a_step_with_nonholonomic_constraints_takes_no_memory() {
     let (functions, z) = (general(), inputs(Z, 4));
     let (fast, nu) = (dot(&z, &z) - 1.0, input(FOURTH, 0));
     let pushes: Vec<_> = z.iter().map(|z| -(z * &nu)).collect();
-    let mut model = Model::new(functions.rolling(&[fast], &pushes), &[]);
+    let mut model = Model::new(functions.nonholonomic(&[fast], &pushes), &[]);
     let (y, z) = (
         [0.0, -1.0, 1.0, -1.0],
         [0.5, -0.05, 0.495, -0.502_475_f64.sqrt()],
