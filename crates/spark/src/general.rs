@@ -1,9 +1,9 @@
 //! Steps of any system: the attempts at the stage equations, by node Schur or full Newton, and the end of the step.
 
 use super::attempt::{KeptStages, SparkAttempt};
-use super::full_newton::FullNewton;
+use super::equations::StageEquations;
+use super::full_newton::{FullNewton, FullSolver};
 use super::node_schur::NodeSchur;
-use super::small_newton::SmallNewton;
 use super::stages::{Stages, Unknowns};
 use super::update::Update;
 use super::{MOST_ITERATIONS, Solver, Spark};
@@ -150,7 +150,8 @@ impl General {
     fn iterate_schur(&mut self, spark: &mut Spark, step: Step) -> Result<Solved, StepError> {
         let (stages, model) = (&mut self.stages, &mut spark.model);
         let most = spark.solver.max_iterations(&model.problem, &spark.tableau);
-        newton::solve(&mut self.schur.start(stages, model, step), most)
+        let mut equations = StageEquations::new(&mut self.schur, stages, model, step);
+        newton::solve(&mut equations, most)
     }
 
     /// Newton's method with the full matrix, made once or for each correction.
@@ -166,7 +167,7 @@ impl General {
             && small.is_newton()
         {
             self.start.copy_from(&stages.unknowns);
-            let mut equations = SmallNewton::new(small, stages, model, step);
+            let mut equations = StageEquations::new(&mut **small, stages, model, step);
             let solved = Self::solve_newton(&mut equations, is_full);
             // its matrix is factored without pivots, so a failure is repeated with one that has them
             let is_own = match solved {
@@ -180,7 +181,11 @@ impl General {
             stages.unknowns.copy_from(&self.start);
         }
         let full = (self.full).get_or_insert_with(|| FullNewton::new(model, stages).into());
-        let mut equations = full.start(stages, model, &mut self.update.z, step);
+        let solver = FullSolver {
+            newton: full,
+            z1: &mut self.update.z,
+        };
+        let mut equations = StageEquations::new(solver, stages, model, step);
         Self::solve_newton(&mut equations, is_full)
     }
 

@@ -4,6 +4,7 @@
 //! member has its own convergence test. For a step off this path, such as the first one or one by full Newton, the
 //! member with its checkpoint is moved to a stepper of one member, and back afterwards.
 
+use super::equations::StageEquations;
 use super::node_schur::NodeSchur;
 use super::predictor::Predictor;
 use super::stages::Stages;
@@ -148,7 +149,7 @@ impl SparkBatch {
             self.members = [Member::Inactive; BATCH];
             return Ok(());
         }
-        let mut equations = self.schur.start(stages, model, step);
+        let mut equations = StageEquations::new(&mut self.schur, stages, model, step);
         newton::solve_each(&mut equations, most, &mut self.members)?;
         if !self.members.iter().any(has_converged) {
             return Ok(());

@@ -17,6 +17,7 @@
 
 mod attempt;
 mod derivatives;
+mod equations;
 mod estimate;
 mod full_newton;
 mod general;

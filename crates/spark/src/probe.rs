@@ -4,7 +4,7 @@
 //! the residual, or of the correction, is that by roundoff of the data. A bound by norms would be far too large for
 //! stiff forces, whose noise lies in directions that the inverse of the Newton matrix damps.
 
-use super::node_schur::SchurEquations;
+use super::equations::StageEquations;
 use super::stages::{Stages, Unknowns};
 use liouville_base::error::StepError;
 use liouville_base::linalg::{Matrix, copy, max_norm};
@@ -20,18 +20,6 @@ pub(super) struct Probe<R> {
     momentum: Matrix<R>,
     velocity: Matrix<R>,
     g: Matrix<R>,
-}
-
-/// The equations of a step whose unknowns are the stages'.
-pub(super) trait AtStages<R: Real>: Equations<R> {
-    /// The stages, and the step they are for.
-    fn stages(&mut self) -> (&mut Stages<R>, Step<'_, R>);
-}
-
-impl<R: Real> AtStages<R> for SchurEquations<'_, R> {
-    fn stages(&mut self) -> (&mut Stages<R>, Step<'_, R>) {
-        (self.stages, self.step)
-    }
 }
 
 impl<R: Real> Probe<R> {
@@ -133,20 +121,25 @@ impl<R: Real> Stages<R> {
 
 /// The largest change of a correction by one ε in the unknowns, relative, of two perturbations; leaves the unknowns
 /// corrected.
-pub(super) fn roundoff_floor<R: Real>(equations: &mut impl AtStages<R>) -> Result<f64, StepError> {
+pub(super) fn roundoff_floor<'a, S, R: Real>(
+    equations: &mut StageEquations<'a, S, R>,
+) -> Result<f64, StepError>
+where
+    StageEquations<'a, S, R>: Equations<R>,
+{
     let mut largest = 0.0_f64;
     for seed in [2, 3] {
-        let (stages, _) = equations.stages();
+        let stages = &mut *equations.stages;
         let mut probe = stages.take_probe();
         probe.unknowns.copy_from(&stages.unknowns);
         equations.correct()?;
-        let (stages, step) = equations.stages();
+        let (stages, step) = (&mut *equations.stages, equations.step);
         probe.corrected.copy_from(&stages.unknowns);
         stages.unknowns.copy_from(&probe.unknowns);
         stages.perturb(step, 1.0, seed);
         copy(probe.momentum.flat_mut(), stages.unknowns.v.flat());
         equations.correct()?;
-        let (stages, step) = equations.stages();
+        let (stages, step) = (&mut *equations.stages, equations.step);
         // the part of the perturbation that is left after both corrections
         let moves = probe
             .momentum

@@ -1,13 +1,13 @@
 //! The Newton matrix of a step, block by block; see the module above for the equations.
 
-use super::{FullNewton, StageEquations};
+use super::{FullEquations, FullNewton};
 use liouville_base::error::StepError;
 use liouville_problem::{diagnose_rank, diagnose_rank_all};
 
-impl StageEquations<'_> {
+impl FullEquations<'_> {
     /// Makes the matrix at the present unknowns, and factors it.
     pub(super) fn linearize(&mut self) -> Result<(), StepError> {
-        let (solver, at) = (&mut *self.solver, (self.step, &*self.z1));
+        let (solver, at) = (&mut *self.solver.newton, (self.step, &*self.solver.z1));
         let nodes = solver.offsets.nodes;
         (solver.derivatives).evaluate(self.model, self.stages, at, nodes)?;
         if !self.model.problem.is_linear {
@@ -18,18 +18,18 @@ impl StageEquations<'_> {
             matrix,
             derivatives,
             ..
-        } = &mut *self.solver;
+        } = &mut *self.solver.newton;
         blocks.write(matrix, derivatives, self.step.h);
         matrix.factor().map_err(|_| self.diagnose())
     }
 
     /// The mass at the end of the step where that is solved for, else in its middle.
     fn update_mass(&mut self) -> Result<(), StepError> {
-        let (solver, stages) = (&mut *self.solver, &*self.stages);
+        let (solver, stages) = (&mut *self.solver.newton, &*self.stages);
         let (t, y, z) = if solver.blocks.own.is_some() {
             let k = stages.tableau.intervals;
             let t = stages.node_time(self.step, k);
-            (t, stages.node_y.row(k), &*self.z1)
+            (t, stages.node_y.row(k), &*self.solver.z1)
         } else {
             let middle = stages.tableau.stages / 2;
             let t = stages.stage_time(self.step, middle);
@@ -47,7 +47,7 @@ impl StageEquations<'_> {
         {
             return error;
         }
-        let (stages, z1) = (&*self.stages, &*self.z1);
+        let (stages, z1) = (&*self.stages, &*self.solver.z1);
         let (s, k) = (stages.tableau.stages, stages.tableau.intervals);
         let (t, y1) = (stages.node_time(self.step, k), stages.node_y.row(k));
         let nu = stages.unknowns.nu.row(s - 1);
@@ -55,7 +55,7 @@ impl StageEquations<'_> {
         let lam = stages.unknowns.lam.row(k);
         let [g_y, _] = self.model.node_blocks(t, y1, lam);
         if problem.l() > 0 {
-            diagnose_rank_all(&problem, &self.solver.mass, g_y, &k_z)
+            diagnose_rank_all(&problem, &self.solver.newton.mass, g_y, &k_z)
         } else {
             diagnose_rank(&problem.patterns.g_y, g_y, StepError::SingularNewton)
         }

@@ -21,14 +21,14 @@ mod blocks;
 mod linearize;
 
 use super::derivatives::Derivatives;
-use super::probe::{self, AtStages};
+use super::equations::{CorrectStages, StageEquations};
 use super::stages::Stages;
 pub(super) use blocks::Offsets;
 use blocks::SparkBlocks;
 use liouville_base::error::{Quantity, StepError};
 use liouville_base::linalg::{Singular, add_scaled, copy, copy_scaled, max_norm};
-use liouville_base::newton::{BlockMatrix, Equations, Stop};
-use liouville_problem::{Mass, Model, Step, finite, finite_k};
+use liouville_base::newton::BlockMatrix;
+use liouville_problem::{Mass, Model, finite, finite_k};
 
 /// The Newton matrix, and the memory of solving with it.
 #[derive(Clone, Debug)]
@@ -42,16 +42,14 @@ pub(super) struct FullNewton {
     derivatives: Derivatives,
 }
 
-/// All equations of one step, to be solved together.
-pub(super) struct StageEquations<'a> {
-    solver: &'a mut FullNewton,
-    stages: &'a mut Stages,
-    model: &'a mut Model,
-    /// z at the end of the step, unknown where there are nonholonomic constraints.
-    z1: &'a mut [f64],
-    step: Step<'a>,
-    is_linearized: bool,
+/// Full Newton with z at the end of the step, an unknown where there are nonholonomic constraints.
+pub(super) struct FullSolver<'a> {
+    pub(super) newton: &'a mut FullNewton,
+    pub(super) z1: &'a mut [f64],
 }
+
+/// The stage equations of one step, solved by full Newton.
+type FullEquations<'a> = StageEquations<'a, FullSolver<'a>>;
 
 impl FullNewton {
     pub(super) fn new(model: &Model, stages: &Stages) -> Self {
@@ -82,30 +80,12 @@ impl FullNewton {
     pub(super) fn solve_transposed(&mut self, x: &mut [f64]) {
         self.matrix.solve_transposed(x);
     }
-
-    /// The equations of one step, still to be linearised; `z1` is a guess of its end.
-    pub(super) fn start<'a>(
-        &'a mut self,
-        stages: &'a mut Stages,
-        model: &'a mut Model,
-        z1: &'a mut [f64],
-        step: Step<'a>,
-    ) -> StageEquations<'a> {
-        StageEquations {
-            solver: self,
-            stages,
-            model,
-            z1,
-            step,
-            is_linearized: false,
-        }
-    }
 }
 
-impl StageEquations<'_> {
+impl FullEquations<'_> {
     /// The right-hand sides, but for those of the end.
     fn set_residuals(&mut self) {
-        let (solver, stages, h) = (&mut *self.solver, &*self.stages, self.step.h);
+        let (solver, stages, h) = (&mut *self.solver.newton, &*self.stages, self.step.h);
         let Offsets { lam, nu, order, .. } = solver.offsets;
         let out = &mut solver.unknowns;
         copy_scaled(out, -1.0, stages.momentum_residual.flat());
@@ -130,7 +110,7 @@ impl StageEquations<'_> {
 
     /// The right-hand sides of (U2), (U3) and of k at the end.
     fn set_end_residuals(&mut self) -> Result<(), StepError> {
-        let (solver, stages, z1) = (&mut *self.solver, &*self.stages, &*self.z1);
+        let (solver, stages, z1) = (&mut *self.solver.newton, &*self.stages, &*self.solver.z1);
         let Offsets { lam, nu, order, .. } = solver.offsets;
         let problem = &self.model.problem;
         let (n, m, l) = (problem.n, problem.m, problem.l());
@@ -158,8 +138,8 @@ impl StageEquations<'_> {
     }
 
     /// Corrects everything by the solution; returns the largest velocity.
-    fn correct_unknowns(&mut self) -> f64 {
-        let (solver, unknowns) = (&mut *self.solver, &mut self.stages.unknowns);
+    fn add_corrections(&mut self) -> f64 {
+        let (solver, unknowns) = (&mut *self.solver.newton, &mut self.stages.unknowns);
         let Offsets {
             lam, nu, order, v, ..
         } = solver.offsets;
@@ -167,7 +147,7 @@ impl StageEquations<'_> {
         let (d_z, d_v) = (&d[..lam], &d[v..v + lam]);
         let stages = unknowns.z.flat().len();
         add_scaled(unknowns.z.flat_mut(), 1.0, d_z);
-        add_scaled(self.z1, 1.0, &d_z[stages..]);
+        add_scaled(self.solver.z1, 1.0, &d_z[stages..]);
         add_scaled(unknowns.v.flat_mut(), 1.0, d_v);
         add_scaled(unknowns.lam.flat_mut(), 1.0 / h, &d[lam..nu]);
         add_scaled(unknowns.nu.flat_mut(), 1.0 / h, &d[nu..order]);
@@ -177,7 +157,7 @@ impl StageEquations<'_> {
     /// The largest velocity that corrections of the multipliers give: where reactions are not linear, it need not
     /// show in the velocities.
     fn multiplier_size(&mut self) -> f64 {
-        let (solver, problem) = (&mut *self.solver, &self.model.problem);
+        let (solver, problem) = (&mut *self.solver.newton, &self.model.problem);
         if problem.is_linear {
             return 0.0;
         }
@@ -198,49 +178,19 @@ impl StageEquations<'_> {
     }
 }
 
-impl AtStages<f64> for StageEquations<'_> {
-    fn stages(&mut self) -> (&mut Stages, Step<'_>) {
-        (self.stages, self.step)
-    }
-}
-
-impl Equations for StageEquations<'_> {
-    fn stop(&self) -> Stop {
-        self.stages.stop
-    }
-
-    fn scaled_size(&self, size: f64) -> f64 {
-        self.stages.scaled_size(size)
-    }
-
-    fn deviation(&self) -> f64 {
-        self.stages.deviation(self.step)
-    }
-
-    fn refresh(&mut self) {
-        self.is_linearized = false;
-    }
-
-    fn is_residual_roundoff(&mut self) -> Result<bool, StepError> {
-        self.stages.is_residual_roundoff(self.model, self.step)
-    }
-
-    fn roundoff_floor(&mut self) -> Result<f64, StepError> {
-        probe::roundoff_floor(self)
-    }
-
-    fn correct(&mut self) -> Result<f64, StepError> {
-        self.stages.evaluate(self.model, self.step)?;
+impl CorrectStages<f64> for FullEquations<'_> {
+    fn correct_unknowns(&mut self) -> Result<f64, StepError> {
         self.set_residuals();
-        if self.solver.blocks.own.is_some() {
+        if self.solver.newton.blocks.own.is_some() {
             self.set_end_residuals()?;
         }
         if !self.is_linearized {
             self.linearize()?;
             self.is_linearized = true;
         }
-        self.solver.matrix.solve(&mut self.solver.unknowns);
-        let size = self.correct_unknowns().max(self.multiplier_size());
+        let newton = &mut *self.solver.newton;
+        newton.matrix.solve(&mut newton.unknowns);
+        let size = self.add_corrections().max(self.multiplier_size());
         Ok(self.stages.relative(size, self.step))
     }
 }

@@ -1,42 +1,16 @@
 //! The stage equations of one step, corrected by node Schur.
 #![allow(clippy::inline_always)] // other functions are compiled without the caller's instruction set
 
-use super::super::probe;
-use super::super::stages::Stages;
+use super::super::equations::{CorrectStages, StageEquations};
 use super::{NodeSchur, Residuals};
 use liouville_base::error::{Quantity, StepError};
 use liouville_base::linalg::{add_scaled, copy, max_norm};
-use liouville_base::newton::{Equations, Stop};
 use liouville_base::real::Real;
 use liouville_base::simd::{dispatch_simd, dispatch_simd_long};
-use liouville_problem::{Model, Step, diagnose_rank, finite};
+use liouville_problem::{diagnose_rank, finite};
 
 /// The stage equations of one step, solved by node Schur.
-pub(crate) struct SchurEquations<'a, R = f64> {
-    solver: &'a mut NodeSchur<R>,
-    pub(crate) stages: &'a mut Stages<R>,
-    model: &'a mut Model<R>,
-    pub(crate) step: Step<'a, R>,
-    is_linearized: bool,
-}
-
-impl<R: Real> NodeSchur<R> {
-    /// The equations of one step, still to be linearised.
-    pub(crate) fn start<'a>(
-        &'a mut self,
-        stages: &'a mut Stages<R>,
-        model: &'a mut Model<R>,
-        step: Step<'a, R>,
-    ) -> SchurEquations<'a, R> {
-        SchurEquations {
-            solver: self,
-            stages,
-            model,
-            step,
-            is_linearized: false,
-        }
-    }
-}
+type SchurEquations<'a, R> = StageEquations<'a, &'a mut NodeSchur<R>, R>;
 
 impl<R: Real> SchurEquations<'_, R> {
     fn linearize(&mut self) -> Result<(), StepError> {
@@ -126,31 +100,8 @@ impl<R: Real> SchurEquations<'_, R> {
     }
 }
 
-impl<R: Real> Equations<R> for SchurEquations<'_, R> {
-    fn stop(&self) -> Stop {
-        self.stages.stop
-    }
-
-    #[inline(always)]
-    fn scaled_size(&self, size: R) -> R {
-        self.stages.scaled_size(size)
-    }
-
-    #[inline(always)]
-    fn deviation(&self) -> R {
-        self.stages.deviation(self.step)
-    }
-
-    fn is_residual_roundoff(&mut self) -> Result<bool, StepError> {
-        self.stages.is_residual_roundoff(self.model, self.step)
-    }
-
-    fn roundoff_floor(&mut self) -> Result<f64, StepError> {
-        probe::roundoff_floor(self)
-    }
-
-    fn correct(&mut self) -> Result<R, StepError> {
-        self.stages.evaluate(self.model, self.step)?;
+impl<R: Real> CorrectStages<R> for SchurEquations<'_, R> {
+    fn correct_unknowns(&mut self) -> Result<R, StepError> {
         if !self.is_linearized {
             self.linearize()?;
             self.is_linearized = true;
@@ -168,14 +119,14 @@ impl<R: Real> Equations<R> for SchurEquations<'_, R> {
     }
 
     #[inline(always)]
-    fn keep(&mut self, members: R) {
+    fn keep_members(&mut self, members: R) {
         if let Some(kept) = &mut self.solver.kept {
             kept.copy_members(&self.stages.unknowns, members);
         }
     }
 
     #[inline(always)]
-    fn put_back(&mut self, members: R) {
+    fn put_members_back(&mut self, members: R) {
         if let Some(kept) = &self.solver.kept {
             self.stages.unknowns.copy_members(kept, members);
         }

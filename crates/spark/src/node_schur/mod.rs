@@ -12,7 +12,6 @@ mod linear;
 
 use super::sparse_schur::SparseNodeSchur;
 use super::stages::{Stages, Unknowns};
-pub(super) use equations::SchurEquations;
 pub(super) use linear::LinearSchur;
 use liouville_base::linalg::choice::{LARGEST_DENSE_INVERSE_MASS_RT, LARGEST_DENSE_NODE_SCHUR};
 use liouville_base::linalg::{Lu, Matrix, Singular, add_scaled, as_is, combine, copy, copy_scaled};
