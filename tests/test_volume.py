@@ -12,7 +12,7 @@ import liouville as lv
 from liouville import _core
 from liouville._job import Job
 from liouville.problems import load
-from liouville.splitting import crossed, split
+from liouville.splitting import split, to_core
 
 DATA = Path(__file__).parent / "data"
 REFERENCE = json.loads((DATA / "volume_reference.json").read_text())
@@ -88,7 +88,7 @@ def test_canonical_steps_have_their_printed_digits(case):
     job = Job(
         start=(np.array([x0]),), span=(0.0, h * steps, steps, steps), observer=tape, seen=(n, None)
     )
-    run = _core.run(crossed(parts), lv.VolumeSplitting(composition=scheme), job)
+    run = _core.run(to_core(parts), lv.VolumeSplitting(composition=scheme), job)
     assert run.advance(1e3) == "done"
     end = run.take()[1][-1]
     wanted = np.array([float(x) for x in case["x"]])
@@ -176,7 +176,7 @@ def test_determinants_leave_the_run_as_it_is(compensated):
 
 def test_a_spoiled_piece_is_found_out():
     # x0 += h x0^2 is no shear
-    pieces = crossed(split(dense(3, 2, seed=1).terms, "shears", "natural"))
+    pieces = to_core(split(dense(3, 2, seed=1).terms, "shears", "natural"))
     one, square = np.array([0]), np.array([[0, 0]])
     shear = ("shear", one, np.ones(1), one, np.ones(1), square, [])
     spoiled = _core.Split(3, [shear])

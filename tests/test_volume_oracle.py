@@ -9,7 +9,7 @@ from mpmath import mp, mpf
 import liouville as lv
 from liouville import _core
 from liouville._job import Job
-from liouville.splitting import crossed, split
+from liouville.splitting import split, to_core
 from liouville.splitting.border import packed
 
 
@@ -27,7 +27,7 @@ def test_the_core_makes_the_steps_that_are_written_down(diagonal, off_diagonal, 
     x = [0.25, -0.375, 0.5]
     tape = _core.Tape([1, 3, 0], 0, np.empty((0, 4), dtype=np.int64), np.empty(0))
     job = Job(start=(np.array([x]),), span=(0.0, 0.125, 2, 2), observer=tape, seen=(3, None))
-    run = _core.run(crossed(parts), lv.VolumeSplitting(composition=scheme), job)
+    run = _core.run(to_core(parts), lv.VolumeSplitting(composition=scheme), job)
     assert run.advance(1e3) == "done"
     end = run.take()[1][-1].ravel()
     with mp.workdps(30):

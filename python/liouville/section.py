@@ -155,7 +155,7 @@ def section(
     if not isinstance(system, Field):
         raise TypeError(f"sections are those of a field without divergence, not of {system!r}")
     from liouville.runners.field import FieldRunner
-    from liouville.splitting import crossed
+    from liouville.splitting import to_core
 
     cuts, names = _cuts(offset, period, direction), system.coordinates
     request = Request(
@@ -171,7 +171,7 @@ def section(
         normal = _plane(plane, names)
         job = replace(job, observer=(normal, *cuts))
     made = runner.steps
-    run = _core.run(crossed(runner.split), runner.choice.method, job)
+    run = _core.run(to_core(runner.split), runner.choice.method, job)
     outcome = run if isinstance(run, dict) else advance(run, runner, progress)
     rows = np.empty((0, 2 + len(names)))
     if not isinstance(run, dict):

@@ -13,7 +13,7 @@ from liouville.planner import FieldPlan
 from liouville.runners.field import FieldRunner
 from liouville.runners.planes import PlaneRunner
 from liouville.runners.runner import Request
-from liouville.splitting import crossed
+from liouville.splitting import to_core
 from liouville.systems import Field
 
 
@@ -32,7 +32,7 @@ class Determinants(FieldRunner):
     def start(self) -> _core.Run | dict[str, Any]:
         """Start the run, or return the error of its start."""
         job = replace(self.job, observer="determinants")
-        return _core.run(crossed(self.split), self.choice.method, job)
+        return _core.run(to_core(self.split), self.choice.method, job)
 
     def describe(self, error: dict[str, Any]) -> Description:
         """Describe an error in the user's names: sentence, hint and quantity."""

@@ -38,7 +38,7 @@ def watch_of(
     return _core.EnergyWatch(at["invariant energy"], kinetic, start, rises)
 
 
-def said_of(found_of_each: Iterable[Found | None], *, is_ensemble: bool) -> str:
+def sentence_of(found_of_each: Iterable[Found | None], *, is_ensemble: bool) -> str:
     """Return a sentence on the findings of watches, of one motion or of each member."""
     found = [(member, *what) for member, what in enumerate(found_of_each) if what is not None]
     if not found:

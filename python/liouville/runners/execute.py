@@ -96,7 +96,7 @@ def execute(
             outcome |= {"step": max(good - 1, 0) * runner.every, "start": times[max(good - 1, 0)]}
             times, rows, reached = times[:good], rows[:good], outcome["start"]
         elif isinstance(outcome, dict):
-            runner.look(outcome, times, rows)
+            runner.add_cause(outcome, times, rows)
     stats["seconds"] = time.perf_counter() - clock
 
     end = "" if runner.members else endings.get(0, "")
@@ -225,18 +225,18 @@ def advance(
                 if checkpoints is not None:
                     checkpoints.take(run)
                     stop = checkpoints.next
-                tell(report, run, runner.steps)
+                report_progress(report, run, runner.steps)
                 if most == math.inf:  # the limits take longer to read than a short run
                     most = runner.every * memory() / runner.row
                 if run.done > most:
                     return {"kind": "no memory", "step": run.done, "start": run.t}
         except KeyboardInterrupt:
             return "interrupted"
-        tell(report, run, runner.steps)
+        report_progress(report, run, runner.steps)
     return outcome
 
 
-def tell(report: Report | None, run: _core.Run, steps: Steps) -> None:
+def report_progress(report: Report | None, run: _core.Run, steps: Steps) -> None:
     """Report how far a run is."""
     if report is None:
         return

@@ -21,7 +21,7 @@ from liouville.runners.execute import execute
 from liouville.runners.runner import Request, Runner, kept, threads_of
 from liouville.runners.trial_steps import RECORDS, trial_steps
 from liouville.runners.watch import Watch, initial_of
-from liouville.splitting import Affine, Split, crossed, described, variables_of
+from liouville.splitting import Affine, Split, described, to_core, variables_of
 from liouville.systems import Field, PolynomialField, members
 from liouville.tangents import Tangent
 from liouville.terms import Function
@@ -91,7 +91,7 @@ class FieldRunner(Runner):
         self.x = system.extended(np.atleast_2d(x), self.steps.t0)
         h = self.steps.mean(self.steps.t1, self.steps.count)
         self.choice, self.split = self._planned(method, h)
-        self._watched = self._watch.crossed(system, self.choice.method.order or 0, {})
+        self._watched = self._watch.to_core(system, self.choice.method.order or 0, {})
         own = [self._own_plan(each, h) for each in self.systems] if self.varied else []
         self.plans, self.splits = [plan for plan, _ in own], [split for _, split in own]
         self.split = self.splits[0] if own else self.split
@@ -207,7 +207,7 @@ class FieldRunner(Runner):
 
     def start(self) -> _core.Run | dict[str, Any]:
         """Start the run, or return the error of its start."""
-        return _core.run(crossed(self.split), self.choice.method, self.job)
+        return _core.run(to_core(self.split), self.choice.method, self.job)
 
     @property
     def job(self) -> Job:
@@ -215,7 +215,7 @@ class FieldRunner(Runner):
         steps, parts = self.steps, self.split
         return Job(
             start=(parts.inward(self.x),), span=(steps.t0, steps.t1, steps.count, self.every),
-            watch=self._watched, varied=[crossed(split) for split in self.splits],
+            watch=self._watched, varied=[to_core(split) for split in self.splits],
             observer=self._observer, params=self._rows.ravel(), states=self._states,
             seen=(len(self.system.coordinates), parts.outward), threads=self.threads,
             is_ensemble=bool(self.members), tangents=self._tangents(),
@@ -248,7 +248,7 @@ class FieldRunner(Runner):
 
     def _tangents(self) -> np.ndarray | None:
         """Return the directions as the core takes them."""
-        return None if self._directions is None else self._directions.crossed(self)
+        return None if self._directions is None else self._directions.to_core(self)
 
     def adjoint(self, request: Request, wrt: Any) -> Adjoint:
         """Return the transposed derivative of the run by what `wrt` names, before it begins."""

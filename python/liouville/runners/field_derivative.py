@@ -17,7 +17,7 @@ from liouville.runners.execute import Checkpoints, execute
 from liouville.runners.runner import Request
 from liouville.runners.tangents import PARAMS, Directions, Place, check_names
 from liouville.solution import Solution
-from liouville.splitting import PlaneSplit, crossed
+from liouville.splitting import PlaneSplit, to_core
 from liouville.splitting.coefficients import coefficients, derivative, of_parameter
 from liouville.systems import Field, PolynomialField
 from liouville.tangents import Tangent
@@ -45,7 +45,7 @@ class FieldDirections(Directions):
         super().__init__(tangents, places_of(system), {"x": system.coordinates}, hint)
         self.n = len(system.coordinates)
 
-    def crossed(self, runner: FieldRunner) -> np.ndarray:
+    def to_core(self, runner: FieldRunner) -> np.ndarray:
         """Return the changes of what is stepped, and of coefficients and the step, if any are.
 
         The variables, of which the time may be one, come first, as the core wants them.
@@ -138,7 +138,7 @@ class FieldAdjoint(Adjoint):
         """Return gradients from cotangents of x; see :class:`Adjoint`."""
         runner, rows = self.runner, np.ascontiguousarray(cotangents["x"])
         steps, split = runner.steps.count, runner.split
-        core = _core.FieldPullback(crossed(split), runner.choice.method, runner.job)
+        core = _core.FieldPullback(to_core(split), runner.choice.method, runner.job)
         kept = np.minimum(np.arange(len(rows)) * runner.every, steps)
         for first, last, saved in self.checkpoints.reversed(steps):
             own = (first < kept) & (kept <= last)

@@ -57,7 +57,7 @@ class MechanicalRunner(TracedRunner):
         by_rtol = self._control == "error" and request.control is None
         self._is_reversible = by_rtol and not self._is_general and system.is_conservative
         self._is_rattle = isinstance(self._problem, _core.Separable)
-        self._direct(request)
+        self._set_directions(request)
 
     def _refuse_resets(self) -> None:
         """Refuse derivatives of what depends on the reactions of redundant constraints."""
@@ -84,7 +84,7 @@ class MechanicalRunner(TracedRunner):
         self._problem = self._form()
 
     @property
-    def _followed(self) -> Mechanics:
+    def _differentiated_system(self) -> Mechanics:
         return self._stepped
 
     def _job(self) -> Job:
@@ -176,10 +176,10 @@ class MechanicalRunner(TracedRunner):
         """A sentence on the steps, where a tolerance is met by reversible ones."""
         return REVERSIBLE if self._is_reversible else ""
 
-    def _takes(self) -> Takes:
+    def _controls_taken(self) -> Takes:
         if not self._is_general:
             return Takes(type(self.choice).__name__, ("error",))
-        return super()._takes()
+        return super()._controls_taken()
 
     @property
     def _sees_switches(self) -> bool:
@@ -187,7 +187,7 @@ class MechanicalRunner(TracedRunner):
         return super()._sees_switches and (self._is_general or not self.system.is_conservative)
 
     @property
-    def _also(self) -> tuple[str, ...]:
+    def _extra_states(self) -> tuple[str, ...]:
         return () if self._is_general else ("a",)
 
     @property
@@ -216,10 +216,10 @@ class MechanicalRunner(TracedRunner):
             stats["solver"] = "rattle" if self._is_rattle else _solver(stats)
         return stats
 
-    def _foreign(self) -> set[str]:
+    def _unused_stats(self) -> set[str]:
         if not self._is_general:
             return {"newton_steps"}
-        return super()._foreign() | {"newton_steps" if self._is_rattle else "factorizations"}
+        return super()._unused_stats() | {"newton_steps" if self._is_rattle else "factorizations"}
 
     def balance(self, parts: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
         """Return where the energy went, if forces with a potential are separate from others."""
@@ -275,7 +275,7 @@ class MechanicalRunner(TracedRunner):
         good, *_, which = bad[0].tolist()
         return good, {"kind": "contradiction", "index": self._left_out[which], "part": "constraint"}
 
-    def look(self, error: dict[str, Any], t: np.ndarray, rows: np.ndarray) -> None:
+    def add_cause(self, error: dict[str, Any], t: np.ndarray, rows: np.ndarray) -> None:
         """Name the constraints that are nearly dependent where a step has failed."""
         if error["kind"] in UNSOLVED and self._states and rows.ndim == 2 and len(rows):
             y, params = rows[-2:, : len(self.system.coordinates)], self.system.values(self.params)
@@ -293,8 +293,8 @@ class MechanicalRunner(TracedRunner):
             hint += ", or solver='auto', which takes stiff forces too"
         return sentence, hint, quantity
 
-    def _own(self) -> dict[str, int]:
-        own, n = super()._own(), len(self.system.coordinates)
+    def _own_columns(self) -> dict[str, int]:
+        own, n = super()._own_columns(), len(self.system.coordinates)
         if not self._is_general:
             own |= {"acceleration": n, "a": n} if self._states else {}
             own["work"] = 1

@@ -50,7 +50,7 @@ class Members(TracedRunner):
         # imported here: few runs are differentiated
         from liouville.runners.members_adjoint import MembersAdjoint
 
-        names = (*self.system.states, *self._also)
+        names = (*self.system.states, *self._extra_states)
 
         def of_member(member: int) -> Adjoint:
             start = zip(names, (x[member] for x in self._begin), strict=False)
@@ -70,12 +70,12 @@ class Members(TracedRunner):
         """The values of all parameters, a row for each member or one for all."""
         return np.atleast_2d(self._rows)
 
-    def _takes(self) -> Takes:
+    def _controls_taken(self) -> Takes:
         return Takes(type(self.choice).__name__, hint=f"{EQUAL}: give h or steps")
 
     def _take(self, request: Request) -> None:
         system = self.system
-        given = members.starts(system, request.start, self._also)
+        given = members.starts(system, request.start, self._extra_states)
         params, of_params = members.parameters(system, request.params)
         self.varied = tuple(of_params)
         counts = {name: len(x) for name, x in given.items() if x.ndim == 2}

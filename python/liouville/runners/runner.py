@@ -18,14 +18,14 @@ from liouville.control import Steps, Takes, steps_of
 from liouville.errors import Description, describe
 from liouville.methods import Method
 from liouville.points import Points
-from liouville.runners.energy import Found, said_of
+from liouville.runners.energy import Found, sentence_of
 from liouville.systems import System
 from liouville.tangents import Tangent
 
 if TYPE_CHECKING:
     from liouville.planner import Plan
     from liouville.runners.adjoint import Adjoint
-    from liouville.runners.watch import Crossed
+    from liouville.runners.watch import CoreEvents
 
 KEEP_LESS = "keep fewer with every=, or none with states=False"
 STORE = "; store= keeps all of them in a folder"
@@ -62,7 +62,7 @@ class Request:
     is_ensemble: bool = False
     is_stored: bool = False
     #: Events and times as the core takes them, of an ensemble for the runs of its members.
-    watched: Crossed | None = None
+    watched: CoreEvents | None = None
 
     def steps_of(self, system: System, takes: Takes) -> Steps:
         """Return the steps asked for, of a method that takes these controls."""
@@ -174,7 +174,7 @@ class Runner(ABC):
 
     def remark(self, t: np.ndarray, rows: np.ndarray, events: Mapping[str, Points]) -> str:
         """Return a sentence on records that cannot be right; empty where there is none."""
-        return said_of(self._found(t, rows, events), is_ensemble=bool(self.members))
+        return sentence_of(self._found(t, rows, events), is_ensemble=bool(self.members))
 
     def resets(self, events: Mapping[str, Points], member: int = 0) -> list[tuple[float, float]]:
         """Return when resets have changed the energy of a member, and by how much, in order."""
@@ -199,7 +199,7 @@ class Runner(ABC):
         del run
         return {}, {}
 
-    def look(self, error: dict[str, Any], t: np.ndarray, rows: np.ndarray) -> None:
+    def add_cause(self, error: dict[str, Any], t: np.ndarray, rows: np.ndarray) -> None:
         """Add to an error its cause by the last record; by default nothing."""
         del error, t, rows
 

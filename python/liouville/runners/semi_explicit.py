@@ -28,7 +28,7 @@ class SemiExplicitRunner(TracedRunner):
 
     def __init__(self, system: SemiExplicit, method: Method, request: Request) -> None:
         super().__init__(system, method, request)
-        self._direct(request)
+        self._set_directions(request)
 
     def _job(self) -> Job:
         job = super()._job()
@@ -66,8 +66,8 @@ class SemiExplicitRunner(TracedRunner):
         of_y, of_tau = pulled_start(self.system, *at, (of_y, of_tau))
         return of_y, of_z, of_tau
 
-    def _foreign(self) -> set[str]:
-        return super()._foreign() | {"newton_steps"}
+    def _unused_stats(self) -> set[str]:
+        return super()._unused_stats() | {"newton_steps"}
 
     def _form(self) -> _core.SemiExplicit:
         return self.system.problem

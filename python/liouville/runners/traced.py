@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 
 @lru_cache
-def words(method: Method) -> str:
+def method_repr(method: Method) -> str:
     """Return the repr of a method."""
     return repr(method)
 
@@ -56,9 +56,9 @@ class TracedRunner(Runner):
     _rows: np.ndarray
 
     def __init__(self, system: Mechanics | SemiExplicit, method: Method, request: Request) -> None:
-        self.system, self.choice, self.method = system, method, words(method)
+        self.system, self.choice, self.method = system, method, method_repr(method)
         self.constraints = system.constraints
-        self.steps = request.steps_of(system, self._takes())
+        self.steps = request.steps_of(system, self._controls_taken())
         self._control = None if self.steps.control is None else self.steps.control[0]
         self._monitor = None
         if isinstance(request.control, Reversible):
@@ -70,20 +70,20 @@ class TracedRunner(Runner):
         self._watch = Watch(request.events, request.t_eval, span, self.every)
         switches = system.switch_tapes if self._sees_switches else {}
         is_differentiated = request.tangents is not None or request.has_pullback
-        self._watched = request.watched or self._watch.crossed(
+        self._watched = request.watched or self._watch.to_core(
             system, self._order, switches, is_differentiated
         )
         self._take(request)
         self.params = {**system.params, **(request.params or {})}
         self._states = request.states
         self._observer, self.widths = system.observer(request.observe, request.states)
-        self.columns = {**self._own(), **self.widths}
+        self.columns = {**self._own_columns(), **self.widths}
         self._check_sizes(request)
         self._directions: ConstrainedDirections | None = None
         #: Tangents at events, by their names.
         self._moved_events: dict[str, tuple[np.ndarray, np.ndarray | None]] = {}
 
-    def _takes(self) -> Takes:
+    def _controls_taken(self) -> Takes:
         """Return the controls of the steps that the method takes."""
         return takes_of(self.choice, self.estimators)
 
@@ -107,7 +107,7 @@ class TracedRunner(Runner):
             control=control, watch=self._watched,
         )  # fmt: skip
 
-    def _direct(self, request: Request) -> None:
+    def _set_directions(self, request: Request) -> None:
         """Take the directions of tangents, if any are wanted, which each record has columns for."""
         if request.tangents is None:
             return
@@ -144,11 +144,11 @@ class TracedRunner(Runner):
         from liouville.runners.tangents import ConstrainedDirections
 
         own, (y, z) = ConstrainedDirections(self.system, directions, self.steps), self._begin[:2]
-        dy, dz = own.starts(self._followed, self.steps.t0, y, z, self._values)
+        dy, dz = own.starts(self._differentiated_system, self.steps.t0, y, z, self._values)
         return dy.sum(axis=0), dz.sum(axis=0)
 
     @property
-    def _followed(self) -> Mechanics | SemiExplicit:
+    def _differentiated_system(self) -> Mechanics | SemiExplicit:
         """The system whose constraints the start is on, none of which follows from others."""
         return self.system
 
@@ -203,7 +203,7 @@ class TracedRunner(Runner):
 
     def stats(self, run: _core.Run) -> dict[str, Any]:
         """Return the numbers of a run that this method has."""
-        done, foreign = run.done, self._foreign()
+        done, foreign = run.done, self._unused_stats()
         if not done:
             foreign |= {"h_smallest", "h_largest"}
         found: dict[str, Any] = {"steps": done, **run.stats}
@@ -211,7 +211,7 @@ class TracedRunner(Runner):
             found.pop(name, None)
         return found
 
-    def _foreign(self) -> set[str]:
+    def _unused_stats(self) -> set[str]:
         """Return the numbers of a run of the core that mean nothing here."""
         return set() if self._control == "error" else {"rejected"}
 
@@ -244,7 +244,7 @@ class TracedRunner(Runner):
     def _take(self, request: Request) -> None:
         """Take parameters and start values, and see that they fit together."""
         self._values = self.system.values(request.params)
-        self._begin = self.system.start(request.start, self._also)
+        self._begin = self.system.start(request.start, self._extra_states)
         y, z = self._begin[:2]
         self.system.check(self.steps.t0, y, z, self._values, hidden=self._is_hidden_kept)
 
@@ -254,7 +254,7 @@ class TracedRunner(Runner):
         return self._control == "error"
 
     @property
-    def _also(self) -> tuple[str, ...]:
+    def _extra_states(self) -> tuple[str, ...]:
         """Names of start values that the method has besides those of the system."""
         return ()
 
@@ -268,7 +268,7 @@ class TracedRunner(Runner):
         del y, values
         return z
 
-    def _own(self) -> dict[str, int]:
+    def _own_columns(self) -> dict[str, int]:
         """Return the columns of the states."""
         places = self.system.places.items()
         return {name: len(names) for name, names in places} if self._states else {}

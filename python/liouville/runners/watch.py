@@ -16,7 +16,7 @@ from liouville.systems import Field, Mechanics, SemiExplicit
 from liouville.systems.traced import INVARIANT
 
 #: The watch as it crosses the border: the order of the method, the times, and the events.
-Crossed = tuple[int, np.ndarray | None, list[_job.Event]]
+CoreEvents = tuple[int, np.ndarray | None, list[_job.Event]]
 
 #: Hits accumulate where so many intervals in turn shrink, to this part of the longest.
 SHRINKING, SHORT = 4, 1e-2
@@ -48,13 +48,13 @@ class Watch:
         events = dict.fromkeys(self.events)
         return {"events": events, "times": self.times, "_resets": self._resets, "_hits": {}}
 
-    def crossed(
+    def to_core(
         self,
         system: Mechanics | SemiExplicit | Field,
         order: int,
         switches: Mapping[str, _core.Tape],
         is_differentiated: bool = False,
-    ) -> Crossed | None:
+    ) -> CoreEvents | None:
         """Return the watch for the core, if anything is looked at; switches come last."""
         if not self.events and not switches and self.times is None:
             return None
@@ -107,7 +107,7 @@ class Watch:
             points[name] = Points(times, states | own)
             self._hits[name] = times, members
         names = [*self.events]
-        said = {member: _said(names[which], t, limit) for which, t, limit, member in ends}
+        said = {member: _ending(names[which], t, limit) for which, t, limit, member in ends}
         return points, said, rest
 
     def accumulated(self, name: str, t: float, member: int) -> float | None:
@@ -153,7 +153,7 @@ def _states_at(
     return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
 
 
-def _said(name: str, t: float, limit: float | None) -> str:
+def _ending(name: str, t: float, limit: float | None) -> str:
     """Say which event ended a run."""
     if limit is None:
         return f"event '{name}' at t = {t:.6g}"

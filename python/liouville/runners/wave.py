@@ -256,9 +256,9 @@ class WaveRunner(Runner):
 
     def start(self) -> _core.Run | dict[str, Any]:
         """Start the run, or return the error of its start."""
-        return _core.run(*self.crossed())
+        return _core.run(*self.to_core())
 
-    def crossed(self) -> tuple[_core.Hamiltonian, object, Job]:
+    def to_core(self) -> tuple[_core.Hamiltonian, object, Job]:
         """Return Hamiltonian, method and job for the core."""
         plan = self.plan
         observables: list[tuple[object, ...]] = [("symmetric", self.system.hamiltonian), ("start",)]

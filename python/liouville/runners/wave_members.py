@@ -72,7 +72,7 @@ class WaveMembersRunner(Runner):
 
     def start(self) -> _core.Run | dict[str, Any]:
         """Start the run, or return the error of its start."""
-        return _core.run_each([each.crossed() for each in self._each], self.threads)
+        return _core.run_each([each.to_core() for each in self._each], self.threads)
 
     def stats(self, run: _core.Run) -> dict[str, Any]:
         """Return the numbers of a run: steps, products for each state, the bound of its error."""

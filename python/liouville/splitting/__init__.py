@@ -1,6 +1,6 @@
 """Divergence-free fields as sums of pieces with explicit volume-preserving maps."""
 
-from liouville.splitting.border import crossed as crossed
+from liouville.splitting.border import to_core as to_core
 from liouville.splitting.choice import split as split
 from liouville.splitting.describe import described as described
 from liouville.splitting.describe import variables_of as variables_of

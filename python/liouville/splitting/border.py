@@ -13,15 +13,15 @@ from liouville.splitting.planes import Plane, PlaneSplit
 from liouville.terms import Function, Terms, Wave
 
 #: Split fields as they are in the core, by those in Python.
-_CROSSED: WeakKeyDictionary[Split | PlaneSplit, _core.Split] = WeakKeyDictionary()
+_IN_CORE: WeakKeyDictionary[Split | PlaneSplit, _core.Split] = WeakKeyDictionary()
 
 
-def crossed(split: Split | PlaneSplit) -> _core.Split:
+def to_core(split: Split | PlaneSplit) -> _core.Split:
     """Hand a split field to the core, once."""
-    found = _CROSSED.get(split)
+    found = _IN_CORE.get(split)
     if found is None:
         found = _core.Split(split.n, [packed(piece) for piece in split.pieces])
-        _CROSSED[split] = found
+        _IN_CORE[split] = found
     return found
 
 

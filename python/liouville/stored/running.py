@@ -29,9 +29,9 @@ from liouville.runners.execute import (
     advance_slice,
     error_of,
     execute,
+    report_progress,
     solution_of,
     status_of,
-    tell,
 )
 from liouville.solution import Solution
 from liouville.stored import arrays
@@ -186,7 +186,7 @@ class _StoredRun:
                 outcome = self._stream.add(self._run, self._run.take()) or outcome
             if isinstance(outcome, dict):
                 recent = self._stream.recent()
-                self._runner.look(outcome, recent["t"], recent["rows"])
+                self._runner.add_cause(outcome, recent["t"], recent["rows"])
             self._stream.finish()
             quantity = self._describe(outcome)
         solution = _ends(self._folder.path, self._runner)
@@ -216,7 +216,7 @@ class _StoredRun:
             if bad is not None:
                 return bad
             try:
-                tell(report, run, self._runner.steps)
+                report_progress(report, run, self._runner.steps)
             except KeyboardInterrupt:
                 return "interrupted"
             if outcome != "paused":

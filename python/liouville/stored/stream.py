@@ -13,7 +13,7 @@ import numpy as np
 from liouville import _core
 from liouville.points import Points
 from liouville.runners import Runner
-from liouville.runners.energy import said_of
+from liouville.runners.energy import sentence_of
 from liouville.runners.execute import solution_of
 from liouville.solution import Solution
 from liouville.stored import arrays
@@ -85,7 +85,7 @@ class Stream:
 
     def remark(self) -> str:
         """Return a sentence on records that cannot be right; empty where there is none."""
-        return "" if self._watch is None else said_of([self._watch.found()], is_ensemble=False)
+        return "" if self._watch is None else sentence_of([self._watch.found()], is_ensemble=False)
 
     def recent(self) -> Columns:
         """Return the records that do not fill a chunk yet."""

@@ -11,7 +11,7 @@ from liouville._job import Job
 from liouville.methods import VolumeSplitting
 from liouville.methods.composition import SCHEMES
 from liouville.planner.fields.plan import ROUNDOFF, Trial, ordered, parted
-from liouville.splitting import Piece, Split, crossed
+from liouville.splitting import Piece, Split, to_core
 from liouville.terms import Terms
 
 #: The composition of the reference, whose steps are this much shorter.
@@ -102,7 +102,7 @@ def _path(
         start=(parts.inward(x),), span=(0.0, h * steps, steps, every), observer=tape,
         seen=(n, parts.outward), is_ensemble=True,
     )  # fmt: skip
-    run = _core.run(crossed(parts), VolumeSplitting(composition=scheme), job)
+    run = _core.run(to_core(parts), VolumeSplitting(composition=scheme), job)
     if isinstance(run, dict) or run.advance(1e6) != "done" or run.failures():
         return None
     return run.take()[1]
