@@ -1,4 +1,4 @@
-//! The end of a step of a small system, as the update above finds it: one correction, as all is linear.
+//! The end of a step of a small system, as in `update` of `crates/spark`: one correction, since all is linear.
 #![allow(clippy::inline_always)] // other functions are compiled without the caller's instruction set
 
 use super::layout::Layout;
@@ -18,7 +18,7 @@ pub(super) struct End<L> {
     p: [L; COORDINATES],
     y_low: [L; COORDINATES],
     p_low: [L; COORDINATES],
-    /// What the sums of increments lose.
+    /// Rounding errors of the sums of increments.
     y_lost: [L; COORDINATES],
     p_lost: [L; COORDINATES],
     lam: [L; CONSTRAINTS],
@@ -91,7 +91,7 @@ impl<L: Layout> Small<L> {
         is_finite.then_some(())
     }
 
-    /// y1, and what p gains but for the last reaction.
+    /// y1, and the increment of p without the last reaction.
     #[inline(always)]
     fn accumulate(&mut self, step: Step<L>, loses: bool) {
         let (s, k) = (self.tables.stages, self.tables.intervals);
@@ -179,7 +179,7 @@ impl<L: Layout> Small<L> {
         self.inverse_mass = inverse_of(mass);
     }
 
-    /// What the constraints at y1 are made of.
+    /// The blocks of the constraints at y1.
     #[inline(always)]
     fn end_blocks(&self, model: &mut Model<L>, t: f64) -> EndBlocks<L> {
         let (n, m) = (self.problem.n, self.problem.m.min(CONSTRAINTS));
@@ -272,7 +272,7 @@ impl<L: Layout> Small<L> {
         )
     }
 
-    /// Writes the end of the step, and holds what the next one is extrapolated from.
+    /// Writes the end of the step, and the values that the next one is extrapolated from.
     #[inline(never)]
     pub fn commit(&self, held: &mut newton::Predictor<L>, h: f64, state: &mut State<L>) {
         let (n, end) = (self.problem.n, &self.end);

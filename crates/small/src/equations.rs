@@ -19,7 +19,7 @@ pub(super) struct SmallEquations<'a, L: Layout> {
 }
 
 impl<L: Layout> Small<L> {
-    /// Writes the points where the tapes read them: Ŷ_j with λ_j, and Z_i with Y_i where that is wanted.
+    /// Writes the points where the tapes read them: Ŷ_j with λ_j, and Z_i, with Y_i if `wants_y`.
     #[inline(always)]
     fn move_points(&mut self, step: Step<L>, wants_y: bool) {
         let (s, k) = (
@@ -193,7 +193,7 @@ impl<L: Layout> Small<L> {
         self.linear.invert(self.tables, (n, m));
     }
 
-    /// Adds to g of members what roundings took from it, as the stages above do.
+    /// Adds to g of the wanted members its rounding errors, as `Stages` in `crates/spark` does.
     #[inline(always)]
     fn compensate(&mut self, wanted: L) {
         if wanted.all(
@@ -304,7 +304,7 @@ impl<L: Layout> Small<L> {
         (L::largest(&largest.as_ref()[..rows]), is_finite)
     }
 
-    /// What comes before a first correction: one that is large, but where all is linear and a single one solves it.
+    /// The size before a first correction: infinite, or zero where all is linear and a single correction is enough.
     fn first_size(&self) -> f64 {
         if self.problem.is_affine() {
             0.0
@@ -313,7 +313,7 @@ impl<L: Layout> Small<L> {
         }
     }
 
-    /// The size of a correction, relative to what moves the coordinates by their own size.
+    /// The size of a correction, relative to the largest velocity plus the one that moves the coordinates by their size.
     #[inline(always)]
     fn relative(&mut self, size: L) -> L {
         let rows = L::rows(self.tables.stages);
@@ -398,7 +398,7 @@ impl<L: Layout> Equations<L> for SmallEquations<'_, L> {
     }
 }
 
-/// Takes what another has for the chosen members.
+/// Copies the chosen members of another.
 #[inline(always)]
 fn choose<L: Layout>(out: [&mut [L::Points]; 2], from: [&[L::Points]; 2], members: L) {
     let members = members.every();

@@ -1,7 +1,7 @@
 //! Full simplified Newton, where the mass varies: Z and Λ together, by the matrix of `full_newton` in the crate above.
 //!
 //! Its rows are those of momenta at the stages, then P⁻¹ times those of g at the nodes: as h → 0 the blocks of Z are masses,
-//! and what is left when they are eliminated is a multiple of the identity in the nodes, so that no pivots are needed.
+//! and their Schur complement is a multiple of the identity in the nodes, so that no pivots are needed.
 #![allow(clippy::inline_always)] // other functions are compiled without the caller's instruction set
 
 use super::blocks::{BlockLu, Columns};
@@ -20,7 +20,7 @@ pub(super) struct FullNewton<L: Layout> {
     stage_jacobian: PointRegisters<L::Row>,
     node_jacobian: PointRegisters<L::Row>,
     matrix: BlockLu<L>,
-    /// Where p_z, p_y, f_y, f_z and r_y have their values of two coordinates, if any.
+    /// Places of the entries of p_z, p_y, f_y, f_z and r_y, by two coordinates.
     places: [[Places; COORDINATES]; COORDINATES],
     /// dZ, then dΛ.
     pub(super) corrections: [L::Points; COORDINATES + CONSTRAINTS],
@@ -47,7 +47,7 @@ fn places(problem: &Mechanical) -> [[Places; COORDINATES]; COORDINATES] {
     places
 }
 
-/// Values in rows as points.
+/// Rows of values as points.
 #[inline(always)]
 fn points<L: Layout>(rows: &[L::Row]) -> L::Points {
     let mut points = L::zeros();
@@ -126,10 +126,10 @@ impl<L: Layout> FullNewton<L> {
             for i in 0..rows {
                 let mut sum = L::Row::splat(0.0);
                 if let Some(f_y) = &f_y {
-                    sum -= felt::<L>(f_y, of_v, i, s) * (h * h);
+                    sum -= displaced::<L>(f_y, of_v, i, s) * (h * h);
                 }
                 if let Some(r_y) = &r_y {
-                    sum -= felt::<L>(r_y, of_node, i, k) * (h * h);
+                    sum -= displaced::<L>(r_y, of_node, i, k) * (h * h);
                 }
                 if let Some(f_z) = &f_z {
                     sum -= L::at(f_z, j).every() * (L::factor(of_f, i) * h);
@@ -258,9 +258,9 @@ fn impulses<L: Layout>(force: &[L::Row], weights: &Weights, rows: usize) -> Colu
     columns
 }
 
-/// Σ_l of so many impulses, each as much as its point is moved.
+/// Σ_l of `count` impulses, each times the displacement of its point.
 #[inline(always)]
-fn felt<L: Layout>(impulses: &Columns<L>, moved: &Lanes, row: usize, count: usize) -> L::Row {
+fn displaced<L: Layout>(impulses: &Columns<L>, moved: &Lanes, row: usize, count: usize) -> L::Row {
     let mut sums = [L::Row::splat(0.0); 2];
     let pairs = impulses.as_chunks::<2>().0.iter();
     for (l, [even, odd]) in pairs.enumerate().take(count.div_ceil(2)) {

@@ -1,8 +1,8 @@
 //! Steps of small systems, of fixed sizes, with the stages of a step, or members, in vector registers.
 //!
-//! What nearly all steps do is done here: the start, extrapolated or cold, corrections, the update. The equations, the stopping
-//! rule and the order of sums are those of the crate above; a step that leaves this path is made there, from its start.
-//! V is Z. With M = p_z constant, node Schur takes per correction the products with ā, â, μ̄, μ̂ and the inverse of
+//! Nearly all steps of such systems are made here: the start, extrapolated or cold, corrections, the update. The
+//! equations, the stopping rule and the order of sums are those of `crates/spark`; a step that does not converge here is
+//! repeated there. V is Z. With M = p_z constant, node Schur takes per correction the products with ā, â, μ̄, μ̂ and the inverse of
 //!
 //!     P⁻¹ S,   S_il = P_il G_i M⁻¹ R_l,   P = ā â,
 //!
@@ -65,7 +65,7 @@ pub struct Small<L: Layout> {
     stage: PointRegisters<L::Row>,
     node: PointRegisters<L::Row>,
     node_blocks: PointRegisters<L::Row>,
-    /// Finds the roundings of g, where it can.
+    /// Rounding errors of g, where its operations have them.
     compensated: Option<Box<CompensatedPoints<L::Row>>>,
     /// Whether forces depend on the stages at all, and p or they on their positions.
     has_force: bool,
@@ -78,7 +78,7 @@ pub struct Small<L: Layout> {
     full: Option<Box<FullNewton<L>>>,
     z: [L::Points; COORDINATES],
     lam: [L::Points; CONSTRAINTS],
-    /// The best found for members that take no further corrections.
+    /// Z and λ of members that take no further corrections.
     kept: Option<Box<KeptUnknowns<L>>>,
     /// h b_j V_j, h b_j F_j, h b̂_j R_j; Σ μᶠ h b F; M⁻¹ times the residual of the momentum.
     displacements: [L::Points; COORDINATES],
@@ -86,7 +86,7 @@ pub struct Small<L: Layout> {
     reactions: [L::Points; COORDINATES],
     forces: [L::Points; COORDINATES],
     velocity: [L::Points; COORDINATES],
-    /// What the nodes lose as they are rounded.
+    /// Rounding errors of the nodes.
     node_low: [L::Points; COORDINATES],
     work: Workspace<L>,
     /// h b and h b̂.
@@ -131,7 +131,7 @@ type KeptUnknowns<L> = (
 );
 
 impl<L: Layout> Small<L> {
-    /// Memory for a small system with these parameters; `None` where it is none, or wants another matrix.
+    /// Memory for a small system with these parameters; `None` for other systems, or where `matrices` excludes its matrix.
     #[inline(never)]
     pub fn new(
         model: &mut Model<L>,
@@ -205,7 +205,7 @@ impl<L: Layout> Small<L> {
     }
 
     /// Iterates from the extrapolated start, or the cold one, and finds the end of the step for members that are open;
-    /// `None` where something cannot be told here.
+    /// `None` where the step has to be made by `crates/spark`.
     #[inline(never)]
     pub fn advance(
         &mut self,
@@ -243,7 +243,7 @@ impl<L: Layout> Small<L> {
     }
 }
 
-/// What a step starts from: the step before, or the accelerations.
+/// The source of start values: the step before, or the accelerations.
 type StepStart<'a, L> = (&'a mut newton::Predictor<L>, &'a mut Acceleration<L>);
 
 /// p_z⁻¹, which parameters alone determine.

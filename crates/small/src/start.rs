@@ -71,7 +71,7 @@ impl<L: Layout> Small<L> {
         Some(())
     }
 
-    /// What moves the coordinates by their size, and the yardstick, as the steps above measure them.
+    /// The speed that moves the coordinates by their size, and the yardstick, as in `yardstick` of `crates/spark`.
     #[inline(always)]
     fn measure(&mut self, step: Step<L>) {
         self.rest = max_norm(&step.state.y) / L::splat(step.h.abs());

@@ -10,7 +10,7 @@ use liouville_base::tableau::{self, Known};
 
 static TABLES: Known<Option<Tables>> = Known::new();
 
-/// The coefficients of a SPARK method with s stages and k + 1 nodes. What stands beyond the last stage or node repeats it.
+/// The coefficients of a SPARK method with s stages and k + 1 nodes. Values beyond the last stage or node repeat it.
 #[derive(Clone, Debug)]
 pub(super) struct Tables {
     pub(super) stages: usize,
@@ -85,7 +85,7 @@ impl Tables {
     }
 }
 
-/// The weights that extrapolate the step before, and what they were made for.
+/// The weights that extrapolate the step before, and the step sizes that they are for.
 #[derive(Clone, Debug)]
 pub(super) struct StartWeights {
     place: [u64; 2],

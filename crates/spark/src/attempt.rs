@@ -52,7 +52,7 @@ impl Attempts for SparkAttempt<'_> {
 }
 
 impl SparkAttempt<'_> {
-    /// The unknowns of the part of the step that is kept, or Z_i and V_i where it leads.
+    /// Starts at the kept part of the step, or at Z_i and V_i extrapolated from it.
     fn start_at_part(&mut self, step: Step, start: Start) {
         let General {
             stages,

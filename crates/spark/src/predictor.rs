@@ -16,7 +16,7 @@ use liouville_base::tableau;
 use liouville_problem::{Acceleration, Model, State, Step};
 use liouville_small::{LAM, Z};
 
-/// What the next step starts from.
+/// Start values of the next step.
 #[derive(Clone, Debug)]
 pub(super) struct Predictor<R = f64> {
     acceleration: Acceleration<R>,
@@ -49,7 +49,7 @@ impl<R: Real> Predictor<R> {
         }
     }
 
-    /// What a step starts from: the step before, or the accelerations.
+    /// The sources of start values: the step before, and the accelerations.
     pub(super) fn start(&mut self) -> (&mut newton::Predictor<R>, &mut Acceleration<R>) {
         (&mut self.held, &mut self.acceleration)
     }
@@ -90,7 +90,7 @@ impl<R: Real> Predictor<R> {
         let curves = &self.held.curves;
         curves[Z].extrapolate(z.flat_mut());
         if self.velocity_is_z {
-            // nothing but equal starts keeps them equal: their difference is no residual
+            // their difference is no residual, so equal starts must keep them equal
             copy(v.flat_mut(), z.flat());
         } else {
             curves[Z].extrapolate_other(&self.v, v.flat_mut());
@@ -100,7 +100,7 @@ impl<R: Real> Predictor<R> {
         curves[NU].extrapolate(nu.flat_mut());
     }
 
-    /// Writes the cold start; one that `is_uniform` leaves z' out.
+    /// Writes the cold start, or the uniform one, without z'.
     pub(super) fn start_cold(
         &mut self,
         model: &mut Model<R>,
@@ -198,7 +198,7 @@ impl<R: Real> Predictor<R> {
         let (curves, velocities) = (&self.held.curves, self.velocities());
         out.clear();
         for of_stages in [&curves[Z].values, velocities] {
-            // those at both ends of the step are no unknowns
+            // values at both ends of the step are no unknowns
             let all = of_stages.flat();
             out.extend_from_slice(&all[of_stages.cols()..all.len() - of_stages.cols()]);
         }
@@ -226,7 +226,7 @@ impl<R: Real> Predictor<R> {
         }
     }
 
-    /// The next step begins where the one held began, which says where it goes.
+    /// Lets the next step begin where the one held began, which was rejected.
     pub(super) fn undo(&mut self) {
         self.held.undo();
     }

@@ -358,8 +358,8 @@ impl<R: Real> Stages<R> {
         );
     }
 
-    /// Whether the displacements lost by the rounding of velocities are found. Where p depends on y, the rounding of Y_i could
-    /// not be separated from them.
+    /// Whether the displacements lost by the rounding of velocities are found. Where p depends on y, the rounding of Y_i
+    /// could not be separated from them.
     pub(super) fn finds_lost_displacements(&self, problem: &Mechanical) -> bool {
         problem.patterns.p_y.is_empty() && self.stop.is_roundoff()
     }

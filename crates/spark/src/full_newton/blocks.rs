@@ -92,8 +92,8 @@ pub(super) struct NonholonomicBlocks {
     pub(super) moments: Matrix,
 }
 
-/// Derivatives by y at all stages or nodes, and the sums of them that are in each block: what V_j moves is felt
-/// at each of them.
+/// Derivatives by y at all stages or nodes, and their sums in each block: V_j displaces all points
+/// behind it.
 #[derive(Clone, Debug)]
 pub(super) struct ByPosition {
     grid: BlockGrid,
@@ -133,7 +133,7 @@ impl ByPosition {
     }
 }
 
-/// Whether the derivative at a point goes to a row of blocks or to a column of them.
+/// Whether the derivative at a point is in a row of blocks or in a column of them.
 #[derive(Clone, Copy, PartialEq)]
 enum Along {
     Row,

@@ -38,7 +38,7 @@ impl FullEquations<'_> {
         solver.mass.update(self.model, t, y, z)
     }
 
-    /// What makes the matrix singular: dependent constraints, if there are any at the end of the step.
+    /// The cause of a singular matrix: dependent constraints, if there are any at the end of the step.
     #[cold]
     fn diagnose(&mut self) -> StepError {
         let problem = self.model.problem.clone();

@@ -36,7 +36,7 @@ pub(super) struct FullNewton {
     offsets: Offsets,
     blocks: SparkBlocks,
     matrix: BlockMatrix,
-    /// Tells the size of a multiplier, where reactions are not linear.
+    /// Gives the size of multipliers in velocities, where reactions are not linear.
     mass: Mass,
     unknowns: Vec<f64>,
     derivatives: Derivatives,

@@ -83,7 +83,7 @@ impl<R: Real> SchurEquations<'_, R> {
         max_norm(d_v.flat())
     }
 
-    /// What is corrected in the multipliers need not show in the velocities where r is not linear.
+    /// The size of the multipliers' corrections, which need not show in the velocities where r is not linear.
     #[inline(always)]
     fn multiplier_size(&mut self) -> R {
         let (solver, m) = (&mut *self.solver, self.model.problem.m);

@@ -83,7 +83,7 @@ impl LinearSchur {
         let (n, m) = (inner.problem.n, inner.problem.m);
         let (eta, rest) = x.split_at_mut(self.momentum.flat().len());
         let (nu, sigma) = rest.split_at_mut(inner.d_lam.len());
-        // d_z holds p_z⁻ᵀ (a + v_zᵀ c), then what ν adds
+        // d_z holds p_z⁻ᵀ (a + v_zᵀ c), then the part by ν
         copy(inner.d_z.flat_mut(), eta);
         for (i, sigma) in sigma.chunks_exact(n).enumerate() {
             (inner.mass).add_velocity_transposed(1.0, sigma, inner.d_z.row_mut(i));

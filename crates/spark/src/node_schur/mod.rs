@@ -38,7 +38,7 @@ pub(super) struct NodeSchur<R = f64> {
     impulse: Matrix<R>,
     d_z: Matrix<R>,
     d_v: Matrix<R>,
-    /// What has been found for members that take no further corrections.
+    /// Unknowns of members that take no further corrections.
     kept: Option<Box<Unknowns<R>>>,
 }
 
@@ -50,10 +50,11 @@ enum Schur<R> {
         lu: Lu<R>,
     },
     Sparse(Box<SparseNodeSchur<R>>),
-    Missing, // neither sparse nor small: full Newton is the better way
+    /// Neither sparse nor small: full Newton is faster.
+    Missing,
 }
 
-/// What is left of the stage equations: of momenta, of velocities, and of g at the nodes.
+/// Residuals of the stage equations: of momenta, of velocities, and of g at the nodes.
 #[derive(Clone, Copy)]
 struct Residuals<'a, R> {
     momentum: &'a Matrix<R>,
@@ -107,7 +108,7 @@ impl<R: Real> NodeSchur<R> {
         !matches!(self.matrix, Schur::Missing)
     }
 
-    /// Finds the displacements −h b_j (B R2_j + R1_j), below the last bit of V_j, that the residuals still ask for.
+    /// Finds the displacements −h b_j (B R2_j + R1_j), below the last bit of V_j, that the residuals still imply.
     pub(super) fn find_lost_displacements(&mut self, stages: &mut Stages<R>, step: Step<R>) {
         dispatch_simd::<R, _>(
             #[inline(always)]
@@ -170,7 +171,7 @@ impl<R: Real> NodeSchur<R> {
         self.solve_stages(of);
     }
 
-    /// Λ: the velocities B R2_j + R1_j that the residuals alone would take away must meet g.
+    /// dΛ, by the constraints g on the velocities B R2_j + R1_j of the residuals.
     #[inline(always)]
     fn solve_multipliers(&mut self, of: Residuals<R>, h: f64) {
         let (nodes, m) = (self.product.rows(), self.problem.m);
