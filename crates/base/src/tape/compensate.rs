@@ -1,5 +1,6 @@
 //! Values of a tape near a root, where they are smaller than their own roundings: those are found and added.
 #![allow(clippy::inline_always)] // a call would lack the instruction set
+#![allow(clippy::needless_bitwise_bool)] // short-circuiting would end the loop over members
 
 use super::execute::{Cheap, Instr, Op};
 use super::{PointRegisters, Registers, Tape, groups};

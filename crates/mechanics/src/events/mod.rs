@@ -285,7 +285,7 @@ impl<State: Carried + Checkpoint + Clone, M: Dynamics> EventDetector<State>
             Outcome::End(end) => self.record_times(end, true, records)?,
             Outcome::Continue if self.path.is_full() => self.record_times(t, true, records)?,
             Outcome::Shorten(end) if self.path.is_full() => {
-                self.record_times(end, true, records)?
+                self.record_times(end, true, records)?;
             }
             _ => {}
         }
