@@ -1,5 +1,6 @@
 """Equal steps for a tolerance: the error is below it and not far below, whatever the field."""
 
+import casadi as ca
 import numpy as np
 import pytest
 
@@ -53,3 +54,19 @@ def test_what_no_steps_meet_is_refused(monkeypatch):
     problem = load("lorenz96")
     with pytest.raises(ValueError, match=r"no equal steps(?s:.*)neighbouring trajectories part"):
         lv.integrate(problem.system, lv.VolumeSplitting(), t=(0, 200), rtol=1e-10, **problem.start)
+
+
+@pytest.mark.parametrize("rtol", [1e-3, 1e-8])
+@pytest.mark.parametrize("width", [0.1, 0.02])
+def test_a_short_pulse_is_not_stepped_over(width, rtol):
+    """Steps of which a trial has seen no error are no reason for ten times longer ones."""
+
+    def forced(t, x, params):
+        pulse = 0.4 / width * ca.exp(-(((t - 11.234) / width) ** 2))
+        return [x[1], -x[0] + pulse]
+
+    field = lv.PolynomialField(forced, x=2)
+    run = {"t": (0, 20), "x": [0.5, 0.2], "every": 10**6}
+    found = lv.integrate(field, lv.VolumeSplitting(), rtol=rtol, **run)
+    wanted = lv.integrate(field, lv.VolumeSplitting(composition="BM6"), steps=20_000, **run)
+    np.testing.assert_allclose(found.x[-1], wanted.x[-1], rtol=rtol, atol=rtol)

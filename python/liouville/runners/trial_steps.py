@@ -31,7 +31,8 @@ def trial_steps(run: Run, asked: Steps, order: int) -> Steps:
     """Return equal steps for the tolerances of controlled ones.
 
     Runs of n and 2 n steps differ by the error of the first; that of 2 n steps is
-    :math:`1/(2^p - 1)` of the difference. n is doubled until errors fall with the order p.
+    :math:`1/(2^p - 1)` of the difference. n is doubled until errors fall with the order p. Longer
+    steps than those of the last run are taken only as far as runs with them agree with it.
 
     Raises
     ------
@@ -48,24 +49,37 @@ def trial_steps(run: Run, asked: Steps, order: int) -> Steps:
     while made < MOST:
         n *= 2
         after, made = _states(run, n), made + n
-        size = np.abs(after)
-        with np.errstate(invalid="ignore", over="ignore"):
-            off = np.abs(after - before)
-            error = np.sqrt(np.mean((off / (atol + rtol * size)) ** 2, axis=-1)).max()
-            error = error / (2**order - 1) if np.isfinite(error) else math.inf
-            if error > 1 and off.max() <= ROUNDOFF * size.max():
-                break
-        is_shown = last / error >= SHOWN * 2**order if error > 0 else True
-        if error <= 1 or (is_shown and error <= BELIEVED**order):
+        off = _distance(before, after, rtol, atol)
+        error = off / (2**order - 1)
+        if 1 < error < math.inf and _is_roundoff(before, after):
+            break
+        is_shown = error == 0 or SHOWN * 2**order <= last / error < math.inf
+        if off <= 1 or (is_shown and error <= BELIEVED**order):
             factor = (SAFETY * error) ** (1 / order)
-            # without the order shown, no fewer steps than these are believed to do
-            least = 0.0 if is_shown else 1.0
-            count = max(RECORDS, math.ceil(n * max(factor, least)))
+            count = RECORDS * max(1, math.ceil(n * factor / RECORDS))
+            while count < n:
+                made += count
+                if _distance(_states(run, count), after, rtol, atol) <= 1:
+                    break
+                count = min(2 * count, n)
             return replace(asked, count=count, control=None, trial=(asked.control, made))
         before, last = after, error
     sentence = f"no equal steps that were tried, up to {n}, meet rtol = {rtol:g}"
     hint = "neighbouring trajectories part too fast, or digits end: give h, or a shorter time"
     raise ValueError(hinted(sentence, hint))
+
+
+def _distance(states: np.ndarray, others: np.ndarray, rtol: float, atol: np.ndarray) -> float:
+    """Return the largest difference in tolerances, a root mean square over the coordinates."""
+    with np.errstate(invalid="ignore", over="ignore"):
+        parts = (states - others) / (atol + rtol * np.abs(others))
+        found = float(np.sqrt(np.mean(parts**2, axis=-1)).max())
+    return found if math.isfinite(found) else math.inf
+
+
+def _is_roundoff(states: np.ndarray, others: np.ndarray) -> bool:
+    """Return whether states are the same but for roundoff."""
+    return bool(np.abs(states - others).max() <= ROUNDOFF * np.abs(others).max())
 
 
 def _states(run: Run, steps: int) -> np.ndarray:
