@@ -18,7 +18,7 @@ const NEAR: f64 = 1e-10;
 
 /// A correction of coordinates: from where, by which μ, with the matrices there.
 #[derive(Clone, Debug)]
-struct Correction {
+struct SemiExplicitCorrection {
     factor: Factor,
     f_z: Vec<f64>,
     y: Vec<f64>,
@@ -31,7 +31,7 @@ pub struct SemiExplicitReset {
     model: SemiExplicitModel,
     sensitivity: SemiExplicitSensitivityModel,
     /// What leads from ŷ to y⁺, and ẑ.
-    corrections: Vec<Correction>,
+    corrections: Vec<SemiExplicitCorrection>,
     z: Vec<f64>,
     mu: Vec<f64>,
 }
@@ -67,7 +67,8 @@ impl SemiExplicitReset {
             let is_over = is_near;
             is_near = moved.fold(0.0, f64::max) <= NEAR * max_norm(&y);
             let y = from;
-            self.corrections.push(Correction { factor, f_z, y, mu });
+            self.corrections
+                .push(SemiExplicitCorrection { factor, f_z, y, mu });
             if is_over {
                 break;
             }
@@ -116,7 +117,7 @@ impl LinearReset for SemiExplicitReset {
         copy(&mut along[1 + n..=n + l], &jumped[n..]);
         let (t, [.., lam]) = before;
         for correction in &mut self.corrections {
-            let Correction { factor, f_z, y, mu } = correction;
+            let SemiExplicitCorrection { factor, f_z, y, mu } = correction;
             copy(&mut along[1..=n], dy);
             let moved = slopes.moves((t, [y, &self.z, lam]), [&[], mu], &along, false)?;
             let (equations, change) = moved.split_at(l);
@@ -141,7 +142,7 @@ impl LinearReset for SemiExplicitReset {
         let (t, [.., lam]) = before;
         let mut found = vec![0.0; n + l + self.sensitivity.problem.width()];
         for correction in self.corrections.iter_mut().rev() {
-            let Correction { factor, f_z, y, mu } = correction;
+            let SemiExplicitCorrection { factor, f_z, y, mu } = correction;
             self.mu.fill(0.0);
             let at = &problem.patterns.f_z;
             at.multiply_add_transposed(f_z, 1.0, &back, &mut self.mu);
