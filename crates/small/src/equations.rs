@@ -312,25 +312,6 @@ impl<L: Layout> Small<L> {
             f64::INFINITY
         }
     }
-
-    /// The size of a correction, relative to the largest velocity plus the one that moves the coordinates by their size.
-    #[inline(always)]
-    fn relative(&mut self, size: L) -> L {
-        let rows = L::rows(self.tables.stages);
-        let mut largest = L::zeros();
-        for z in &self.z[..self.problem.n.min(COORDINATES)] {
-            for row in 0..rows {
-                let out = &mut largest.as_mut()[row];
-                *out = larger(*out, z.as_ref()[row]);
-            }
-        }
-        self.speed = L::largest(&largest.as_ref()[..rows]) + self.rest;
-        size.zip(
-            self.speed,
-            #[inline(always)]
-            |size, speed| if size == 0.0 { 0.0 } else { size / speed },
-        )
-    }
 }
 
 impl<L: Layout> Equations<L> for SmallEquations<'_, L> {

@@ -1,4 +1,4 @@
-//! The start of a step of a small system: from the step before, or cold; and the yardstick of its corrections.
+//! The start of a step of a small system, from the step before or cold; the yardstick and the sizes of its corrections.
 #![allow(clippy::inline_always)] // other functions are compiled without the caller's instruction set
 
 use super::layout::{Layout, larger};
@@ -103,5 +103,24 @@ impl<L: Layout> Small<L> {
             #[inline(always)]
             |moved, unit| if unit == 0.0 { 0.0 } else { moved / unit },
         );
+    }
+
+    /// The size of a correction, relative to the largest velocity plus the one that moves the coordinates by their size.
+    #[inline(always)]
+    pub(super) fn relative(&mut self, size: L) -> L {
+        let rows = L::rows(self.tables.stages);
+        let mut largest = L::zeros();
+        for z in &self.z[..self.problem.n.min(COORDINATES)] {
+            for row in 0..rows {
+                let out = &mut largest.as_mut()[row];
+                *out = larger(*out, z.as_ref()[row]);
+            }
+        }
+        self.speed = L::largest(&largest.as_ref()[..rows]) + self.rest;
+        size.zip(
+            self.speed,
+            #[inline(always)]
+            |size, speed| if size == 0.0 { 0.0 } else { size / speed },
+        )
     }
 }

@@ -90,7 +90,7 @@ impl Solver {
 /// The most corrections of a solver without an alternative.
 const MOST_ITERATIONS: usize = 100;
 
-/// The part of a step from which a small system is led to all of it, where a cold start does not lead there.
+/// The fraction of a step that is solved first where a small system does not converge from its cold start.
 const PART: f64 = 0.5;
 
 /// A SPARK method at work.
@@ -107,7 +107,7 @@ pub struct Spark {
     predictor: Predictor,
     /// The error estimate, where steps are controlled by errors.
     estimate: Option<Box<Estimate>>,
-    /// Backoff of node Schur, and of the modified iteration.
+    /// The back-off of node Schur, and of the modified iteration.
     schur_backoff: Backoff,
     backoff: Backoff,
     stats: Stats,
