@@ -100,11 +100,11 @@ struct ExponentialFlow<'a, S> {
     failed: usize,
 }
 
-impl<S> ForEach<S> for ExponentialFlow<'_, S> {
+impl<S> ExponentialFlow<'_, S> {
+    /// m
     #[inline(always)]
-    fn visit<W: SimdView<Stored = S>>(&mut self, view: W) -> bool {
-        let piece = self.piece;
-        let x = &self.state.x;
+    fn monomial<W: SimdView<Stored = S>>(&self, view: W) -> W::Number {
+        let (piece, x) = (self.piece, &self.state.x);
         let mut m = match piece.monomial.first() {
             Some(&place) => view.load(x, place as usize),
             None => view.constant(1.0),
@@ -112,6 +112,14 @@ impl<S> ForEach<S> for ExponentialFlow<'_, S> {
         for &place in piece.monomial.iter().skip(1) {
             m = m * view.load(x, place as usize);
         }
+        m
+    }
+}
+
+impl<S> ForEach<S> for ExponentialFlow<'_, S> {
+    #[inline(always)]
+    fn visit<W: SimdView<Stored = S>>(&mut self, view: W) -> bool {
+        let (piece, m) = (self.piece, self.monomial(view));
         let mut time = m.scaled(self.h);
         if piece.alpha != 0.0 {
             let z = m.scaled(piece.alpha * self.h);
@@ -119,24 +127,35 @@ impl<S> ForEach<S> for ExponentialFlow<'_, S> {
                 self.failed = view.first();
                 return false;
             }
-            match &piece.roots {
-                Some(roots) if self.state.low.is_empty() => {
-                    let base = view.constant(1.0) - z;
-                    let root = base.inverse_root(roots.q);
-                    for &(place, a, b) in &roots.powers {
-                        let x = view.load(&self.state.x, place as usize);
-                        let x = times_power(times_power(x, base, a), root, b);
-                        view.store(&mut self.state.x, place as usize, x);
-                    }
-                    return true;
-                }
-                _ => time = (view.constant(0.0) - z).ln_1p().scaled(-1.0 / piece.alpha),
-            }
+            time = (view.constant(0.0) - z).ln_1p().scaled(-1.0 / piece.alpha);
         }
         // x *= exp(c t*)
         for &(place, rate) in &piece.rates {
             let exponent = time.scaled(rate);
             multiply(view, self.state.parts(), place as usize, exponent);
+        }
+        true
+    }
+}
+
+/// The flow by roots: a long chain of few operations, whose latency more registers in lock-step hide.
+struct RootFlow<'a, S>(ExponentialFlow<'a, S>, &'a Roots);
+
+impl<S> ForEach<S> for RootFlow<'_, S> {
+    #[inline(always)]
+    fn visit<W: SimdView<Stored = S>>(&mut self, view: W) -> bool {
+        let Self(flow, roots) = self;
+        let z = flow.monomial(view).scaled(flow.piece.alpha * flow.h);
+        if !z.is_below(1.0) {
+            flow.failed = view.first();
+            return false;
+        }
+        let base = view.constant(1.0) - z;
+        let root = base.inverse_root(roots.q);
+        for &(place, a, b) in &roots.powers {
+            let x = view.load(&flow.state.x, place as usize);
+            let x = times_power(times_power(x, base, a), root, b);
+            view.store(&mut flow.state.x, place as usize, x);
         }
         true
     }
@@ -172,10 +191,16 @@ impl<S: Scalar> Kernel<S> for FlowOf<'_, S, &Exponential> {
             state,
             failed,
         };
-        if views.one_narrow(&mut flow) {
+        let (is_made, first) = match &piece.roots {
+            Some(roots) if flow.state.low.is_empty() => {
+                let mut flow = RootFlow(flow, roots);
+                (views.one(&mut flow), flow.0.failed)
+            }
+            _ => (views.one_narrow(&mut flow), flow.failed),
+        };
+        if is_made {
             Ok(())
         } else {
-            let first = flow.failed;
             Err(piece.too_long(h, &self.state.x, first).unwrap_or(first))
         }
     }
