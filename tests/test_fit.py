@@ -197,3 +197,25 @@ def test_too_few_measurements():
         lv.fit(
             SYSTEM, METHOD, {"t": [0.0, 0.1], "x": [1.2, 1.3]}, h=0.05, params=("l", "k"), **START
         )
+
+
+@pytest.mark.parametrize(("length", "stiffness"), [(1e-9, 1.0), (1.0, 1e-12), (1e9, 1e12)])
+def test_units_do_not_matter(length, stiffness):
+    """Without sigma data are nanometres as well, and parameters of any size."""
+    system = lv.Lagrangian(
+        lambda t, q, v, params: v[0] ** 2 / 2 - params.k / stiffness * q[0] ** 2 / 2,
+        q=("x",),
+        params={"k": stiffness},
+    )
+    seen = lv.integrate(system, METHOD, t=(0, 10), steps=100, q=[length], v=[0])
+    noise = 1e-3 * np.random.default_rng(2).standard_normal(seen.q.shape)
+    data = {"t": seen.t, "q": seen.q + length * noise}
+    start = {"q": [1.1 * length], "v": [0]}
+    call = {"h": 0.1, "params": {"k": 1.1 * stiffness}, "bounds": {"k": (0, 2 * stiffness)}}
+    found = lv.fit(system, METHOD, data, free="q", **call, **start)
+    given = lv.fit(system, METHOD, data, free="q", sigma=found.sigma, **call, **start)
+    assert found.params["k"] / stiffness == pytest.approx(1.0001, abs=2e-4)
+    assert found.params["k"] == pytest.approx(given.params["k"], rel=1e-9)
+    np.testing.assert_allclose(found.covariance, given.covariance, rtol=1e-6)
+    assert found.sigma / length == pytest.approx(np.std(noise), rel=0.05)
+    assert np.std(found.residuals) / length == pytest.approx(np.std(noise), rel=0.05)

@@ -184,17 +184,16 @@ class _Problem:
             free = np.full((len(x) - len(self.bounds), 2), (-np.inf, np.inf))
             sides = np.vstack([self.bounds, free]).T
             self.last = self._run(x)  # a failure here is that of the guess
-            self._covariance(self._jacobian(x))
-            found = least_squares(
-                self._residuals, x, jac=self._jacobian, bounds=sides, x_scale="jac",
-                xtol=1e-12, ftol=1e-14, gtol=1e-14,
-            )  # fmt: skip
+            jacobian = self._jacobian(x)
+            self._covariance(jacobian)
+            # each unknown in the unit that moves the states as the others do: tolerances are alike
+            found, at = self._sought(least_squares, x, sides, 1 / self._scales(jacobian))
             if found.status == 0:
                 sentence = f"no fit is found in {self.evaluations} runs"
                 raise ValueError(hinted(sentence, "begin nearer, or fit to a shorter time first"))
-            self._residuals(found.x)
-            covariance = self._covariance(self._jacobian(found.x))
-            moved = found.x[len(self.bounds) :]
+            self._residuals(at)
+            covariance = self._covariance(self._jacobian(at))
+            moved = at[len(self.bounds) :]
             self.params, self.start = self.last.params, self.last.start
             # a step from the start last taken is exact to its first order only
             errors = np.sqrt(np.diagonal(covariance))[len(self.bounds) :]
@@ -210,6 +209,22 @@ class _Problem:
                 break
             self.start = again
         return self._fit(covariance, found.fun)
+
+    def _sought(
+        self, least_squares: Any, x: Array, sides: Array, units: Array
+    ) -> tuple[Any, Array]:
+        """Return what SciPy finds from x with unknowns in these units, and the unknowns."""
+
+        def own(scaled: Array) -> Array:
+            found: Array = np.clip(scaled * units, *sides)
+            return found
+
+        found = least_squares(
+            lambda scaled: self._residuals(own(scaled)), x / units, bounds=sides / units,
+            jac=lambda scaled: self._jacobian(own(scaled)) * units, x_scale="jac",
+            xtol=1e-12, ftol=1e-14, gtol=1e-14,
+        )  # fmt: skip
+        return found, own(found.x)
 
     def _theta(self) -> Array:
         values = [np.ravel(self.params[name]) for name in self.fitted]
@@ -324,8 +339,10 @@ class _Problem:
         sigma, unknowns = None, len(covariance)
         if not self.data.is_absolute:
             left = max(residuals.size - unknowns, 1)
-            sigma = float(np.sqrt(residuals @ residuals / left))
-            covariance = covariance * sigma**2
+            deviation = np.sqrt(residuals @ residuals / left)  # in the unit of the weights
+            covariance = covariance * deviation**2
+            unit = float(self.data.weights[0, 0])
+            sigma, residuals = float(deviation) * unit, residuals * unit
         own, names, places = len(self.bounds), self._names(), self.system.places
         each = [(state, x) for state in self.system.states for x in places[state]]
         rows = [k for k, (state, _) in enumerate(each) if state in self.free]

@@ -50,7 +50,7 @@ class Measurements:
     values : ndarray, shape (k, w)
         Both states side by side, NaN where nothing was measured.
     weights : ndarray, shape (k, w)
-        Standard deviations; 1 where none were given.
+        Standard deviations; where none were given, the root mean square of all that was measured.
     is_there : ndarray of bool, shape (k, w)
         What was measured.
     is_absolute : bool
@@ -125,6 +125,10 @@ class Measurements:
         self.is_there = np.isfinite(self.values)
         if np.isinf(self.values).any() or not self.is_there.any():
             raise ValueError("data are finite numbers, and NaN where nothing was measured")
+        if not self.is_absolute:
+            largest = np.abs(self.values[self.is_there]).max() or 1.0
+            mean = np.mean((self.values[self.is_there] / largest) ** 2)
+            self.weights *= largest * np.sqrt(mean) or 1.0
         sizes = self.weights[self.is_there]
         if not (sizes > 0).all() or not np.isfinite(sizes).all():
             raise ValueError("sigma is positive and finite")
