@@ -247,3 +247,46 @@ def test_controlled_steps_end_where_two_slips_reverse_together():
     assert two.stats["steps"] == one.stats["steps"]
     assert np.abs(two.q[-1] - one.q[-1]).max() < 1e-7  # 4e-5 without switches
     assert sorted(flat.system().switch_tapes) == [f"slip {k} v_s of J" for k in (1, 3, 8)]
+
+
+@pytest.mark.parametrize(("mass", "length", "time"), [(1e-9, 1.0, 1.0), (1e6, 1e3, 10.0)])
+def test_small_and_large_blocks_slide_as_others(mass, length, time):
+    fall = 9.81 * length / time**2
+    m = lv.bodies.Assembly(gravity=(0, 0, -fall))
+    inertia = (1e-7 * mass * length**2,) * 3
+    m.body("block", mass=mass, inertia=inertia, at=(0, 0, 0))
+    dry = Coulomb(mu=0.2, v_s=1e-4 * length / time)
+    m.prismatic("J", m.ground, "block", axis=(1, 0, 0), friction=dry)
+    speed = 0.01 * length / time
+    solution = run(m, {"J": speed}, t=1e-4 * time, h=1e-5 * time)
+    joint = solution.joint("J")
+    assert joint.rate[-1] == pytest.approx(speed - 0.2 * fall * 1e-4 * time, rel=1e-9)
+    assert joint.effort == pytest.approx(-0.2 * mass * fall, rel=1e-9)
+
+
+@pytest.mark.parametrize(("mu", "jams"), [(0.7, False), (1.3, True)])
+def test_near_jamming_the_law_holds_or_the_run_ends(mu, jams):
+    dry, pin = Coulomb(mu=mu, v_s=0.01, radius=0.05), {"axis": (0, 0, 1)}
+    crank = 0.1 * np.array([np.cos(1.6), np.sin(1.6)])
+    tilt = np.arcsin(crank[1] / 0.35)
+    end = crank[0] + 0.35 * np.cos(tilt)
+    m = lv.bodies.Assembly(gravity=(0, -g, 0))
+    m.planar_body("c", mass=1.2, inertia=0.001, at=crank / 2, angle=1.6)
+    middle = ((crank[0] + end) / 2, crank[1] / 2)
+    m.planar_body("d", mass=0.8, inertia=0.008167, at=middle, angle=-tilt)
+    m.planar_body("s", mass=0.5, inertia=0.01, at=(end, 0))
+    motor = {"torque": lambda t, angle, rate, params: 3.0}
+    m.revolute("O", m.ground, "c", at=(0, 0, 0), friction=dry, **pin, **motor)
+    m.revolute("P", "c", "d", at=(*crank, 0), friction=dry, **pin)
+    m.revolute("Q", "d", "s", at=(end, 0, 0), friction=dry, **pin)
+    slide = Coulomb(mu=mu, v_s=0.01)
+    m.prismatic("S", m.ground, "s", axis=(1, 0, 0), friction=slide)
+    if jams:
+        with pytest.raises(lv.IntegrationError, match="'Q' and 'S' may jam there") as failed:
+            run(m, {"O": 3.0}, t=0.25, h=0.0005, stages=2)
+        solution = failed.value.solution
+    else:
+        solution = run(m, {"O": 3.0}, t=0.25, h=0.0005, stages=2)
+    joint = solution.joint("Q")
+    wanted = -mu * 0.05 * np.linalg.norm(joint.force, axis=1) * np.tanh(0.05 * joint.rate / 0.01)
+    assert np.abs(joint.effort - wanted).max() < 1e-11 * np.abs(wanted).max()

@@ -9,8 +9,9 @@ all forces, friction among them, they solve
 
 where the normal force :math:`N_j = |E_j \lambda|` is a length of the joint's own multipliers. So
 :math:`\lambda` is affine in the :math:`N_j`, and these are found from :math:`(t, q, v)` alone: the
-one of a single joint by a quadratic equation, several one after another in turn. Friction is then
-a force as any other: it keeps the order of a method and its constraints.
+one of a single joint by a quadratic equation, several one after another in turn, and then all by
+Newton's method. Friction is then a force as any other: it keeps the order of a method and its
+constraints.
 """
 
 from __future__ import annotations
@@ -19,15 +20,17 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from liouville import _casadi as ca
 from liouville.bodies.body import Value, column, given
 from liouville.bodies.compound import Compound
 from liouville.bodies.joints import ALONG, AT, SPINS, Group, Joint
 from liouville.errors import hinted
-from liouville.systems._derivatives import jacobian, solve
 
-#: Normal forces of several slips are found in turn, this many times.
-TURNS = 16
+#: Normal forces are rounded off below these parts of a body's weight, and of what turns it on a
+#: path of the joint's size at the velocity v_s.
+OF_WEIGHT, OF_TURNING = 1e-7, 1e-4
 #: The slip of several coordinates is rounded off below this part of the velocity v_s.
 ROUNDED = 1e-4
 
@@ -75,8 +78,10 @@ class Coulomb:
         The velocity below which friction is smoothed, above zero.
     radius : float or callable, optional
         Of the pin or ball, for joints that turn.
-    force_s : float or callable, default 1e-6
-        Normal forces are rounded off below this: :math:`N = \sqrt{|n|^2 + f_s^2}`.
+    force_s : float or callable, optional
+        Normal forces are rounded off below this: :math:`N = \sqrt{|n|^2 + f_s^2}`. By default
+        :math:`f_s^2 = m^2 ((10^{-7} g)^2 + (10^{-4} v_s^2 / L)^2)` with the mass m of the lighter
+        body, gravity g, and the size L of the joint: radius, and distance of its bodies as drawn.
 
     Raises
     ------
@@ -91,7 +96,7 @@ class Coulomb:
     mu: Value
     v_s: Value
     radius: Value | None = None
-    force_s: Value = 1e-6
+    force_s: Value | None = None
 
     def __post_init__(self) -> None:
         """Refuse what is no friction."""
@@ -242,7 +247,7 @@ class Contact:
     press : SX
         The matrix from multipliers to what presses, one row a direction.
     least : SX
-        Normal forces are rounded off below this.
+        The square of what normal forces are rounded off below.
     """
 
     name: str
@@ -253,7 +258,11 @@ class Contact:
 
 
 def contacts(
-    group: Group, k: int, rows: Sequence[str], coordinates: Mapping[tuple[str, str], Any]
+    group: Group,
+    k: int,
+    rows: Sequence[str],
+    coordinates: Mapping[tuple[str, str], Any],
+    gravity: ca.SX,
 ) -> list[Contact]:
     """Return the slips of joint k of a group, of a system with constraints named `rows`."""
     joint: Joint = group.items[k]
@@ -268,9 +277,27 @@ def contacts(
         press = ca.SX(directions.shape[0], len(rows))
         for j in own:
             press[:, rows.index(f"{joint.name}.{pressing[j]}")] = directions[:, j]
-        least = column(friction.force_s, params, 1)
+        least = _least(joint, friction, gravity, params)
         efforts = dict(zip(names, forces, strict=True))
         found.append(Contact(joint.name, efforts, rates, press, least))
+    return found
+
+
+def _least(joint: Joint, friction: Coulomb, gravity: ca.SX, params: Any) -> ca.SX:
+    """Return the square of what normal forces are rounded off below."""
+    if friction.force_s is not None:
+        return column(friction.force_s, params, 1) ** 2
+    masses = [column(x.mass, params, 1) for x in (joint.a, joint.b) if x.kind != "ground"]
+    mass = masses[0] if len(masses) == 1 else ca.fmin(*masses)
+    v_s, places = column(friction.v_s, params, 1), (joint.a.at, joint.b.at, *joint.points)
+    spread = np.array([x for x in places if not callable(x)] or [np.zeros(3)])
+    size = ca.SX(float(np.ptp(spread, axis=0).max()))
+    if friction.radius is not None:
+        size = size + column(friction.radius, params, 1)
+    elif size.is_zero():
+        size = ca.SX(1)
+    turning = OF_TURNING * v_s**2 / size
+    found: ca.SX = mass**2 * (OF_WEIGHT**2 * ca.sumsqr(gravity) + turning**2)
     return found
 
 
@@ -306,62 +333,3 @@ def _pressing(
         return (*ALONG, "thread"), ca.diag(ca.vertcat(1, 1, steep))
     pressing = {"spherical": AT, "planar": ("off_z",)}.get(joint.kind, ALONG)
     return pressing, ca.SX.eye(len(pressing))
-
-
-def normal_forces(
-    contacts: Sequence[Contact],
-    mass: ca.SX,
-    force: ca.SX,
-    slopes: ca.SX,
-    gamma: ca.SX,
-    v: ca.SX,
-) -> list[ca.SX]:
-    r"""Return the normal forces of contacts, of M a + G^T lam = F + friction and G a = -gamma.
-
-    With S = G M^-1 G^T the multipliers are :math:`\lambda_0 + \sum_j N_j \Lambda_j`, where
-    :math:`S \lambda_0 = G M^{-1} F + \gamma` and :math:`S \Lambda_j = G M^{-1} d_j`.
-    """
-    pushes = [
-        ca.jtimes(ca.vertcat(*x.rates), v, ca.vertcat(*x.forces.values()), True) for x in contacts
-    ]
-    weighted = solve(mass, slopes.T)  # M^-1 G^T
-    right = ca.mtimes(weighted.T, ca.horzcat(force, *pushes))
-    right[:, 0] += gamma
-    parts = ca.horzsplit(ca.ldl_solve(right, *ca.ldl(ca.mtimes(slopes, weighted))))
-    found = [ca.SX(0)] * len(contacts)
-    for _ in range(1 if len(contacts) == 1 else TURNS):
-        for k, x in enumerate(contacts):
-            others = [
-                N * own for j, (N, own) in enumerate(zip(found, parts[1:], strict=True)) if j != k
-            ]
-            found[k] = _root(x, sum(others, parts[0]), parts[1 + k])
-    return found
-
-
-def _root(x: Contact, rest: ca.SX, own: ca.SX) -> ca.SX:
-    """Return the N > 0 of N^2 = |E (rest + N own)|^2 + least^2, nan where friction can jam."""
-    pressed, more = ca.mtimes(x.press, rest), ca.mtimes(x.press, own)
-    scale = ca.sqrt(1 - ca.dot(more, more))
-    half = ca.dot(pressed, more) / scale
-    found: ca.SX = (half + ca.sqrt(half**2 + ca.dot(pressed, pressed) + x.least**2)) / scale
-    return found
-
-
-def multipliers(
-    energy: ca.SX, force: ca.SX, g: ca.SX, k: ca.SX, at: tuple[ca.SX, ca.SX, ca.SX]
-) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
-    """Return M, F, G and gamma of a Lagrangian, its forces and its constraints at (t, q, v)."""
-    t, q, v = at
-
-    def rate(x: ca.SX) -> ca.SX:
-        return ca.jtimes(x, ca.vertcat(t, q), ca.vertcat(1, v))
-
-    p = ca.gradient(energy, v)
-    w = rate(g)
-    slopes = ca.vertcat(jacobian(g, q), jacobian(k, v))
-    return (
-        jacobian(p, v),
-        ca.gradient(energy, q) + force - rate(p),
-        slopes,
-        ca.vertcat(rate(w), rate(k)),
-    )

@@ -15,8 +15,9 @@ from liouville.bodies.body import Body, Layout, Value, column, inertia_matrix, r
 from liouville.bodies.chaining import Coupling
 from liouville.bodies.compound import grouped, rotors
 from liouville.bodies.elements import Efforts, Element, of_elements, of_joints
-from liouville.bodies.friction import contacts, edge, multipliers, normal_forces, switches
+from liouville.bodies.friction import contacts, edge, switches
 from liouville.bodies.joints import KINDS, MOTION, Joint, drawn
+from liouville.bodies.normal_forces import multipliers, normal_forces
 from liouville.bodies.poses import Poses, kinetic
 from liouville.bodies.rolling import rolled
 
@@ -170,11 +171,12 @@ class Model:
         rolling = self.nonholonomic(t, q, v, params)
         g, k = (ca.vertcat(ca.SX(0, 1), *x.values()) for x in (holonomic, rolling))
         mass, rest, slopes, gamma = multipliers(self.energy, force, g, k, (t, q, v))
+        gravity = column(self.gravity, params, 3)
         slips = [
             own
             for group in self.groups
             for j in range(len(group.items))
-            for own in contacts(group, j, [*holonomic, *rolling], self.coordinates)
+            for own in contacts(group, j, [*holonomic, *rolling], self.coordinates, gravity)
         ]
         normal = normal_forces(slips, mass, rest, slopes, gamma, v)
         for x, N in zip(slips, normal, strict=True):

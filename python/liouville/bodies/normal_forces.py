@@ -1,0 +1,132 @@
+"""Normal forces of joints with friction, from where a mechanism is and how it moves.
+
+They are those of :mod:`~liouville.bodies.friction`: of a single slip the root of a quadratic
+equation; of several such roots one after another in turn, and then Newton's method.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from liouville import _casadi as ca
+from liouville.bodies.friction import Contact
+from liouville.systems._derivatives import jacobian, solve
+
+#: Normal forces of several slips are found in turn, this many times, then by so many corrections
+#: of Newton's method; they are found where these leave no more than this part of them.
+TURNS, CORRECTIONS, FOUND = 4, 6, 1e-9
+
+
+def normal_forces(
+    contacts: Sequence[Contact],
+    mass: ca.SX,
+    force: ca.SX,
+    slopes: ca.SX,
+    gamma: ca.SX,
+    v: ca.SX,
+) -> list[ca.SX]:
+    r"""Return the normal forces of contacts, of M a + G^T lam = F + friction and G a = -gamma.
+
+    With S = G M^-1 G^T the multipliers are :math:`\lambda_0 + \sum_j N_j \Lambda_j`, where
+    :math:`S \lambda_0 = G M^{-1} F + \gamma` and :math:`S \Lambda_j = G M^{-1} d_j`.
+    """
+    pushes = [
+        ca.jtimes(ca.vertcat(*x.rates), v, ca.vertcat(*x.forces.values()), True) for x in contacts
+    ]
+    weighted = solve(mass, slopes.T)  # M^-1 G^T
+    right = ca.mtimes(weighted.T, ca.horzcat(force, *pushes))
+    right[:, 0] += gamma
+    parts = ca.horzsplit(ca.ldl_solve(right, *ca.ldl(ca.mtimes(slopes, weighted))))
+    # what presses contact i is pressed[i] + sum_j N_j more[i][j]
+    pressed = [ca.mtimes(x.press, parts[0]) for x in contacts]
+    more = [[ca.mtimes(x.press, own) for own in parts[1:]] for x in contacts]
+    found = [ca.SX(0)] * len(contacts)
+    for _ in range(1 if len(contacts) == 1 else TURNS):
+        for k, x in enumerate(contacts):
+            others = [
+                N * way for j, (N, way) in enumerate(zip(found, more[k], strict=True)) if j != k
+            ]
+            found[k] = _root(sum(others, pressed[k]), more[k][k], x.least)
+    return found if len(contacts) == 1 else _corrected(found, contacts, pressed, more)
+
+
+def _root(pressed: ca.SX, more: ca.SX, least: ca.SX) -> ca.SX:
+    """Return the N > 0 of N^2 = |pressed + N more|^2 + least, nan where friction can jam."""
+    scale = ca.sqrt(1 - ca.dot(more, more))
+    half = ca.dot(pressed, more) / scale
+    found: ca.SX = (half + ca.sqrt(half**2 + ca.dot(pressed, pressed) + least)) / scale
+    return found
+
+
+def _corrected(
+    found: list[ca.SX],
+    contacts: Sequence[Contact],
+    pressed: Sequence[ca.SX],
+    more: Sequence[Sequence[ca.SX]],
+) -> list[ca.SX]:
+    """Return normal forces by Newton's method, nan where it finds none: there friction jams."""
+
+    def pressing() -> tuple[list[ca.SX], list[ca.SX]]:
+        all_of = [
+            sum((N * way for N, way in zip(found, ways, strict=True)), own)
+            for own, ways in zip(pressed, more, strict=True)
+        ]
+        sizes = [
+            ca.sqrt(ca.dot(own, own) + x.least) for own, x in zip(all_of, contacts, strict=True)
+        ]
+        return all_of, sizes
+
+    pivots: list[ca.SX] = []
+    for _ in range(CORRECTIONS):
+        all_of, sizes = pressing()
+        matrix = [
+            [float(i == j) - ca.dot(own, way) / size for j, way in enumerate(ways)]
+            for i, (own, size, ways) in enumerate(zip(all_of, sizes, more, strict=True))
+        ]
+        off = [size - N for size, N in zip(sizes, found, strict=True)]
+        steps, pivots = _eliminated(matrix, off)
+        found = [N + step for N, step in zip(found, steps, strict=True)]
+    _, sizes = pressing()
+    left = sum((size - N) ** 2 for size, N in zip(sizes, found, strict=True))
+    are_found = left <= FOUND**2 * sum(size**2 for size in sizes)
+    for pivot in pivots:  # else these are forces of another branch
+        are_found = ca.logic_and(are_found, pivot > 0)
+    one = ca.sqrt(ca.if_else(are_found, 1, -1))
+    return [N * one for N in found]
+
+
+def _eliminated(matrix: list[list[ca.SX]], right: list[ca.SX]) -> tuple[list[ca.SX], list[ca.SX]]:
+    """Solve linear equations by Gauss's elimination; returns the pivots too."""
+    n, rows = len(right), [[*row, own] for row, own in zip(matrix, right, strict=True)]
+    for k in range(n):
+        for i in range(k + 1, n):
+            factor = rows[i][k] / rows[k][k]
+            rows[i] = [
+                x - factor * y if j > k else x
+                for j, (x, y) in enumerate(zip(rows[i], rows[k], strict=True))
+            ]
+    found: list[ca.SX] = [ca.SX(0)] * n
+    for k in reversed(range(n)):
+        known = sum(rows[k][j] * found[j] for j in range(k + 1, n))
+        found[k] = (rows[k][n] - known) / rows[k][k]
+    return found, [rows[k][k] for k in range(n)]
+
+
+def multipliers(
+    energy: ca.SX, force: ca.SX, g: ca.SX, k: ca.SX, at: tuple[ca.SX, ca.SX, ca.SX]
+) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
+    """Return M, F, G and gamma of a Lagrangian, its forces and its constraints at (t, q, v)."""
+    t, q, v = at
+
+    def rate(x: ca.SX) -> ca.SX:
+        return ca.jtimes(x, ca.vertcat(t, q), ca.vertcat(1, v))
+
+    p = ca.gradient(energy, v)
+    w = rate(g)
+    slopes = ca.vertcat(jacobian(g, q), jacobian(k, v))
+    return (
+        jacobian(p, v),
+        ca.gradient(energy, q) + force - rate(p),
+        slopes,
+        ca.vertcat(rate(w), rate(k)),
+    )
