@@ -42,8 +42,11 @@ def test_a_table_is_the_cubic_spline_and_goes_on_straight(ends):
 def test_a_periodic_table_repeats_itself_smoothly():
     x = np.linspace(0, 1, 17)
     y = np.sin(2 * np.pi * x)
-    y[-1] = y[0]
+    assert y[-1] != y[0]  # roundoff
     spline = lv.table(x, y, "periodic")
+    assert spline.y[-1] == spline.y[0]
+    with pytest.raises(ValueError, match="begins with 0 and ends with 1e-12"):
+        lv.table(x, np.append(y[:-1], 1e-12), "periodic")
     at = np.array([-2.3, 0.0, 0.7, 5.7])
     assert spline(at) == pytest.approx(np.sin(2 * np.pi * at), abs=1e-4)
     left, right = derivatives(spline, [1 - 1e-9, 1 + 1e-9])

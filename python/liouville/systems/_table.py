@@ -17,6 +17,8 @@ Array = NDArray[np.float64]
 
 #: The fewest points, by what holds at the ends.
 FEWEST = {"natural": 2, "not-a-knot": 4, "periodic": 3}
+#: The ends of a periodic table are the same but for this part of its largest value, roundoff.
+SAME = 1e-13
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -109,7 +111,8 @@ def table(x: ArrayLike, y: ArrayLike, ends: str = "natural") -> Table:
     ends : {"natural", "not-a-knot", "periodic"}
         A natural spline has no curvature at its ends, and its error there is of order 2. One with
         "not-a-knot" has order 4 up to the ends, goes on straight beyond them too, and has a jump
-        of its curvature there. A periodic one repeats itself, its last value is the first.
+        of its curvature there. A periodic one repeats itself; its last value is the first,
+        but for roundoff.
 
     Returns
     -------
@@ -147,9 +150,12 @@ def table(x: ArrayLike, y: ArrayLike, ends: str = "natural") -> Table:
         k = int(np.argmin(np.diff(at) > 0))
         sentence = f"x of a table increases: x[{k}] = {at[k]:g} is followed by {at[k + 1]:g}"
         raise ValueError(hinted(sentence, "sort both by x, and leave repeated points out"))
-    if ends == "periodic" and values[0] != values[-1]:
-        sentence = f"a periodic table begins with {values[0]:g} and ends with {values[-1]:g}"
-        raise ValueError(hinted(sentence, "its last point is the first one, a period later"))
+    if ends == "periodic":
+        if abs(values[0] - values[-1]) > SAME * np.abs(values).max():
+            sentence = f"a periodic table begins with {values[0]:g} and ends with {values[-1]:g}"
+            raise ValueError(hinted(sentence, "its last point is the first one, a period later"))
+        values = np.append(values[:-1], values[0])
+        values.setflags(write=False)
     return _spline(at, values, ends)
 
 
