@@ -147,3 +147,18 @@ def test_functions_of_joints_are_refused_by_name():
         m.revolute("A", m.ground, "plate", **AT, axis=(1, 0, 0))
     with pytest.raises(ValueError, match="the assembly has no bodies"):
         lv.bodies.Assembly().system()
+
+
+def test_runs_refuse_parameters_that_make_no_body():
+    m = lv.bodies.Assembly(gravity=G)
+    m.body("a", mass=lambda p: p.m, inertia=lambda p: [p.J, 1, 1], at=(0, 0, -1))
+    m.spherical("A", m.ground, "a", at=(0, 0, 0))
+    system = m.system(params={"m": 1.0, "J": 1.0})
+    call = {"t": (0, 1), "h": 0.1, **m.start()}
+    with pytest.raises(ValueError, match="mass of body 'a' is -1, and wants to be positive"):
+        lv.integrate(system, lv.Spark(2), params={"m": -1.0}, **call)
+    with pytest.raises(ValueError, match="member 1: inertia of body 'a' is that of no body"):
+        lv.ensemble(system, lv.Spark(2), params={"J": [1.0, 3.0]}, **call)
+    with pytest.raises(ValueError, match="member 0: parameter 'm' is not finite"):
+        lv.ensemble(system, lv.Spark(2), params={"m": [np.nan, 1.0]}, **call)
+    assert lv.integrate(system, lv.Spark(2), params={"m": 2.0, "J": 0.5}, **call).status == "done"

@@ -369,3 +369,25 @@ def test_restitution_may_depend_on_the_state():
     law = lv.Impact(lambda t, q, v, lam, params: 1 / (1 + ca.fabs(v[0])))
     run = drop(lv.Spark(2), (0, 3), {"ground": lv.Event(height, "down", reset=law)})
     np.testing.assert_allclose(run.events["ground"].v_after[:2, 0], [1 / 2, 1 / 3], rtol=1e-12)
+
+
+def test_a_reset_may_give_some_entries_by_coordinate_and_the_balance_names_its_work():
+    point = lv.Lagrangian(
+        lambda t, q, v, params: (v[0] ** 2 + v[1] ** 2) / 2 - 9.81 * q[1], q=("x", "y")
+    )
+    law = lv.Event(
+        lambda t, q, v, lam, params: q[1],
+        "down",
+        reset=lambda t, q, v, lam, params: {"v": {"y": -v[1] / 2}},
+    )
+    call = {"t": (0, 1), "h": 0.05, "q": [0, 1], "v": [2.0, 0]}
+    run = lv.integrate(point, lv.Spark(2), events={"ground": law}, **call)
+    hits = run.events["ground"]
+    assert hits.v_after == pytest.approx(hits.v * [1, -0.5], abs=1e-12)
+    balance = lv.power_balance(run)
+    lost = -0.75 * (hits.v[:, 1] ** 2).sum() / 2
+    assert balance.work["impacts"][[0, -1]] == pytest.approx([0, lost], abs=1e-12)
+    assert np.abs(balance.defect).max() < 1e-11
+    wrong = lv.Event(law.function, reset=lambda t, q, v, lam, params: {"v": {"z": 0.0}})
+    with pytest.raises(ValueError, match="'v' has a value for 'z', which is no coordinate"):
+        lv.integrate(point, lv.Spark(2), events={"ground": wrong}, **call)

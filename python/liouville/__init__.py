@@ -3,6 +3,7 @@
 import typing as _typing
 from importlib import import_module as _import_module
 
+from liouville._core import VERSION as _VERSION
 from liouville.control import Adaptive as Adaptive
 from liouville.control import Reversible as Reversible
 from liouville.determinant import determinant as determinant
@@ -46,6 +47,8 @@ from liouville.systems import SpinChain as SpinChain
 from liouville.systems import SpinSystem as SpinSystem
 from liouville.systems import Structure as Structure
 from liouville.tangents import Tangent as Tangent
+
+__version__ = _VERSION
 
 if _typing.TYPE_CHECKING:
     from liouville import analysis as analysis

@@ -97,9 +97,9 @@ class Event:
         The state after the event, with which the run goes on: an :class:`Impact`, or a function of
         the same arguments that returns the velocities after it (``p`` of a ``Hamiltonian``, ``z``
         of a ``Mechanical``, ``y`` of a ``SemiExplicit``), or a mapping of states, such as
-        ``{"q": ..., "v": ...}``. This state is moved onto the constraints, as
-        ``system.consistent`` moves a start, by impulses in the velocities. ``solution.events`` has
-        both states: ``q`` and ``v`` before, ``q_after`` and ``v_after``.
+        ``{"q": ..., "v": ...}``, each whole or some entries by coordinate. This state is moved onto
+        the constraints, as ``system.consistent`` moves a start, by impulses in the velocities.
+        ``solution.events`` has both states: ``q`` and ``v`` before, ``q_after`` and ``v_after``.
 
     Raises
     ------

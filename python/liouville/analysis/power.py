@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from liouville.analysis.point import mechanical
 from liouville.errors import hinted
+from liouville.events import AFTER
 from liouville.parts import system_of
 from liouville.solution import Solution
 from liouville.systems import Mechanics
@@ -27,6 +28,7 @@ class PowerBalance:
 
     The names are "forces", which have no potential, with what the energy changes by its own
     dependence on time; "constraints" that move or roll; and "damping" by the matrix of a Structure.
+    What resets of events change the energy by is the work of "impacts", without a power.
 
     Attributes
     ----------
@@ -102,7 +104,11 @@ def power_balance(solution: Solution) -> PowerBalance:
         for name, x in between.items()
     }
     energy = solution.invariants["energy"]
+    jumps = _jumps(system, values, solution)
     kept = {name for name, x in between.items() if x.any() or at_steps[name].any()}
+    if jumps is not None:
+        work["impacts"] = jumps
+        kept.add("impacts")
     defect = energy - energy[0] - sum(work.values())
     return PowerBalance(
         solution.t,
@@ -111,6 +117,36 @@ def power_balance(solution: Solution) -> PowerBalance:
         {name: x for name, x in work.items() if name in kept},
         defect,
     )
+
+
+def _jumps(system: Mechanics, values: Array, solution: Solution) -> Array | None:
+    """Return what resets have changed the energy by until each step; None if there are none."""
+    observer, widths = system.observer(None, states=False)
+    place = sum([*widths.values()][: [*widths].index("invariant energy")])
+    times, changes = [np.empty(0)], [np.empty(0)]
+    for points in solution.events.values():
+        sides = [[f"{name}{end}" for name in system.states] for end in ("", AFTER)]
+        if sides[1][0] not in points.states:
+            continue
+        before, after = (
+            observer.map(
+                values,
+                [
+                    np.ascontiguousarray(x)
+                    for x in (points.t[:, None], *(points.states[name] for name in names))
+                ],
+            )[:, place]
+            for names in sides
+        )
+        times.append(points.t)
+        changes.append(after - before)
+    if len(times) == 1:
+        return None
+    at, change = np.concatenate(times), np.concatenate(changes)
+    way = np.sign(solution.t[-1] - solution.t[0])
+    # a record at the time of an event is that after its reset
+    found: Array = (way * (solution.t[:, None] - at) >= 0) @ change
+    return found
 
 
 def _powers(

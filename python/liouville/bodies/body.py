@@ -130,20 +130,29 @@ def evaluated(what: str, value: Value, params: Any, size: int) -> NDArray[np.flo
 def check_mass(body: Body, params: Any) -> None:
     """Refuse a mass or an inertia that no body has."""
     mass = evaluated(f"mass of body '{body.name}'", body.mass, params, 1)[0]
-    if not mass > 0:
-        raise ValueError(f"mass of body '{body.name}' is {mass:g}, and wants to be positive")
-    if body.kind == "point":
-        return
     what = f"inertia of body '{body.name}'"
-    if body.kind == "planar":
-        moment = evaluated(what, body.inertia, params, 1)[0]
-        if not moment > 0:
-            raise ValueError(f"{what} is {moment:g}, and wants to be positive")
-        return
-    if callable(body.inertia):
+    if body.kind == "point":
+        entries = np.empty((0, 0))
+    elif body.kind == "planar":
+        entries = np.full((3, 3), evaluated(what, body.inertia, params, 1)[0])
+    elif callable(body.inertia):
         entries = np.array(ca.DM(ca.evalf(inertia_matrix(body, params))))
     else:
         entries = body.inertia if body.inertia.ndim == 2 else np.diag(body.inertia)
+    check_numbers(body.name, body.kind, mass, entries)
+
+
+def check_numbers(name: str, kind: str, mass: float, entries: NDArray[np.float64]) -> None:
+    """Refuse a mass, or entries of an inertia, that no body has; a planar one has its moment."""
+    if not mass > 0:
+        raise ValueError(f"mass of body '{name}' is {mass:g}, and wants to be positive")
+    if kind == "point":
+        return
+    what = f"inertia of body '{name}'"
+    if kind == "planar":
+        if not entries[0, 0] > 0:
+            raise ValueError(f"{what} is {entries[0, 0]:g}, and wants to be positive")
+        return
     if not np.isfinite(entries).all():
         raise ValueError(f"{what} is not finite")
     if not np.allclose(entries, entries.T, rtol=1e-9, atol=0):

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from liouville import _core
 from liouville.bodies import turns
-from liouville.bodies.body import Body, Layout, Value
+from liouville.bodies.body import Body, Layout, Value, check_numbers
 from liouville.bodies.chaining import Coupling
 from liouville.bodies.elements import Element
 from liouville.bodies.joints import Joint
@@ -71,7 +71,25 @@ class Mechanism(Lagrangian):
         self._springs = model.springs()
         self._outputs = Expressions(self._symbols, model.outputs())
         self._output_tapes: dict[str, _core.Tape] = {}
+        self._varying = tuple(
+            k for k, body in enumerate(bodies) if callable(body.mass) or callable(body.inertia)
+        )
         self.rubbing = tuple(joint.name for joint in joints if joint.friction)
+
+    def values(self, params: Mapping[str, ArrayLike] | None) -> Array:
+        """Return the parameter vector with changes; ValueError where a body has no such mass."""
+        found = super().values(params)
+        # None while the system is made
+        varying = self.__dict__.get("_varying") if params else None
+        if varying:
+            still = np.zeros(len(self.coordinates))
+            masses, inertias = (
+                self.output(name, found, 0.0, still, still)[0] for name in ("masses", "inertias")
+            )
+            kinds, inertias = self._body_layout.kinds, inertias.reshape(-1, 3, 3)
+            for k in varying:
+                check_numbers(self.bodies[k], kinds[k], masses[k], inertias[k])
+        return found
 
     def output(self, name: str, params: NDArray[np.float64], *at: ArrayLike) -> NDArray[np.float64]:
         """Return what :meth:`Model.outputs` names at (t, q, v)."""

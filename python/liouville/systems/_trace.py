@@ -214,10 +214,14 @@ def _sized(what: str, expression: ca.SX, args: Args, size: int | None) -> ca.SX:
 
 def placed(what: str, function: Callable[..., Any], args: Args, places: tuple[str, ...]) -> ca.SX:
     """Call a function and return one expression a place: of a column, or a mapping of some."""
-    value = _call(what, function, args)
+    return _placed(what, _call(what, function, args), args, ca.SX(len(places), 1), places)
+
+
+def _placed(what: str, value: Any, args: Args, others: ca.SX, places: tuple[str, ...]) -> ca.SX:
+    """Return one expression a place, with the others where a mapping has none."""
     if not isinstance(value, Mapping):
         return _sized(what, _column(what, value), args, len(places))
-    expression = ca.SX(len(places), 1)
+    expression = ca.SX(others)
     index = {name: k for k, name in enumerate(places)}
     for name, part in mapping(what, value).items():
         if name not in index:
@@ -227,7 +231,11 @@ def placed(what: str, function: Callable[..., Any], args: Args, places: tuple[st
 
 
 def replaced(
-    what: str, function: Callable[..., Any], args: Args, states: Mapping[str, ca.SX]
+    what: str,
+    function: Callable[..., Any],
+    args: Args,
+    states: Mapping[str, ca.SX],
+    places: Mapping[str, tuple[str, ...]],
 ) -> list[ca.SX]:
     """Call a function and return states that it replaces: the last, or those of a mapping."""
     value = _call(what, function, args)
@@ -238,7 +246,7 @@ def replaced(
         if name not in states:
             raise ValueError(f"{what} gives '{name}', which is none of {', '.join(states)}")
         which = f"{what} '{name}'"
-        found[name] = _sized(which, _column(which, part), args, states[name].numel())
+        found[name] = _placed(which, part, args, states[name], places[name])
     return [*found.values()]
 
 
@@ -258,7 +266,7 @@ def _call(what: str, function: Callable[..., Any], args: Args) -> Any:
     if not callable(function):
         raise TypeError(f"{what} is a function, not {function!r}")
     *symbols, params = args.values()
-    _check_signature(what, function, args)
+    check_signature(what, function, args)
     try:
         with warnings.catch_warnings():  # np.sin of symbols is theirs, whatever CasADi will do
             warnings.filterwarnings("ignore", r"\s*casadi: a numpy function", FutureWarning)
@@ -284,7 +292,7 @@ def _is_inner(error: Exception) -> bool:
     return any(x.filename == __file__ and x.name != "__getattr__" for x in inner)
 
 
-def _check_signature(what: str, function: Callable[..., Any], args: Args) -> None:
+def check_signature(what: str, function: Callable[..., Any], args: Args) -> None:
     """Refuse a function that does not take these arguments, one after another."""
     try:
         signature = inspect.signature(function)

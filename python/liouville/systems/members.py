@@ -79,7 +79,10 @@ def parameters(
         return values(shared)[None], {}
     rows = []
     for member in range(min(len(x) for x in own.values())):
-        rows.append(values({**shared, **{name: x[member] for name, x in own.items()}}))
+        try:
+            rows.append(values({**shared, **{name: x[member] for name, x in own.items()}}))
+        except ValueError as error:
+            raise ValueError(f"member {member}: {error}") from None
     width = values(shared).size
     return np.array(rows).reshape(-1, width), {name: len(x) for name, x in own.items()}
 

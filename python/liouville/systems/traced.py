@@ -250,8 +250,8 @@ class TracedSystem(Pickled, ABC):
         if isinstance(event.reset, Impact):
             has_rate = not ca.depends_on(value, ca.vertcat(s.z, lam))
             return value, self._impact(what, value, event.reset, has_rate=has_rate)
-        args = self._args_of_events
-        law = _trace.replaced(f"the reset of {what}", event.reset, args, self._replaceable)
+        args, own = self._args_of_events, (self._replaceable, self.places)
+        law = _trace.replaced(f"the reset of {what}", event.reset, args, *own)
         return value, law + [s.z] * (len(law) == 1)
 
     def _impact(self, what: str, value: ca.SX, impact: Impact, has_rate: bool) -> list[ca.SX]:
