@@ -288,3 +288,45 @@ def test_what_is_redundant_in_a_large_system_is_found():
     system = lv.Lagrangian(kinetic, constraint, q=2 * links)
     q = np.stack([np.arange(links) + 1.0, np.zeros(links)], 1).ravel()
     assert redundant(system, 0.0, q, np.zeros(2 * links), np.empty(0)) == (links,)
+
+
+@pytest.mark.parametrize(("size", "away"), [(1.0, 3e3), (1e6, 0.0), (1e8, 0.0), (1e-8, 0.0)])
+def test_neither_units_nor_the_origin_make_constraints_redundant(size, away):
+    """A four-bar of 1 m, 3 km from the origin or in other units: the same motion."""
+
+    def swung(size, away):
+        m, origin = lv.bodies.Assembly(gravity=(0, -9.81 * size, 0)), np.array([away, away, 0.0])
+        corners = np.array([(0, 0), (0, 0.5), (0.9, 0.9), (1.1, 0)])
+        corners = size * (np.column_stack([corners, np.zeros(4)]) + origin)
+        bars = (("crank", 0, 1, 1.0), ("coupler", 1, 2, 2.0), ("rocker", 3, 2, 1.8))
+        for name, start, end, mass in bars:
+            along = corners[end] - corners[start]
+            length, turn = np.linalg.norm(along), np.arctan2(along[1], along[0])
+            m.body(
+                name,
+                mass=mass,
+                inertia=mass * np.array([0.01 * size**2, length**2 / 12, length**2 / 12]),
+                at=(corners[start] + corners[end]) / 2,
+                rotation=(np.cos(turn / 2), 0, 0, np.sin(turn / 2)),
+            )
+        pairs = ((m.ground, "crank"), ("crank", "coupler"), ("coupler", "rocker"))
+        for name, pair, at in zip("ABCD", (*pairs, (m.ground, "rocker")), corners, strict=True):
+            m.revolute(name, *pair, at=at, axis=(0, 0, 1))
+        run = lv.integrate(m.system(), lv.Spark(3), t=(0, 0.1), h=0.01, **m.start(rates={"A": 6.0}))
+        return run.q[-1][:2] / size - away
+
+    assert np.allclose(swung(size, away), swung(1.0, 0.0), atol=1e-9)
+
+
+def test_a_double_pendulum_in_micrometres():
+    """The gradients of its joints are 1e6 times as long by angles as by positions."""
+    size, axis = 1e6, (0, 0, 1)
+    m = lv.bodies.Assembly(gravity=(0, -9.81 * size, 0))
+    inertia = size**2 * np.array([0.01, 1 / 12, 1 / 12])
+    m.body("a", mass=1, inertia=inertia, at=(0.5 * size, 0, 0))
+    m.body("b", mass=1, inertia=inertia, at=(1.5 * size, 0, 0))
+    m.revolute("A", m.ground, "a", at=(0, 0, 0), axis=axis)
+    m.revolute("B", "a", "b", at=(size, 0, 0), axis=axis)
+    start = m.start(values={"A": 0.3}, rates={"B": 1.0})
+    run = lv.integrate(m.system(), lv.Spark(3), t=(0, 0.1), h=0.01, **start)
+    assert run.status == "done"

@@ -14,6 +14,7 @@ from liouville.bodies.model import Place
 from liouville.bodies.tree import Tree
 from liouville.errors import hinted, quoted
 from liouville.systems import _trace
+from liouville.systems._singular import unit
 from liouville.systems.traced import finite_time
 
 if TYPE_CHECKING:
@@ -269,8 +270,13 @@ class Starting:
         else:
             found, still = self.slopes(q, v)
             slopes, right = np.vstack([found, own]), np.append(-still, wanted)
-        ways = np.linalg.pinv(slopes, CUTOFF) @ right
-        ways += np.linalg.pinv(slopes, CUTOFF) @ (right - slopes @ ways)
+        # equations and unknowns are of lengths and of angles: each in a unit of its own
+        rows = unit(np.abs(slopes).max(axis=1, initial=0.0))
+        slopes, right = rows[:, None] * slopes, rows * right
+        columns = unit(np.abs(slopes).max(axis=0, initial=0.0))
+        inverse = columns[:, None] * np.linalg.pinv(slopes * columns, CUTOFF)
+        ways = inverse @ right
+        ways += inverse @ (right - slopes @ ways)
         miss = np.abs(slopes @ ways - right).max(initial=0.0)
         if miss > 1e-9 * max(np.abs(right).max(initial=0.0), 1e-12):
             raise ValueError(

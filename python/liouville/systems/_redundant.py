@@ -15,7 +15,7 @@ from liouville import _casadi as ca
 from liouville import _core
 from liouville.systems._derivatives import jacobian
 from liouville.systems._form import Model, Nonholonomic, Redundant
-from liouville.systems._singular import dense
+from liouville.systems._singular import dense, unit
 from liouville.systems.mechanics import Mechanics
 
 #: Where orthogonalising the gradients takes more operations than this, it is first seen whether the
@@ -27,10 +27,14 @@ MOST_ENTRIES = 2_000_000
 CLEARLY = 1e-6
 #: Roundoff of such a part, in units of the larger number of rows and columns.
 ROUNDOFF = 10 * float(np.finfo(float).eps)
+#: What gradients change by roundoff of the positions is taken so many times.
+BLUR = 8.0
 #: Between roundoff and this many times that, constraints are nearly singular and not redundant.
 GAP = 1e3
 #: How far away a neighbour is, in the size of the positions.
 ASIDE = 1e-4
+#: Closer ones are tried where no corrections lead there: positions may be far from the origin.
+CLOSER = (1.0, 32.0, 1024.0)
 #: The most corrections of a neighbour, and what it may miss of what constraints are made of.
 MOST_CORRECTIONS, MISSED = 12, 1e-10
 #: Passes of a projection by normal equations of gradients that are clearly independent.
@@ -62,24 +66,26 @@ def redundant(
     if n >= rows > (MOST_OPERATIONS / n) ** 0.5 and _is_solved(system, t, y, z, params):
         return ()
     gradients = _gradients(system, t, y, z, params)
-    kept, _, _ = _core.independent_rows(gradients, CLEARLY)
+    units = _units(gradients)
+    kept, _, _ = _core.independent_rows(gradients * units, CLEARLY)
     if len(kept) == rows or not np.abs(gradients).max(axis=1).all():
         return ()
-    cutoff = ROUNDOFF * max(rows, n)
     nearby = _Nearby(system, t, z, params, y, [k for k in kept if k < len(system._holonomic)])
     found = nearby.moved(np.zeros(n))
     if found is None:  # they contradict each other, for which a run has the better sentence
         return ()
-    y, gradients = found, _gradients(system, t, found, z, params)
+    y, gradients = found, units * _gradients(system, t, found, z, params)
+    cutoff = ROUNDOFF * max(rows, n) + BLUR * _blur(nearby, y, units)
     kept, least, _ = _core.independent_rows(gradients, cutoff)
     if len(kept) == rows or least < GAP * cutoff:
         return ()
     left = tuple(sorted(set(range(rows)) - set(kept)))
     for aside in nearby.asides():
-        there = nearby.moved(aside)
+        closer = (nearby.moved(aside / part) for part in CLOSER)
+        there = next((there for there in closer if there is not None), None)
         if there is None:
             return ()
-        near = _gradients(system, t, there, z, params)
+        near = units * _gradients(system, t, there, z, params)
         if _beyond(near[kept], near[[*left]]).max() > cutoff:
             return ()
     if not _are_alike(system, t, y, z, params, kept, left):
@@ -98,7 +104,8 @@ def are_implied(
     left: tuple[int, ...],
 ) -> bool:
     """Return whether gradients of these constraints, and of no others, depend on those before."""
-    kept, _, _ = _core.independent_rows(_gradients(system, t, y, z, params), CLEARLY)
+    gradients = _gradients(system, t, y, z, params)
+    kept, _, _ = _core.independent_rows(gradients * _units(gradients), CLEARLY)
     return set(kept).isdisjoint(left) and len(kept) + len(left) == len(system.constraints)
 
 
@@ -185,6 +192,26 @@ def _gradients(
     )
 
 
+def _units(gradients: np.ndarray) -> np.ndarray:
+    """Return factors of the columns that bring the largest entry of each near one."""
+    return unit(np.abs(gradients).max(axis=0, initial=0.0))
+
+
+def _blur(nearby: _Nearby, y: np.ndarray, units: np.ndarray) -> float:
+    """Return how much gradients of length one change by roundoff of the constraints at a position.
+
+    Far from the origin positions have more roundoff than what is made of their differences.
+    """
+    system, t, z, params = nearby.system, nearby.t, nearby.z, nearby.params
+    gradients = units * _gradients(system, t, y, z, params)
+    sizes, largest = np.linalg.norm(gradients, axis=1), 0.0
+    for signs in np.random.default_rng(1).choice([-1.0, 1.0], (2, len(nearby.kept))):
+        there = y + nearby._across(signs * nearby.roundoff[nearby.kept])
+        change = units * _gradients(system, t, there, z, params) - gradients
+        largest = max(largest, float((np.linalg.norm(change, axis=1) / sizes).max()))
+    return largest
+
+
 def _is_solved(
     system: Mechanics, t: float, y: np.ndarray, z: np.ndarray, params: np.ndarray
 ) -> bool:
@@ -212,7 +239,11 @@ class _Nearby:
         gradients = dense(system._patterns["g_y"], blocks)
         slopes = np.abs(gradients).sum(axis=1) * (np.abs(y).max(initial=0.0) or 1.0)
         self._limits = MISSED * np.where(slopes > 0, slopes, 1.0)
-        self._gradients = gradients[kept]
+        self.roundoff = float(np.finfo(float).eps) * (np.abs(gradients) @ np.abs(y))
+        self._columns = _units(gradients)
+        own = gradients[kept] * self._columns
+        self._rows = unit(np.abs(own).max(axis=1, initial=0.0))
+        self._gradients = self._rows[:, None] * own
         self._inverse = np.linalg.inv(self._gradients @ self._gradients.T)
 
     def moved(self, aside: np.ndarray) -> np.ndarray | None:
@@ -231,9 +262,9 @@ class _Nearby:
         return y if (np.abs(self._missed(y)) <= self._limits).all() else None
 
     def _across(self, rates: np.ndarray) -> np.ndarray:
-        """Return the least move with these rates of the constraints kept."""
-        found: np.ndarray = (self._inverse @ rates) @ self._gradients
-        return found
+        """Return the least move with these rates of the constraints kept, in their units."""
+        found: np.ndarray = (self._inverse @ (self._rows * rates)) @ self._gradients
+        return self._columns * found
 
     def _missed(self, y: np.ndarray) -> np.ndarray:
         found: np.ndarray = self.system._at("node", self.params, self.t, y, self._none)
@@ -245,7 +276,8 @@ class _Nearby:
         end = self.system._at("end", self.params, self.t, self.y, self.z)
         velocity = end[n + m :] if end.size > n + m else self.z
         other = np.random.default_rng(0).standard_normal(n)
-        other -= self._across(self._gradients @ other)
+        other = self._columns * other
+        other -= self._across((self._gradients / self._rows[:, None]) @ (other / self._columns))
         size = ASIDE * (np.abs(self.y).max() or 1.0)
         return [size * x / np.abs(x).max() for x in (velocity, other) if np.abs(x).max() > 1e-8]
 
@@ -285,9 +317,9 @@ def _are_alike(
             of_nu = len(system._patterns["rn_nu"][2])
             columns = np.hstack([columns, dense(system._patterns["rn_nu"], blocks[-of_nu:])])
         found.append(columns)
-    first, second = found
-    is_linear = np.array_equal(first, second)
-    return is_linear and bool((_beyond(first[:, kept].T, first[:, [*left]].T) <= ALIKE).all())
+    is_linear = np.array_equal(*found)
+    columns = found[0].T * _units(found[0].T)
+    return is_linear and bool((_beyond(columns[kept], columns[[*left]]) <= ALIKE).all())
 
 
 def _is_driven(system: Mechanics) -> bool:

@@ -12,6 +12,9 @@ NEARLY = 1e-2
 VANISHING = 1e-6
 #: Rows of more constraints are not decomposed.
 MOST = 300
+#: Coordinates and constraints are measured in units that are powers of this: so large that nothing
+#: changes in a system about one long and wide.
+UNIT = 1024.0
 
 
 def dense(pattern: Pattern, values: np.ndarray) -> np.ndarray:
@@ -20,6 +23,13 @@ def dense(pattern: Pattern, values: np.ndarray) -> np.ndarray:
     matrix = np.zeros((rows, columns))
     matrix[row, column] = values[: len(row)]
     return matrix
+
+
+def unit(size: np.ndarray) -> np.ndarray:
+    """Return the power of `UNIT` that brings each size near one; where nothing is there, one."""
+    known = np.where(size > 0, size, 1.0)
+    factors: np.ndarray = UNIT ** -np.round(np.log2(known) / np.log2(UNIT))
+    return factors
 
 
 def nearly_dependent(
