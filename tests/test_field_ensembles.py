@@ -32,6 +32,11 @@ def test_members_have_the_bits_of_runs_of_their_own(name):
         np.testing.assert_array_equal(many.x[:, k], alone.x)
         np.testing.assert_array_equal(many.observed["size"][:, k], alone.observed["size"])
         assert many.member(k).params[which] == values[k]
+    same = lv.ensemble(system, plan, **RUN, x=starts)
+    for k in range(7):
+        np.testing.assert_array_equal(
+            same.x[:, k], lv.integrate(system, plan, **RUN, x=starts[k]).x
+        )
     by_itself = lv.ensemble(system, V(), **run, x=starts, params={which: values})
     np.testing.assert_allclose(by_itself.x[-1], many.x[-1], atol=1e-4)
 

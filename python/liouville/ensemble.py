@@ -48,8 +48,11 @@ def ensemble(
     """Integrate a system from many start values at once, in lock-step lanes and on many threads.
 
     All members take the same steps, and each has the same bits as a run of its own by the same
-    method, whatever the other members are and however many threads there are. A member that fails
-    is put down in ``failures``, and the others go on.
+    method, whatever the other members are and however many threads there are. What a
+    ``VolumeSplitting`` leaves open is chosen by trial runs from the starts, so from those of all
+    members here and from its own in a run alone: these then differ by what the method errs. One
+    plan for all of them, by :func:`plan`, gives the same bits. A member that fails is put down in
+    ``failures``, and the others go on.
 
     Parameters
     ----------
