@@ -67,6 +67,7 @@ PACKAGE_FLOORS = (
     ("bridges", "convergence", "export", "fem", "plot", "problems"),
     ("stored",),
     ("cli",),
+    ("__main__",),
 )
 # to_xarray() and save() fetch the exporter when called, joint() and body() those of assemblies,
 # integrate() what stores a run
