@@ -359,3 +359,28 @@ def test_an_error_says_what_is_missing_and_the_next_attempt_begins_there(swung):
     with pytest.raises(lv.OptimizationError, match="off") as none:
         swing(1, 20, bounds={"F": (-0.1, 0.1)}, guess=None)
     assert none.value.status == "Infeasible_Problem_Detected"
+
+
+@pytest.mark.parametrize(
+    ("length", "time", "mass"), [(1e-9, 1e-6, 1e-15), (1e6, 1e3, 1e4), (1e11, 1e7, 1e24)]
+)
+@pytest.mark.parametrize("form", ["Lagrangian", "Hamiltonian"])
+def test_units_do_not_matter(form, length, time, mass):
+    """A body is moved from rest to rest by the least square of its force."""
+    energies = {
+        "Lagrangian": lambda t, q, v, params: mass * v[0] ** 2 / 2,
+        "Hamiltonian": lambda t, q, p, params: p[0] ** 2 / (2 * mass),
+    }
+    more = {"force": lambda t, q, v, params: [params.F], "q": ("x",), "params": {"F": 0.0}}
+    system = getattr(lv, form)(energies[form], **more)
+    rate = {"Lagrangian": "v", "Hamiltonian": "p"}[form]
+    found = lv.optimal_control(
+        system, lv.Spark(2), controls=("F",), cost=lambda t, q, v, params: params.F**2 / 2,
+        t=(0, time), steps=10, final={"q": [length], rate: [0]}, **{"q": [0], rate: [0]},
+    )  # fmt: skip
+    force = mass * length / time**2
+    assert found.cost / (force**2 * time) == pytest.approx(6, rel=1e-9)
+    assert found.controls["F"] / force == pytest.approx(6 - 12 * found.t / time, abs=1e-8)
+    # the costate of the position is constant, and that of the momentum is minus the force
+    assert found.costates["q"][:, 0] / (force**2 * time / length) == pytest.approx(-12, rel=1e-8)
+    assert found.costates["p"][:, 0] == pytest.approx(-found.controls["F"], abs=1e-8 * force)

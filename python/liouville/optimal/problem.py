@@ -85,7 +85,7 @@ class Problem:
         limits = transcription.bounds(self.bounds, self.start)
         x0 = np.clip(transcription.guess(self.start, path), *limits)
         with np.errstate(all="ignore"):
-            found, stats = program.solve(x0, limits, options)
+            found, stats = program.solve(x0, limits, transcription.sizes(x0), options)
         result = self._result(found, stats, perf_counter() - begun)
         if stats["return_status"] not in SOLVED:
             raise self._error(found["g"], result)
@@ -206,7 +206,8 @@ class Problem:
         for place, wanted in self.final.whole.items():
             name = self.system.states[place]
             off = np.abs(result.states[name][-1] - wanted)
-            if off.max() > REACHED * max(np.abs(wanted).max(), 1.0):
+            size = max(np.abs(wanted).max(), np.abs(result.states[name]).max())
+            if off.max() > REACHED * size:
                 k = int(np.argmax(off))
                 sentence = (
                     f"the motion found ends with {name} of '{self.system.coordinates[k]}' "

@@ -6,7 +6,7 @@ and mapped over its copies; their derivatives are placed in the sparse matrices 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -20,6 +20,9 @@ from liouville.systems._derivatives import entries
 
 Array = NDArray[np.float64]
 Places = NDArray[np.int64]
+
+#: Units are needed where a size is beyond two to this power.
+FAR = 13
 
 
 @dataclass(frozen=True)
@@ -132,16 +135,23 @@ class Program:
         return self.blocks[k].labels[own], copy
 
     def solve(
-        self, guess: Array, bounds: tuple[Array, Array], options: Mapping[str, Any]
+        self,
+        guess: Array,
+        bounds: tuple[Array, Array],
+        sizes: tuple[Array, Sequence[Places]],
+        options: Mapping[str, Any],
     ) -> tuple[dict[str, Array], dict[str, Any]]:
-        """Solve it by IPOPT; returns x, f, g and their multipliers, and IPOPT's own numbers."""
+        """Solve it by IPOPT, whose tolerances are absolute, in units of these sizes.
+
+        Returns x, f, g and their multipliers, and IPOPT's own numbers. Sizes that are NaN follow
+        from the others, the same for places that are alike.
+        """
+        units = Units.of(self, guess, *sizes)
         x, p = ca.MX.sym("x", self.size), ca.MX.sym("p", 0)
-        f, g = self._values(x)
-        problem: Any = {"x": x, "p": p, "f": f, "g": g}
+        f, g = self._values(ca.DM(units.x) * x)
+        problem: Any = {"x": x, "p": p, "f": f / units.f, "g": g / ca.DM(units.g)}
         own: Any = {
-            "grad_f": self._gradient,
-            "jac_g": self._jacobian,
-            "hess_lag": self._hessian,
+            **units.derivatives(self),
             "calc_lam_p": False,
             "print_time": False,
             "show_eval_warnings": False,
@@ -155,9 +165,12 @@ class Program:
             hint = "its options are those of coin-or.github.io/Ipopt/OPTIONS.html"
             raise ValueError(hinted(f"IPOPT refuses its options: {said}", hint)) from error
         low, high = self.limits
-        found = solver(x0=guess, p=[], lbx=bounds[0], ubx=bounds[1], lbg=low, ubg=high)
+        least, most = (side / units.x for side in bounds)
+        found = solver(
+            x0=guess / units.x, p=[], lbx=least, ubx=most, lbg=low / units.g, ubg=high / units.g
+        )
         arrays = {name: np.array(value).ravel() for name, value in found.items()}
-        return arrays, solver.stats()
+        return units.undone(arrays), solver.stats()
 
     def slope(self, x: Array, lam: Array) -> Array:
         """Return the gradient of the cost with the constraints weighted by their multipliers."""
@@ -224,6 +237,96 @@ class Program:
         matrix = _matrix((self.size, self.size), ca.vertcat(*values), row, col)
         inputs, names = [x, ca.MX.sym("p", 0), weight, lam], ["x", "p", "lam_f", "lam_g"]
         return ca.Function("nlp_hess_l", inputs, [matrix], names, ["triu_hess_gamma_x_x"])
+
+
+@dataclass(frozen=True)
+class Units:
+    """Units of variables, constraints and the cost of a program, powers of two.
+
+    They are ones where all sizes are near one, which IPOPT's tolerances suit.
+    """
+
+    x: Array
+    g: Array
+    f: float
+
+    @classmethod
+    def of(cls, program: Program, guess: Array, sizes: Array, alike: Sequence[Places]) -> Units:
+        """Choose them: of a constraint the largest part that variables of known size have in it.
+
+        A variable whose size is NaN has that which a constraint feels as much as the others, the
+        least of those in a row of `alike`. Constraints of all copies of a block are alike.
+        """
+        _, matrix = program._jacobian(guess, [])
+        row, col = (np.array(x, dtype=np.int64) for x in matrix.sparsity().get_triplet())
+        entries = np.abs(np.array(matrix.nonzeros()))
+        entries[~np.isfinite(entries)] = 0.0
+        x, g = np.nan_to_num(sizes), np.zeros(program.equations)
+        while True:
+            parts, felt = np.zeros_like(g), np.zeros_like(x)
+            np.maximum.at(parts, row, entries * x[col])
+            for block in program.blocks:
+                own = program.rows_of(block, parts)
+                own[:] = own.max(axis=0, initial=0.0)
+            g = np.where(g > 0, g, parts)
+            is_known = g[row] > 0
+            np.maximum.at(felt, col[is_known], entries[is_known] / g[row[is_known]])
+            for places in alike:
+                felt[places] = felt[places].max(initial=0.0)
+            new = (x == 0) & (felt > 0)
+            if not new.any():
+                break
+            x[new] = 1 / felt[new]
+        x[x == 0], g[g == 0] = 1.0, 1.0
+        x, g = _power_of_two(x), _power_of_two(g)
+        # a cost may have no slope at the guess, as where controls are zero
+        _, slope = program._gradient(guess + np.where(np.isnan(sizes), x, 0.0), [])
+        rise = float(np.abs(np.array(slope).ravel() * x).max(initial=0.0))
+        f = _power_of_two(np.array([rise or 1.0]))
+        if np.abs(np.log2(np.concatenate([x, g, f]))).max(initial=0.0) < FAR:
+            x, g, f = np.ones_like(x), np.ones_like(g), np.ones(1)
+        return cls(x, g, float(f[0]))
+
+    def derivatives(self, program: Program) -> dict[str, ca.Function]:
+        """Return the functions that IPOPT is given, in these units."""
+        x, p = ca.MX.sym("x", program.size), ca.MX.sym("p", 0)
+        weight, lam = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", program.equations)
+        own, of_g = ca.DM(self.x), ca.DM(self.g)
+        f, slope = program._gradient(own * x, p)
+        g, jacobian = program._jacobian(own * x, p)
+        hessian = program._hessian(own * x, p, weight / self.f, lam / of_g)
+        gradient = [f / self.f, slope * own / self.f]
+        rows = [g / of_g, jacobian * _outer(jacobian, 1 / self.g, self.x)]
+        curved = [hessian * _outer(hessian, self.x, self.x)]
+        names, of = ["x", "p"], ca.Function
+        return {
+            "grad_f": of("nlp_grad_f", [x, p], gradient, names, ["f", "grad_f_x"]),
+            "jac_g": of("nlp_jac_g", [x, p], rows, names, ["g", "jac_g_x"]),
+            "hess_lag": of(
+                "nlp_hess_l", [x, p, weight, lam], curved, [*names, "lam_f", "lam_g"],
+                ["triu_hess_gamma_x_x"],
+            ),
+        }  # fmt: skip
+
+    def undone(self, found: dict[str, Array]) -> dict[str, Array]:
+        """Return a solution in the units of the program."""
+        scales: dict[str, Array] = {
+            "x": self.x, "f": np.array(self.f), "g": self.g,
+            "lam_g": self.f / self.g, "lam_x": self.f / self.x,
+        }  # fmt: skip
+        one = np.ones(1)
+        return {name: value * scales.get(name, one) for name, value in found.items()}
+
+
+def _power_of_two(x: Array) -> Array:
+    found: Array = np.exp2(np.round(np.log2(x)))
+    return found
+
+
+def _outer(matrix: ca.MX, rows: Array, columns: Array) -> ca.DM:
+    """Return products of units in the places of a matrix."""
+    row, col = matrix.sparsity().get_triplet()
+    return ca.DM(matrix.sparsity(), rows[row] * columns[col])
 
 
 def _triplet(matrix: ca.SX) -> tuple[Places, Places]:

@@ -75,6 +75,10 @@ def _times(matrix: Matrix | None, x: ca.SX) -> ca.SX:
     return ca.mtimes(ca.DM(pattern, ca.DM(matrix.values)), x)
 
 
+#: A position has at least this part of the largest one's size, or of one.
+LEAST = 1e-2
+
+
 @dataclass(frozen=True)
 class Layout:
     """Where the unknowns are: y and z at nodes, and of each step V, Z, h Psi and u.
@@ -285,6 +289,31 @@ class Transcription:
             x[layout.V] = np.array(ca.DM(v)).T.reshape(layout.V.shape)
         x[layout.end] = self.times.end
         return x
+
+    def sizes(self, guess: Array) -> tuple[Array, list[Places]]:
+        """Return the sizes of the unknowns along a guess, NaN of those that follow from others.
+
+        Of positions that is their largest value, of velocities theirs or the way over the time.
+        Also the places of those that are alike: of one coordinate, control or constraint.
+        """
+        layout, found = self.layout, np.full(self.layout.size, np.nan)
+        time = abs(self.times.end - self.times.start)
+
+        def largest(places: Places) -> Array:
+            own: Array = np.abs(guess[places]).reshape(-1, self.equations.n).max(axis=0)
+            return own
+
+        way = largest(layout.y)
+        # a coordinate that a guess hardly moves says little of its size
+        way = np.maximum(way, LEAST * min(way.max() or 1.0, 1.0))
+        rate = np.maximum(largest(layout.V), way / time)
+        found[layout.y], found[layout.V], found[layout.end] = way, rate, time
+        if self.equations.is_own_velocity:
+            found[layout.z] = rate
+        both = np.vstack([layout.z, layout.Z.reshape(-1, self.equations.n)])
+        parts = [both, layout.u.reshape(-1, self.equations.size)]
+        parts += [layout.impulses.reshape(-1, self.equations.m)] if self.equations.m else []
+        return found, [places for part in parts for places in part.T]
 
 
 def _coefficients(table: dict[str, NDArray[np.float64]]) -> list[Any]:
