@@ -170,3 +170,44 @@ def test_a_composition_by_one_stage_is_its_base():
         for method in (lv.Composition(lv.Spark(2), "S2"), lv.Spark(2))
     )
     assert np.array_equal(one.q, base.q)
+
+
+@pytest.mark.parametrize("mass", [2.0**-86, 2.0**-50, 2.0**82])
+@pytest.mark.parametrize("kind", ["tangents", "skate", "generalized alpha", "controlled"])
+def test_the_unit_of_mass_changes_nothing(kind, mass):
+    """Masses beside reactions in the same equations, from those of atoms to those of planets."""
+
+    def moved(mass):
+        system = lv.Lagrangian(
+            lambda t, q, v, params: mass * (ca.sumsqr(v) / 2 - 9.81 * q[1]),
+            None if kind == "skate" else lambda t, q, p: {"rod": (ca.sumsqr(q[:2]) - p.l**2) / 2},
+            q=3,
+            params={"l": 1.0},
+            force=lambda t, q, v, params: -0.1 * mass * v,
+            nonholonomic=(lambda t, q, v, p: {"edge": v[0] * ca.sin(q[2]) - v[1] * ca.cos(q[2])})
+            if kind == "skate"
+            else None,
+        )
+        start = {"q": [1.0, 0.0, 0.0], "v": [0.0, 0.0, 1.0]}
+        if kind == "controlled":
+            run = lv.integrate(system, lv.GeneralizedAlpha(), t=(0, 0.5), rtol=1e-5, **start)
+            return run.q[-1]
+        more = {"tangents": {"params.l": 1.0}} if kind == "tangents" else {}
+        method = lv.GeneralizedAlpha() if kind == "generalized alpha" else lv.Spark(3)
+        run = lv.integrate(system, method, t=(0, 0.5), h=0.02, **start, **more)
+        return run.tangents["params.l"].q[-1] if more else run.q[-1]
+
+    np.testing.assert_allclose(moved(mass), moved(1.0), rtol=1e-9, atol=1e-12)
+
+
+@pytest.mark.parametrize("method", [lv.Spark(3), lv.GeneralizedAlpha()])
+def test_gradients_are_taken_in_any_unit_of_mass(method):
+    mass = 2.0**-66
+    rod = lv.Lagrangian(
+        lambda t, q, v, params: mass * (ca.sumsqr(v) / 2 - 9.81 * q[1]),
+        lambda t, q, params: {"rod": (ca.sumsqr(q) - params.l**2) / 2},
+        q=2,
+        params={"l": 1.0},
+    )
+    call = {"t": (0, 0.2), "h": 0.02, "q": [1.0, 0.0], "v": [0.0, 0.0]}
+    assert lv.check_gradient(rod, method, wrt=["params.l"], **call).differences < 1e-10

@@ -262,9 +262,11 @@ impl AlphaMatrix {
         if let Some(at) = &at.paired {
             matrix.add(at.j_z, j_z, -y_phi * h);
             matrix.add(at.mass, mass, 1.0);
+        }
+        self.unit = max_norm(matrix.values());
+        if let Some(at) = &at.paired {
             matrix.add(at.w_y, w_y, h);
         }
-        self.unit = max_norm(self.matrix.values());
         Ok(())
     }
 

@@ -35,4 +35,5 @@ pub use pattern::{Pattern, PatternError};
 pub use product::Product;
 pub use rows::Rows;
 pub use sparse::Sparse;
+pub(crate) use sparse::inverse_power;
 pub use tridiagonal::Tridiagonal;

@@ -263,7 +263,7 @@ impl Sparse {
 }
 
 /// The power of two that brings `x` into [1, 2), as near as there is one.
-fn inverse_power(x: f64) -> f64 {
+pub(crate) fn inverse_power(x: f64) -> f64 {
     let exponent = (x.to_bits() >> 52).clamp(1, 2045);
     f64::from_bits((2046 - exponent) << 52)
 }

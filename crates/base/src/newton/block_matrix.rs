@@ -1,6 +1,7 @@
 //! The matrix of a Newton iteration, assembled from blocks.
 
 use super::condensed::Condensed;
+use super::units::Units;
 use crate::linalg::{Assembly, Factor, Matrix, Pattern, Singular, SparseOf, prefers_sparse};
 use crate::real::Real;
 use std::ops::Mul;
@@ -88,7 +89,12 @@ impl<'a> BlockLayout<'a> {
                 BlockFactors::Direct(Factor::Sparse(Box::new(sparse)))
             }
         };
-        BlockMatrix { assembly, factors }
+        BlockMatrix {
+            assembly,
+            factors,
+            units: None,
+            has_units: false,
+        }
     }
 }
 
@@ -101,11 +107,42 @@ enum BlockFactors<R> {
     Condensed(Box<Condensed<R>>),
 }
 
+impl<R: Real> BlockFactors<R> {
+    fn factor(&mut self, pattern: &Pattern, values: &[R]) -> Result<(), Singular> {
+        match self {
+            Self::Direct(factor) => factor.factor(pattern, values),
+            Self::Condensed(condensed) => condensed.factor(values),
+        }
+    }
+
+    /// Solves in place with the matrix of these values, which was factored.
+    fn solve(&mut self, values: &[R], b: &mut [R]) {
+        match self {
+            Self::Direct(factor) => factor.solve(b),
+            Self::Condensed(condensed) => condensed.solve(values, b),
+        }
+    }
+}
+
+impl BlockFactors<f64> {
+    /// The same with the transposed matrix.
+    fn solve_transposed(&mut self, values: &[f64], b: &mut [f64]) {
+        match self {
+            Self::Direct(factor) => factor.solve_transposed(b),
+            Self::Condensed(condensed) => condensed.solve_transposed(values, b),
+        }
+    }
+}
+
 /// A Newton matrix: values are added to its blocks, then it is factored and solved with.
 #[derive(Clone, Debug)]
 pub struct BlockMatrix<R = f64> {
     assembly: Assembly<R>,
     factors: BlockFactors<R>,
+    /// Units of its own, and whether the factors are of the matrix in them: where its own do for telling whether it is
+    /// singular, it is factored as it stands.
+    units: Option<Box<Units<R>>>,
+    has_units: bool,
 }
 
 impl<R: Real> BlockMatrix<R> {
@@ -131,24 +168,29 @@ impl<R: Real> BlockMatrix<R> {
         self.assembly.values()
     }
 
-    /// Factors the assembled matrix.
+    /// Factors the assembled matrix, in other units where it is singular in its own.
     ///
     /// # Errors
     /// The first column without a pivot.
     pub fn factor(&mut self) -> Result<(), Singular> {
         let (pattern, values) = (self.assembly.pattern(), self.assembly.values());
-        match &mut self.factors {
-            BlockFactors::Direct(factor) => factor.factor(pattern, values),
-            BlockFactors::Condensed(condensed) => condensed.factor(values),
-        }
+        self.has_units = false;
+        self.factors.factor(pattern, values).or_else(|_| {
+            let units = (self.units).get_or_insert_with(|| Units::new(pattern).into());
+            self.has_units = true;
+            self.factors.factor(pattern, units.measure(pattern, values))
+        })
     }
 
     /// Solves `A x = b` in place.
     pub fn solve(&mut self, b: &mut [R]) {
-        match &mut self.factors {
-            BlockFactors::Direct(factor) => factor.solve(b),
-            BlockFactors::Condensed(condensed) => condensed.solve(self.assembly.values(), b),
-        }
+        let values = self.assembly.values();
+        let Some(units) = self.units.as_deref().filter(|_| self.has_units) else {
+            return self.factors.solve(values, b);
+        };
+        units.scale_equations(b);
+        self.factors.solve(units.values(), b);
+        units.scale_unknowns(b);
     }
 
     /// Whether its factors are sparse.
@@ -165,12 +207,13 @@ impl<R: Real> BlockMatrix<R> {
 impl BlockMatrix {
     /// Solves `A^T x = b` in place.
     pub fn solve_transposed(&mut self, b: &mut [f64]) {
-        match &mut self.factors {
-            BlockFactors::Direct(factor) => factor.solve_transposed(b),
-            BlockFactors::Condensed(condensed) => {
-                condensed.solve_transposed(self.assembly.values(), b);
-            }
-        }
+        let values = self.assembly.values();
+        let Some(units) = self.units.as_deref().filter(|_| self.has_units) else {
+            return self.factors.solve_transposed(values, b);
+        };
+        units.scale_unknowns(b);
+        self.factors.solve_transposed(units.values(), b);
+        units.scale_equations(b);
     }
 
     /// The matrix, dense.

@@ -22,6 +22,7 @@ mod predictor;
 mod progress;
 mod reuse;
 mod stop;
+mod units;
 
 pub use attempts::{Attempts, BranchAttempts, Slot, Start, attempt, attempt_modified};
 pub use backoff::Backoff;
