@@ -1,12 +1,13 @@
 //! The events of a step in the order of time, and their effect on the run.
 
+use super::function::noise;
 use super::reset::RATE;
 use super::slopes::Meeting;
 use super::{DenseDetector, at, interpolated};
 use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch, Numbers};
 use liouville_base::error::{Obstacle, Quantity, StepError};
 use liouville_base::run::{Crossing, Ending, NOISE, Outcome, Records, reserve};
-use liouville_problem::{Carried, Dynamics, Impact, Jump, Point, Refused, Restart};
+use liouville_problem::{Carried, Dynamics, Impact, Jump, Refused, Restart};
 
 /// Times that differ by so many roundings are the same.
 const SAME: f64 = 4.0 * f64::EPSILON;
@@ -14,7 +15,7 @@ const SAME: f64 = 4.0 * f64::EPSILON;
 const SHORTLY: f64 = 1.0 / 1024.0;
 
 /// A motion is on an event where the function is not farther from zero than so many times its roundoff.
-const HOLDS: f64 = 16.0;
+pub(super) const HOLDS: f64 = 16.0;
 
 /// The solver of states after resets, if there are any.
 pub(super) struct Restarts<State>(pub(super) Option<Box<dyn Restart<State>>>);
@@ -94,7 +95,8 @@ impl<State: Carried + Checkpoint + Clone, M: Dynamics> DenseDetector<State, M> {
         if rate.is_none_or(|rate| way * rate * sign >= 0.0) {
             return Ok(None);
         }
-        self.noise(index, t).map(Some)
+        let state = &self.substep.state;
+        noise(&mut self.path, &mut self.events[index], t, state).map(Some)
     }
 
     /// Keeps an event that changes nothing; returns the time, if it ends the run.
@@ -226,7 +228,8 @@ impl<State: Carried + Checkpoint + Clone, M: Dynamics> DenseDetector<State, M> {
         let reset = self.reset(index, t, state);
         let rates = reset.inspect_err(|_| self.met.found[index].rows.truncate(kept))?;
         let of_time = rates.map_or(0.0, |rates| NOISE * (t * rates[0]).abs());
-        let noise = self.noise(index, t)?.max(of_time);
+        let before = &self.substep.state;
+        let noise = noise(&mut self.path, &mut self.events[index], t, before)?.max(of_time);
         let event = &mut self.events[index];
         event.function.count += 1;
         let is_last = event.function.count == event.function.rule.terminal;
@@ -257,23 +260,6 @@ impl<State: Carried + Checkpoint + Clone, M: Dynamics> DenseDetector<State, M> {
             return Ok(Outcome::End(t));
         }
         Ok(Outcome::Restart(t))
-    }
-
-    /// How much roundoff of the state may change an event's function, where its rate is known.
-    fn noise(&mut self, index: usize, t: f64) -> Result<f64, StepError> {
-        let event = &mut self.events[index];
-        let mut noise: f64 = 0.0;
-        if event.needs_lam {
-            return Ok(noise);
-        }
-        let mut first = None;
-        for part in [0.0, NOISE, -NOISE] {
-            self.path.move_near(t, &self.substep.state, [part, part]);
-            let Point { y, z, .. } = self.path.point();
-            let value = event.at(t, (y, z), self.path.lam())?;
-            noise = noise.max((value - *first.get_or_insert(value)).abs());
-        }
-        Ok(noise)
     }
 
     /// Sets `state` by the reset of an event, and records it; returns the rates of e before and after, where

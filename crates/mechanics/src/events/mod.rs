@@ -194,6 +194,18 @@ impl<State: Carried + Checkpoint + Clone, M: Dynamics> DenseDetector<State, M> {
         Ok(())
     }
 
+    /// The zeros of all events in a step.
+    fn find(&mut self, end: &State) -> Result<(), StepError> {
+        self.found.clear();
+        self.sample(end)?;
+        for index in 0..self.events.len() {
+            if !self.take_side(index)? {
+                self.search(index, end)?;
+            }
+        }
+        Ok(())
+    }
+
     /// The zeros of one event in a step, appended to `found`.
     fn search(&mut self, index: usize, end: &State) -> Result<(), StepError> {
         let accuracy = if self.path.is_coarse() {
@@ -273,11 +285,7 @@ impl<State: Carried + Checkpoint + Clone, M: Dynamics> EventDetector<State>
         self.path.push(t, state)?;
         let mut outcome = Outcome::Continue;
         if !self.events.is_empty() {
-            self.found.clear();
-            self.sample(state)?;
-            for index in 0..self.events.len() {
-                self.search(index, state)?;
-            }
+            self.find(state)?;
             outcome = self.keep(state, records)?;
         }
         // with fewer knots the polynomials would not be those of the whole run

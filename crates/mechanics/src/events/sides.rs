@@ -4,10 +4,12 @@
 //! e_x. These lead to the same dt where they are parallel, as they are where e is zero on the same surface; elsewhere dt is
 //! that of neither. Where e jumps, its change of sign is no zero at all.
 
-use super::DenseDetector;
+use super::function::noise;
+use super::hits::HOLDS;
 use super::slopes::{Before, SlopesModel};
+use super::{DenseDetector, SAMPLES};
 use liouville_base::checkpoint::Checkpoint;
-use liouville_base::error::Obstacle;
+use liouville_base::error::{Obstacle, StepError};
 use liouville_base::linalg::dot;
 use liouville_problem::{Carried, Dynamics, Nearby};
 
@@ -29,6 +31,60 @@ const ROUNDOFF: f64 = 1e-9;
 const SHRINKS: f64 = 0.5;
 
 impl<State: Carried + Checkpoint + Clone, M: Dynamics> DenseDetector<State, M> {
+    /// Takes an event with a reset, on which a motion begins or rests, for one that comes from the side it is met from,
+    /// where the motion now leaves to the other one: it is met at once. Returns whether the motion rests on it through
+    /// the step, so that its signs are those of roundoff.
+    ///
+    /// Bodies that touch and then approach meet, though their distance has had no sign before. A law that lets the
+    /// motion pass holds no side.
+    pub(super) fn take_side(&mut self, index: usize) -> Result<bool, StepError> {
+        let (t, start) = (self.substep.t, &self.substep.start);
+        let event = &mut self.events[index];
+        let function = &event.function;
+        let way = f64::from(function.rule.direction);
+        let (last, samples) = (function.last, &function.samples[..SAMPLES]);
+        let is_clear = last * way < 0.0 && samples.iter().all(|e| e * way < 0.0);
+        if event.reset.is_none() || way == 0.0 || is_clear {
+            return Ok(false);
+        }
+        let roundoff = HOLDS * noise(&mut self.path, event, t, start)?;
+        let function = &mut event.function;
+        let rests = |value: f64| value.abs() <= roundoff;
+        let before = function.earlier.map_or(0.0, |(_, value)| value);
+        if !rests(last) || !rests(before) {
+            return Ok(false);
+        }
+        let samples = &function.samples[..SAMPLES];
+        let Some(side) = samples.iter().find(|e| !rests(**e)) else {
+            let step = self.substep.h.abs() / SAMPLES as f64;
+            function.earlier = Some((step, samples[SAMPLES - 2]));
+            (function.sign, function.last) = (0.0, samples[SAMPLES - 1]);
+            return Ok(true);
+        };
+        if side * way <= 0.0 || function.sign * way < 0.0 {
+            return Ok(false);
+        }
+        self.path.solve(t, start)?;
+        if let Some(reset) = event.reset.as_mut().filter(|reset| !reset.is_impact) {
+            let [y, z] = &mut self.jump;
+            let at = (start.y(), start.z());
+            if reset.rate(t, at, index)?.is_none() {
+                return Ok(false);
+            }
+            let (values, n) = (reset.at(t, at, (self.path.lam(), index))?, at.0.len());
+            y.clear();
+            z.clear();
+            y.extend_from_slice(&values[..n]);
+            z.extend_from_slice(&values[n..]);
+            let after = reset.rate(t, (y, z), index)?;
+            if after.is_none_or(|after| after * self.substep.h * way > 0.0) {
+                return Ok(false);
+            }
+        }
+        (event.function.sign, event.function.earlier) = (-way, None);
+        Ok(false)
+    }
+
     /// Why the event that a part of the step has led to has no derivative, where that is seen beside it.
     ///
     /// Nothing is seen where e does not exist.
