@@ -290,3 +290,18 @@ def test_near_jamming_the_law_holds_or_the_run_ends(mu, jams):
     joint = solution.joint("Q")
     wanted = -mu * 0.05 * np.linalg.norm(joint.force, axis=1) * np.tanh(0.05 * joint.rate / 0.01)
     assert np.abs(joint.effort - wanted).max() < 1e-11 * np.abs(wanted).max()
+
+
+def test_a_zero_is_looked_for_in_a_shorter_step_where_a_part_cannot_be_made():
+    """A block that friction stops, with a force that turns within 1e-7 m/s: x = v^2 / (2 mu g)."""
+    width, force = 1e-7, 1.962
+    edges = {f"{k}": lambda t, q, v, params, k=k: v[0] - k * width for k in (-8, -3, -1, 1, 3, 8)}
+    block = lv.Lagrangian(
+        lambda t, q, v, params: v[0] ** 2 / 2,
+        q=("x",),
+        force=lambda t, q, v, params: -force * ca.tanh(v[0] / width),
+        switches=edges,
+    )
+    run = lv.integrate(block, lv.Spark(3), t=(0, 0.1), rtol=1e-4, q=[0.0], v=[0.01])
+    np.testing.assert_allclose(run.q[-1], 0.01**2 / (2 * force), rtol=1e-4)
+    assert run.stats["steps"] < 100

@@ -29,6 +29,11 @@ use liouville_base::run::{
 };
 use liouville_problem::{Carried, Dynamics, Model, Path, PathTangents, Point, Restart};
 
+/// A step in which a zero cannot be located is made as short as this part of it, ...
+const PART: f64 = 0.25;
+/// ... again and again, so many times.
+const MOST_PARTS: usize = 12;
+
 /// Finds events, and records at given times, on the interpolated trajectory.
 pub struct DenseDetector<State: Checkpoint, M: Dynamics = Model> {
     path: Path<M>,
@@ -37,6 +42,8 @@ pub struct DenseDetector<State: Checkpoint, M: Dynamics = Model> {
     search: Search,
     /// Zeros of all events in a step.
     found: Vec<Crossing>,
+    /// Signs and values of their functions before the step.
+    sides: Vec<Signs>,
     met: Met,
     /// The solver of states after resets, y and z by the law of a reset, and the number of holonomic constraints.
     restart: Restarts<State>,
@@ -51,6 +58,9 @@ pub struct DenseDetector<State: Checkpoint, M: Dynamics = Model> {
     times: Option<Vec<f64>>,
     next: usize,
 }
+
+/// The sign of a function where it was last clear, its value, and that shortly before.
+type Signs = (f64, f64, Option<(f64, f64)>);
 
 /// The events met, and the one that ended the run.
 #[derive(Debug, Default)]
@@ -113,6 +123,7 @@ impl<State: Carried + Checkpoint + Clone, M: Dynamics> DenseDetector<State, M> {
             events,
             search: Search::default(),
             found: Vec::new(),
+            sides: Vec::new(),
             met,
             restart: Restarts(None),
             jump: [Vec::new(), Vec::new()],
@@ -206,6 +217,41 @@ impl<State: Carried + Checkpoint + Clone, M: Dynamics> DenseDetector<State, M> {
         Ok(())
     }
 
+    /// [`Self::find`], in a shorter step where parts of the whole one cannot be made to locate a zero, though steps of
+    /// this size can; returns whether it is shorter, and leaves `end` at its end.
+    fn find_in_step(&mut self, end: &mut State) -> Result<bool, StepError> {
+        let own = |event: &Event| {
+            (
+                event.function.sign,
+                event.function.last,
+                event.function.earlier,
+            )
+        };
+        self.sides.clear();
+        self.sides.extend(self.events.iter().map(own));
+        let is_controlled = self.events.iter().any(|event| event.is_switch);
+        let (mut found, mut part, mut is_shorter) = (self.find(end), 1.0, false);
+        for _ in 0..MOST_PARTS {
+            match &found {
+                Err(error) if is_controlled && self.follower.is_none() && is_of_step(error) => {}
+                _ => break,
+            }
+            part *= PART;
+            let Ok(t) = self.substep.advance_to_fraction(part, end) else {
+                continue;
+            };
+            for (event, (sign, last, earlier)) in self.events.iter_mut().zip(&self.sides) {
+                let own = &mut event.function;
+                (own.sign, own.last, own.earlier) = (*sign, *last, *earlier);
+            }
+            end.clone_from(&self.substep.state);
+            self.path.end_at(t, end)?;
+            (self.substep.end, self.substep.h) = (t, t - self.substep.t);
+            (found, part, is_shorter) = (self.find(end), 1.0, true);
+        }
+        found.map(|()| is_shorter)
+    }
+
     /// The zeros of one event in a step, appended to `found`.
     fn search(&mut self, index: usize, end: &State) -> Result<(), StepError> {
         let accuracy = if self.path.is_coarse() {
@@ -285,8 +331,11 @@ impl<State: Carried + Checkpoint + Clone, M: Dynamics> EventDetector<State>
         self.path.push(t, state)?;
         let mut outcome = Outcome::Continue;
         if !self.events.is_empty() {
-            self.find(state)?;
+            let is_shorter = self.find_in_step(state)?;
             outcome = self.keep(state, records)?;
+            if is_shorter && outcome == Outcome::Continue {
+                outcome = Outcome::Shorten(self.substep.end);
+            }
         }
         // with fewer knots the polynomials would not be those of the whole run
         match outcome {
@@ -314,6 +363,14 @@ impl<State: Carried + Checkpoint + Clone, M: Dynamics> EventDetector<State>
             ends: self.met.end.into_iter().collect(),
         }
     }
+}
+
+/// Whether a shorter step may be made where one could not be.
+fn is_of_step(error: &StepError) -> bool {
+    matches!(
+        error,
+        StepError::NotConverged { .. } | StepError::StepTooLarge { .. } | StepError::SingularNewton
+    )
 }
 
 // Events are not saved: they were taken before.
