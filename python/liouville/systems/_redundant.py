@@ -264,7 +264,8 @@ class _Nearby:
     def _across(self, rates: np.ndarray) -> np.ndarray:
         """Return the least move with these rates of the constraints kept, in their units."""
         found: np.ndarray = (self._inverse @ (self._rows * rates)) @ self._gradients
-        return self._columns * found
+        found *= self._columns
+        return found
 
     def _missed(self, y: np.ndarray) -> np.ndarray:
         found: np.ndarray = self.system._at("node", self.params, self.t, y, self._none)
@@ -317,8 +318,9 @@ def _are_alike(
             of_nu = len(system._patterns["rn_nu"][2])
             columns = np.hstack([columns, dense(system._patterns["rn_nu"], blocks[-of_nu:])])
         found.append(columns)
-    is_linear = np.array_equal(*found)
-    columns = found[0].T * _units(found[0].T)
+    first, second = found
+    is_linear = np.array_equal(first, second)
+    columns = first.T * _units(first.T)
     return is_linear and bool((_beyond(columns[kept], columns[[*left]]) <= ALIKE).all())
 
 
