@@ -180,6 +180,20 @@ def test_a_tolerance_is_met(mixed):
     assert abs(found.x[-1] - exact).max() < 1e-4
 
 
+def test_a_tolerance_finds_no_step_that_is_too_long_for_the_grid():
+    """At rest, or with a tolerance that would do with fewer steps than the equations of planes."""
+    x, y = np.linspace(0, 2, 33), np.linspace(0, 1, 17)
+    a, b = np.meshgrid(x, y, indexing="ij")
+    psi = -0.1 * np.sin(np.pi * a) * np.sin(np.pi * b)
+    field = lv.GriddedField(x, y, potential=psi, walls=("x", "y"))
+    plan = lv.plan(field, V(), h=0.1, x=[0.5, 0.4])
+    most = float(str(plan).partition("h up to ")[2].split()[0].rstrip(";,"))
+    for start, rtol in (([0.0, 0.0], 1e-6), ([0.5, 0.4], 0.5)):
+        found = lv.integrate(field, V(), t=(0, 40), rtol=rtol, x=start)
+        assert 0.7 * most < 40 / found.stats["steps"] < most
+    assert abs(field.potential(found.x[-1]) / field.potential(found.x[0]) - 1) < 0.5
+
+
 def test_tangents_sections_and_pickles_go_with_grids(mixed, tmp_path):
     x, d, h = np.array([0.1, 0.2, 0.3]), np.array([1.0, -0.5, 0.2]), 1e-6
     run = lv.integrate(mixed, V(), t=(0, 2), h=0.1, x=x, tangents={"x": d})

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -23,8 +25,8 @@ from liouville.splitting import Plane, PlaneSplit
 from liouville.systems import Field
 from liouville.systems._plane_field import PlaneField
 
-#: Trial runs begin with this part of the longest step.
-FIRST = 0.5
+#: Trial runs begin with this part of the longest step, and find steps of this part at most.
+FIRST, LAST = 0.5, 0.99
 
 #: A time may be beyond the samples by this part of the run, from roundoff.
 ROUNDOFF = 1e-12
@@ -69,6 +71,18 @@ class PlaneRunner(FieldRunner):
         order = plan.method.order
         assert order is not None, "a plan leaves nothing open"
         return plan, order_of(system, order), h
+
+    def _tried(
+        self, method: VolumeSplitting | FieldPlan, asked: Steps, x: np.ndarray
+    ) -> tuple[Steps, VolumeSplitting | FieldPlan]:
+        """Return equal steps that meet a tolerance, none too long for the equations of planes."""
+        steps, plan = super()._tried(method, asked, x)
+        assert isinstance(plan, FieldPlan), "a plan was made for the trial runs"
+        system = _planar(self.system)
+        rows = system.extended(x, asked.t0)
+        longest = LAST * longest_step(system, plan.method.composition, rows)
+        least = math.ceil(abs(steps.t1 - steps.t0) / longest)
+        return replace(steps, count=max(steps.count, least)), plan
 
     def _described(self, error: dict[str, Any]) -> Any:
         if error["kind"] == "outside" and self.system.variables[error["index"]] == "t":
