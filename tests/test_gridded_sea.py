@@ -188,6 +188,32 @@ def test_a_data_set_that_does_not_fit_is_refused(change, sentence):
         lv.GriddedField.from_xarray(change(dataset()), walls=("east", "north"))
 
 
+def test_axes_of_single_precision_are_as_even_as_their_digits_say(tmp_path):
+    """Longitudes of 1/12 degree go round; uneven nodes are refused still, and moved by nothing."""
+    n = 4320
+    lon, lat = -180 + np.arange(n) / 12, np.arange(-60.0, 60.1, 10)
+    u = np.cos(np.radians(lat))[:, None] * np.ones(n)
+    fields = []
+    for kind in ("f8", "f4"):
+        with netcdf_file(tmp_path / f"{kind}.nc", "w") as file:
+            for name, values in (("longitude", lon), ("latitude", lat)):
+                file.createDimension(name, values.size)
+                file.createVariable(name, kind, (name,))[:] = values
+            for name, values in (("uo", u), ("vo", 0 * u)):
+                file.createVariable(name, "f4", ("latitude", "longitude"))[:] = values
+        fields.append(lv.GriddedField.from_netcdf(tmp_path / f"{kind}.nc"))
+    x = fields[0].states_of([[12.3, 4.5]])
+    assert np.allclose(fields[0].velocity(x), fields[1].velocity(x), rtol=1e-6, atol=1e-13)
+    around = {"coordinates": "spherical", "periodic": ("lon",)}
+    for uneven in (lon + 1e-3 * np.sin(lon), lon.astype("f4") + 1e-3 * np.sin(lon)):
+        with pytest.raises(ValueError, match="'lon' is periodic, and its nodes are not equidist"):
+            lv.GriddedField(uneven.astype("f4"), lat, velocity=(u.T, 0 * u.T), **around)
+    x = np.linspace(0, 2 * np.pi, 24, endpoint=False, dtype="f4")
+    a, b = np.meshgrid(x, x, indexing="ij")
+    cells = lv.GriddedField(x, x, potential=np.sin(a) * np.sin(b), periodic=("x", "y"))
+    assert abs(cells.velocity([1.0, 0.5])[0]) > 0.1
+
+
 def torus(n=24, eps=0.0):
     """Return a field of nested surfaces around R = 1, with F / R along phi, by its potential."""
     r, z = np.linspace(0.6, 1.4, n + 1), np.linspace(-0.4, 0.4, n + 1)

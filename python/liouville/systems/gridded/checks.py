@@ -19,6 +19,9 @@ DEGREES = (3, 5)
 #: Nodes are equidistant where their distances differ by no more than this part.
 EQUAL = 1e-6
 
+#: Nodes are rounded by so many units of the last digit of their type, and of a distance this part.
+LAST_DIGITS, MOST_ROUNDED = 4, 1e-2
+
 #: Splines in time have this degree.
 IN_TIME = 3
 
@@ -136,7 +139,7 @@ def check_divergence(part: float, most: float) -> None:
 
 
 def _points(name: str, given: ArrayLike) -> Array:
-    points = _trace.numbers(given)
+    own, points = np.asarray(given).dtype, _trace.numbers(given)
     if points is None or points.ndim != 1 or points.size < 2:
         raise TypeError(f"{name} is an array of the nodes along the axis, not {given!r}")
     points = np.array(points, dtype=float)
@@ -145,9 +148,13 @@ def _points(name: str, given: ArrayLike) -> Array:
     steps = np.diff(points)
     if not ((steps > 0).all() or (steps < 0).all()):
         raise ValueError(f"{name} has nodes that are not in order")
-    if np.ptp(steps) <= EQUAL * np.abs(steps).max():
-        points = np.linspace(points[0], points[-1], points.size)
-    return points
+    ideal: Array = np.linspace(points[0], points[-1], points.size)
+    is_even = np.ptp(steps) <= EQUAL * np.abs(steps).max()
+    if not is_even and own.kind == "f":  # the type of the axis may have fewer digits than that
+        off = LAST_DIGITS * float(np.finfo(own).eps) * np.abs(points).max()
+        off = min(off, MOST_ROUNDED * np.abs(ideal[1] - ideal[0]))
+        is_even = bool(np.abs(points - ideal).max() <= off)
+    return ideal if is_even else points
 
 
 def _with_period(name: str, points: Array, period: float | None) -> Array:

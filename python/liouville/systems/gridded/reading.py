@@ -117,12 +117,15 @@ def _by_xarray(file: Path) -> dict[str, Variable]:
 
 def _decoded(values: Any, attrs: Mapping[str, Any]) -> Array:
     """Return numbers as they are meant: NaN where they are missing, else scaled and shifted."""
-    found = np.array(values, dtype=float)
+    given = np.asarray(values)
+    found = np.array(given, dtype=float)
     for name in ("_FillValue", "missing_value"):
         if name in attrs:
             # in single precision: so the attribute may be written where the values are not
             found[np.isclose(found, float(np.ravel(attrs[name])[0]), rtol=1e-6, atol=0)] = np.nan
     factor, offset = (float(attrs.get(k, x)) for k, x in (("scale_factor", 1), ("add_offset", 0)))
+    if given.dtype.kind == "f" and (factor, offset) == (1.0, 0.0):
+        return found.astype(given.dtype)  # which says how nodes were rounded
     return found * factor + offset
 
 
@@ -156,7 +159,7 @@ def arguments(
     is_sphere = all(_is_angle(axis) for axis in space[:2]) and len(space) == 2
     _check_units(components, space, is_sphere)
     made: dict[str, Any] = {
-        "xyz": [np.asarray(axis.values, dtype=float) for axis in space],
+        "xyz": [np.asarray(axis.values) for axis in space],
         "velocity": arrays,
     }
     if "T" in axes:
@@ -299,6 +302,6 @@ def _seconds(axis: Variable, velocity: Variable) -> Array:
 
 def _around(longitudes: Array, options: Mapping[str, Any]) -> dict[str, Any]:
     """Return that longitudes are periodic where they go round."""
-    step = (longitudes[-1] - longitudes[0]) / (longitudes.size - 1)
+    step = (float(longitudes[-1]) - float(longitudes[0])) / (longitudes.size - 1)
     is_round = abs(abs(step) * longitudes.size - 360) < 1e-3 * abs(step)
     return {"periodic": ("lon",)} if is_round and "periodic" not in options else {}
