@@ -187,3 +187,30 @@ def test_what_has_no_gradient_is_refused(field, wrt, says):
     system = lv.PolynomialField(field, x=2, params={"k": 2.0, "z": 1.0})
     with pytest.raises((TypeError, ValueError), match=says):
         lv.vjp(system, lv.VolumeSplitting(), wrt=wrt, **RUN, x=[0.1, 0.2])
+
+
+def test_a_parameter_that_is_zero_has_a_derivative():
+    """Of a force that is off: its term is in the split, as it is where the force is on."""
+    duffing = lv.PolynomialField(
+        lambda t, x, p: [x[1], x[0] - x[0] ** 3 + p.f * ca.cos(1.2 * t)], x=2, params={"f": 0.0}
+    )
+    method = lv.VolumeSplitting("exponentials", "natural", composition="BM4", linear="split")
+    run = {"t": (0, 5), "h": 0.05, "x": [1.0, 0.2]}
+    ends = [lv.integrate(duffing, method, params={"f": f}, **run).x[-1] for f in (1e-5, -1e-5)]
+    slope = (ends[0] - ends[1]) / 2e-5
+    found = lv.integrate(duffing, method, tangents={"params.f": 1.0}, **run)
+    np.testing.assert_allclose(found.tangents["params.f"].x[-1], slope, rtol=1e-7)
+    np.testing.assert_allclose(found.x, lv.integrate(duffing, method, **run).x, atol=1e-8)
+    many = {**run, "x": [[1.0, 0.2], [0.3, 0.1]]}
+    for system, more in ((duffing, run), (duffing, many)):
+        solution, pullback = lv.vjp(system, method, wrt=["x", "params.f"], **more)
+        weights = np.zeros_like(solution.x)
+        weights[-1, ..., 1] = 1.0
+        gradient = np.ravel(pullback(x=weights)["params.f"])[0]
+        assert gradient == pytest.approx(slope[1], rel=1e-7)
+    # a wave number is in more than a coefficient, at 0 too
+    waves = lv.PolynomialField(
+        lambda t, x, p: [ca.sin(p.k * x[1]) + 1, x[0]], x=2, params={"k": 0.0}
+    )
+    with pytest.raises(ValueError, match="changes more than the coefficients"):
+        lv.integrate(waves, method, tangents={"params.k": 1.0}, **run)

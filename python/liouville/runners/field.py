@@ -60,8 +60,10 @@ class FieldRunner(Runner):
     def __init__(
         self, system: Field, method: VolumeSplitting | FieldPlan, request: Request
     ) -> None:
-        self.base = system
+        self.base, self._given = system, method
         self.systems, x = self._with_params(system, request)
+        if request.tangents is not None and not self.varied:
+            self.systems = [self._changing(request.tangents)]
         self.system = system = self.systems[0]
         self.steps = request.steps_of(system, TAKES)
         for each in self.systems:
@@ -124,6 +126,16 @@ class FieldRunner(Runner):
             except ValueError as error:
                 raise ValueError(f"member {member}: {error}") from None
         return systems, x
+
+    def _changing(self, names: Any) -> Field:
+        """Return the field with all terms that these directions change."""
+        # imported here: few runs are differentiated
+        from liouville.runners.field_derivative import with_terms_of_zeros
+
+        is_named = isinstance(names, (list, tuple, Mapping)) and all(
+            isinstance(x, str) for x in names
+        )
+        return with_terms_of_zeros(self.systems[0], names) if is_named else self.systems[0]
 
     def _own_plan(self, system: Field, h: float) -> tuple[FieldPlan, Split]:
         """Return the plan of all and the field of a member split by it, or its own."""
@@ -256,6 +268,9 @@ class FieldRunner(Runner):
         from liouville.runners.field_derivative import FieldAdjoint
         from liouville.runners.members_adjoint import MembersAdjoint
 
+        changing = self._changing(wrt) if not self.varied else self.system
+        if changing is not self.system:
+            return type(self)(changing, self._given, request).adjoint(request, wrt)
         if not self.members:
             return FieldAdjoint(self, request, wrt)
         first = FieldAdjoint(self._member(0), request, wrt)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from copy import copy
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
@@ -18,12 +18,16 @@ from liouville.runners.runner import Request
 from liouville.runners.tangents import PARAMS, Directions, Place, check_names
 from liouville.solution import Solution
 from liouville.splitting import PlaneSplit, to_core
-from liouville.splitting.coefficients import coefficients, derivative, of_parameter
+from liouville.splitting.coefficients import coefficients, derivative, is_like, of_parameter
 from liouville.systems import Field, PolynomialField
 from liouville.tangents import Tangent
 
 if TYPE_CHECKING:
     from liouville.runners.field import FieldRunner
+
+
+#: The coefficient of a term that is absent.
+ABSENT = 1e-200
 
 
 def places_of(system: Field) -> dict[str, Place]:
@@ -65,6 +69,43 @@ class FieldDirections(Directions):
         return self.named(rows, {"x": slice(None)})
 
 
+def with_terms_of_zeros(system: Field, names: Iterable[str]) -> Field:
+    """Return a field that has terms for the parameters among these directions that are 0.
+
+    A term whose factor is 0 is in no piece, which then has no derivative by it. It gets a
+    coefficient far below the roundoff of any sum, if other values of the parameter make just it.
+    With the pieces of other values, states differ from those without by the error of the method.
+    """
+    if not isinstance(system, PolynomialField):
+        return system
+    first = len(system.coordinates) + 1
+    places = places_of(system)
+    for name in [name for name in names if name.startswith(PARAMS) and name in places]:
+        place, shape = places[name]
+        for k in range(place, place + int(np.prod(shape))):
+            values = system.values(None)
+            if values[k - first] == 0:
+                system = _with_terms_of_zero(system, values, k - first)
+    return system
+
+
+def _with_terms_of_zero(
+    system: PolynomialField, values: np.ndarray, number: int
+) -> PolynomialField:
+    """Return a field with the terms that one parameter's number, which is 0, takes from it."""
+    values[number] = 1.0
+    try:
+        change = system.by_parameter(number).to_float()
+        other = system.with_params(values).terms
+    except ValueError:  # there is no such derivative, or no such field
+        return system
+    added = change.scaled(ABSENT)
+    found = copy(system)
+    found.terms, found._kept = system.terms.to_float().joined(added).merged(), {}
+    is_term = len(found.terms) > len(system.terms) and is_like(other, found.terms)
+    return found if is_term else system
+
+
 def by_parameter(runner: FieldRunner, number: int) -> np.ndarray:
     """Return the derivatives of all coefficients of the pieces by one of the parameters' numbers.
 
@@ -95,7 +136,7 @@ def by_parameter(runner: FieldRunner, number: int) -> np.ndarray:
         f"'{PARAMS}{name}' changes more than the coefficients of the field's terms, of which alone "
         "a splitting has derivatives"
     )
-    hint = "a wave number, an exponent, a parameter of a function, or one that is 0 may be such"
+    hint = "so do a wave number, an exponent, a parameter of a function, or one that cancels a term"
     raise ValueError(hinted(sentence, hint))
 
 

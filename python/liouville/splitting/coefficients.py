@@ -54,7 +54,7 @@ def derivative(
     here, change = terms.to_float(), change.to_float()
     size = np.abs(here.coefficient).max() / np.abs(change.coefficient).max()
     moved = here.joined(change.scaled(PART * size)).merged()
-    if not _is_like(moved, terms):
+    if not is_like(moved, terms):
         return None
     splits = [resplit(field) for field in (here, moved)]
     if any(_form(other) != _form(split) for other in splits):
@@ -63,7 +63,7 @@ def derivative(
     return np.asarray((after - before) / (PART * size))
 
 
-def _is_like(field: Terms, other: Terms) -> bool:
+def is_like(field: Terms, other: Terms) -> bool:
     """Return whether two fields have the same monomials in the same components."""
     return bool(
         field.compact().functions == other.compact().functions
