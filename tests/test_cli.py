@@ -81,6 +81,20 @@ def plan(tmp_path_factory):
     return path.read_text()
 
 
+def test_a_driven_wave_function_takes_what_auto_takes(liouville, tmp_path):
+    """A series, with a part of the products that Magnus' steps take."""
+    (tmp_path / "driven.py").write_text(
+        "import casadi as ca, liouville as lv, numpy as np\n"
+        "flip = [np.array([[0, 1], [1, 0]]), lambda t, w: ca.cos(w * t)]\n"
+        "qubit = lv.Schrodinger([np.diag([1.0, -1.0]), flip], params={'w': 1.9})\n"
+    )
+    call = "run driven.py:qubit --start psi=1,0 --until 5 --tol 1e-10 --keep 20"
+    found, series = liouville(call).stdout, liouville(f"{call} --method chebyshev").stdout
+    products = [re.search(r"products +(\d+)", text)[1] for text in (found, series)]
+    assert products[0] == products[1]
+    assert "asked for" not in liouville("plan driven.py:qubit --until 5").stdout
+
+
 def test_a_run_prints_results_saves_and_draws(liouville, tmp_path, monkeypatch):
     monkeypatch.setattr(plot, "animation", partial(plot.animation, seconds=0.2))
     ran = liouville(

@@ -120,9 +120,8 @@ def method_named(
 def _usual(system: Any) -> str:
     """Name the method for a system if none is asked for."""
     if isinstance(system, lv.Schrodinger):
-        if system.is_driven:
-            return "magnus" if system.grid is None else "split-operator"
-        return "schrodinger-splitting"
+        is_split = system.is_driven and system.grid is not None
+        return "split-operator" if is_split else "schrodinger-splitting"
     return "volume-splitting" if isinstance(system, systems.Field) else "spark"
 
 
