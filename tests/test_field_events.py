@@ -178,3 +178,15 @@ def test_an_event_that_is_not_finite_ends_the_run_by_name():
         flow({"root": lambda t, x, params: ca.sqrt(0.8 - t)})
     assert info.value.quantity == "root"
     assert 0.5 < info.value.t <= 0.8
+
+
+@pytest.mark.parametrize("h", [0.4, 1.4, 2.1])
+def test_planes_crossed_within_a_step_are_all_found(h):
+    """Eight of them, each on its curve; more than a section takes are refused."""
+    wind = lv.PolynomialField(lambda t, x, p: [1.0, 0.25 * ca.cos(x[0])], x=2)
+    run = {"t": (0, 8.5), "h": h, "plane": [1.0, 0.0], "x": [[0.1, 0.0]]}
+    found = lv.section(wind, lv.VolumeSplitting(), period=1.0, **run)
+    np.testing.assert_allclose(found.t, np.arange(8) + 0.9, rtol=1e-13)
+    np.testing.assert_allclose(found.x[:, 0], np.arange(1, 9), rtol=1e-13)
+    with pytest.raises(lv.IntegrationError, match=r"more planes are crossed(?s:.*)a longer period"):
+        lv.section(wind, lv.VolumeSplitting(), period=1e-6, **run)

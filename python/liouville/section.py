@@ -105,7 +105,7 @@ def section(
 
     A crossing is between two steps; it is found by one more step from the first of them, of a part
     of h, with the same method. The points have the accuracy of the method and lie on the plane to
-    roundoff. Two crossings of a plane within a step are not seen.
+    roundoff. Two crossings of one plane within a step are not seen; of parallel planes each is.
 
     Parameters
     ----------

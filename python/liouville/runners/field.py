@@ -326,6 +326,9 @@ class FieldRunner(Runner):
         if error.get("quantity") == "event":
             error["quantity"] += f" {[*self._watch.events][error['index']]}"
         split = self.splits[error.get("member", error.get("of", 0))] if self.splits else self.split
+        if error["kind"] == "step too large":  # of sections alone
+            sentence = "more planes are crossed within it than a section takes"
+            return sentence, f"try a longer period=, or h = {abs(error['solved']):.2g}", "plane"
         if error["kind"] == "singular piece":
             piece = split.pieces[error["piece"]]
             error["quantity"] = described(piece, variables_of(split, names))

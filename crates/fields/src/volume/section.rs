@@ -1,9 +1,9 @@
 //! Poincaré sections: where trajectories pass through a plane.
 //!
-//! With s(x) = a · x − c, a trajectory passes in a step where s changes its sign, or crosses a multiple of the period
-//! where there is one. A step of θ h by the same method from the state before, with s = 0 at its end, leads to the
+//! With s(x) = a · x − c, a trajectory passes in a step where s changes its sign, or crosses multiples of the period
+//! where there is one, one after another. A step of θ h by the same method from the state before, with s = 0 at its end, leads to the
 //! point, which has the order of the method and lies in the plane to roundoff. θ is found by the iteration of
-//! [`liouville_base::bracket`]. Two passages within a step are missed. Source: oliveira2020.
+//! [`liouville_base::bracket`]. Two passages of a plane within a step are missed. Source: oliveira2020.
 
 use super::{State, UserVariables, Volume};
 use liouville_base::bracket::Bracket;
@@ -32,31 +32,46 @@ pub struct Plane {
     pub normal: Vec<f64>,
     /// c
     pub offset: f64,
-    /// Distance of parallel planes, where there are several: longer than a step.
+    /// Distance of parallel planes, where there are several.
     pub period: Option<f64>,
     /// The direction of passages.
     pub direction: Direction,
 }
 
 impl Plane {
-    /// The value that s passes from `before` to `after`, both included but the first.
-    fn passed(&self, before: f64, after: f64) -> Option<f64> {
+    /// The values that s passes from `before` to `after`, in this order, both included but the first; `None` where there
+    /// are more than [`MOST_PASSED`].
+    fn passed(&self, before: f64, after: f64) -> Option<impl Iterator<Item = f64> + use<>> {
         let is_up = before < after;
-        let next = match self.period {
-            None => 0.0,
-            Some(period) if is_up => period * ((before / period).floor() + 1.0),
-            Some(period) => period * ((before / period).ceil() - 1.0),
-        };
-        let (is_wanted, is_passed) = if is_up {
-            let is_passed = before < next && next <= after;
-            (self.direction != Direction::Down, is_passed)
+        let (unwanted, period) = if is_up {
+            (Direction::Down, self.period)
         } else {
-            let is_passed = after <= next && next < before;
-            (self.direction != Direction::Up, is_passed)
+            (Direction::Up, self.period.map(|period| -period))
         };
-        (is_wanted && is_passed).then_some(next)
+        let first = period.map_or(0.0, |period| (before / period).floor() + 1.0);
+        let most = match period {
+            _ if self.direction == unwanted => 0.0,
+            None => 1.0,
+            // one more, for roundoff
+            Some(period) => (after / period).floor() - first + 2.0,
+        };
+        let levels = (0..=MOST_PASSED)
+            .map(f64::from)
+            .take_while(move |k| *k < most)
+            .map(move |k| period.map_or(0.0, |period| period * (first + k)))
+            .filter(move |level| {
+                if is_up {
+                    before < *level && *level <= after
+                } else {
+                    after <= *level && *level < before
+                }
+            });
+        (most.is_nan() || most <= f64::from(MOST_PASSED)).then_some(levels)
     }
 }
+
+/// So many planes at most are passed within a step.
+const MOST_PASSED: u32 = 10_000;
 
 /// Records (member, t, x) for each passage of a plane; it must observe every step.
 #[derive(Clone, Debug)]
@@ -126,17 +141,26 @@ impl<S: Stored + Real, M: Stepper<State = State<f64>>> Section<S, M> {
         };
         for (member, number) in self.members.iter().enumerate() {
             let (before, after) = (before.member(member), after.member(member));
-            let Some(level) = self.plane.passed(before, after) else {
-                continue;
-            };
-            for (y, value) in self.passage.y.iter_mut().zip(&self.before) {
-                *y = value.member(member);
+            let h = t - t0;
+            let levels = self.plane.passed(before, after).ok_or_else(|| {
+                let planes = (after - before).abs() / self.plane.period.unwrap_or(f64::INFINITY);
+                let error = StepError::StepTooLarge {
+                    h,
+                    coordinate: 0,
+                    solved: h * f64::from(MOST_PASSED) / planes,
+                };
+                error.of_member(member)
+            })?;
+            for level in levels {
+                for (y, value) in self.passage.y.iter_mut().zip(&self.before) {
+                    *y = value.member(member);
+                }
+                let ends = (before - level, after - level);
+                let found = self.passage.find(t0, h, ends, level);
+                let part = found.map_err(|error| error.of_member(member))?;
+                row.extend([*number as f64, t0 + part * h]);
+                row.extend_from_slice(&self.passage.x);
             }
-            let ends = (before - level, after - level);
-            let found = self.passage.find(t0, t - t0, ends, level);
-            let part = found.map_err(|error| error.of_member(member))?;
-            row.extend([*number as f64, t0 + part * (t - t0)]);
-            row.extend_from_slice(&self.passage.x);
         }
         Ok(())
     }

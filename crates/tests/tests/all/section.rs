@@ -245,18 +245,20 @@ fn members_in_lock_step_and_in_ensembles_pass_as_they_do_alone() {
 
 #[test]
 fn parallel_planes_are_passed_one_after_another() {
-    // x' = ±1, a row at each multiple of 0.75, the start's apart
-    for (velocity, start, first, count) in [
-        (1.0, 0.0, 0.75, 13),
-        (-1.0, 0.0, -0.75, 13),
-        (1.0, -1.6, -1.5, 14),
+    // x' = ±1, a row at each multiple of 0.75, the start's apart; several in a step too
+    for (velocity, start, first, count, control) in [
+        (1.0, 0.0, 0.75, 13, (0.25, 40)),
+        (-1.0, 0.0, -0.75, 13, (0.25, 40)),
+        (1.0, -1.6, -1.5, 14, (0.25, 40)),
+        (1.0, -1.6, -1.5, 14, (2.5, 4)),
+        (-1.0, 0.1, 0.0, 14, (2.0, 5)),
     ] {
         let split = shears(2, &[(0, velocity, vec![-1])]);
         let planes = Plane {
             period: Some(0.75),
             ..plane(&[1.0, 0.0], 0.0, Direction::Both)
         };
-        let rows = passages(&motion(split, "S2"), &planes, &[&[start, 3.0]], (0.25, 40));
+        let rows = passages(&motion(split, "S2"), &planes, &[&[start, 3.0]], control);
         assert_eq!(rows.len(), count);
         for (k, row) in rows.iter().enumerate() {
             #[allow(clippy::cast_precision_loss)]
