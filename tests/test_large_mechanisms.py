@@ -116,3 +116,25 @@ def test_a_rod_there_twice_is_left_out(bodies, method):
     np.testing.assert_allclose(doubled.reaction(), single.reaction(), rtol=0, atol=1e-9)
     np.testing.assert_allclose(doubled.lam[:, 30], doubled.lam[:, bodies], rtol=1e-12)
     assert lv.integrate(twice, method, states=False, **call).status == "done"
+
+
+def test_long_steps_of_a_chain_under_tension_take_few_corrections():
+    system, start = chain.build(10), lv.problems.load("chain").start
+    own = lv.integrate(system, lv.Spark(2), t=(0.0, 1.0), steps=13, **start)
+    assert own.stats["iterations"] < 8 * 13  # 14 a step without what the reactions change
+    newton = lv.integrate(system, lv.Spark(2, solver="newton"), t=(0.0, 1.0), steps=13, **start)
+    np.testing.assert_allclose(own.q, newton.q, rtol=0, atol=2e-15)
+    np.testing.assert_allclose(own.lam, newton.lam, rtol=0, atol=2e-14 * np.abs(newton.lam).max())
+
+
+def test_members_differ_in_when_corrections_take_what_the_reactions_change():
+    system, start = chain.build(10), lv.problems.load("chain").start
+    run = {"t": (0.0, 0.5), "steps": 7}
+    q, v = [start["q"]] * 3, np.outer([1e-4, 0.1, 1.0], start["v"])
+    several = lv.ensemble(system, lv.Spark(2), q=q, v=v, **run)
+    taken = set()
+    for k in range(3):
+        alone = lv.integrate(system, lv.Spark(2), q=q[k], v=v[k], **run)
+        taken.add(alone.stats["iterations"])
+        np.testing.assert_array_equal(several.q[:, k], alone.q)
+    assert len(taken) == 3

@@ -59,6 +59,23 @@ impl<R: Real> SchurEquations<'_, R> {
 }
 
 impl<R: Real> SchurEquations<'_, R> {
+    /// Evaluates r_y at the nodes for members whose next correction is the first to be improved.
+    #[cold]
+    fn evaluate_r_y(&mut self) -> Result<(), StepError> {
+        let (stages, reactions) = (&*self.stages, &mut self.solver.reactions);
+        let times = stages.node_times(self.step);
+        let (y, lam) = (&stages.node_y, &stages.unknowns.lam);
+        let mut points = self.model.nodes_jacobian(times, y, lam);
+        for l in 0..reactions.r_y.rows() {
+            let [r_y] = points.at(l);
+            finite(r_y, Quantity::Derivative, times.at(l))?;
+            for (out, value) in reactions.r_y.row_mut(l).iter_mut().zip(r_y) {
+                *out = reactions.is_new.choose(*value, *out);
+            }
+        }
+        Ok(())
+    }
+
     /// Corrects all unknowns; returns the largest dV.
     #[inline(always)]
     fn correct_stages(&mut self) -> R {
@@ -69,6 +86,7 @@ impl<R: Real> SchurEquations<'_, R> {
             g: &stages.g,
         };
         solver.solve(residuals, h);
+        solver.improve(residuals, h);
         let (unknowns, m) = (&mut stages.unknowns, solver.problem.m);
         if m > 0 {
             add_scaled(unknowns.lam.flat_mut(), 1.0 / h, &solver.d_lam);
@@ -104,7 +122,11 @@ impl<R: Real> CorrectStages<R> for SchurEquations<'_, R> {
     fn correct_unknowns(&mut self) -> Result<R, StepError> {
         if !self.is_linearized {
             self.linearize()?;
+            self.solver.reactions.restart();
             self.is_linearized = true;
+        }
+        if self.solver.reactions.is_wanted() {
+            self.evaluate_r_y()?;
         }
         let size = dispatch_simd_long::<R, _>(
             self.solver.problem.n,
@@ -115,6 +137,8 @@ impl<R: Real> CorrectStages<R> for SchurEquations<'_, R> {
                 self.stages.relative(size, self.step)
             },
         );
+        let tolerance = self.stages.stop.tolerance;
+        self.solver.reactions.judge(size, tolerance);
         Ok(size)
     }
 

@@ -5,10 +5,12 @@
 //!
 //! with G_i = g_y and R_l = r_λ at nodes i and l, taken where the iteration starts, and B at its middle stage. Errors
 //! shrink by O(h²) a correction for constant B and forces without z, else by O(h). With Λ = h λ it is O(1) as h → 0.
+//! `reactions` improves corrections that r_y makes slow.
 #![allow(clippy::inline_always)] // other functions are compiled without the caller's instruction set
 
 mod equations;
 mod linear;
+mod reactions;
 
 use super::sparse_schur::SparseNodeSchur;
 use super::stages::{Stages, Unknowns};
@@ -18,6 +20,7 @@ use liouville_base::linalg::{Lu, Matrix, Singular, add_scaled, as_is, combine, c
 use liouville_base::real::Real;
 use liouville_base::simd::dispatch_simd;
 use liouville_problem::{Mass, Mechanical, Model, Step, add_product};
+use reactions::Reactions;
 use std::sync::Arc;
 
 /// The blocks and the factored Schur complement.
@@ -38,6 +41,7 @@ pub(super) struct NodeSchur<R = f64> {
     impulse: Matrix<R>,
     d_z: Matrix<R>,
     d_v: Matrix<R>,
+    reactions: Reactions<R>,
     /// Unknowns of members that take no further corrections.
     kept: Option<Box<Unknowns<R>>>,
 }
@@ -99,6 +103,7 @@ impl<R: Real> NodeSchur<R> {
             impulse: Matrix::zeros(k, n),
             d_z: Matrix::zeros(s, n),
             d_v: Matrix::zeros(s, n),
+            reactions: Reactions::new((k, at.r_y.len()), &Matrix::zeros(s, n)),
             kept: (!R::IS_SINGLE).then(|| Box::new(stages.unknowns.clone())),
         }
     }
