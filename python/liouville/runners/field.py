@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from copy import copy
 from dataclasses import replace
 from hashlib import blake2b
+from math import ceil, inf
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -178,7 +179,7 @@ class FieldRunner(Runner):
     ) -> tuple[Steps, VolumeSplitting | FieldPlan]:
         """Return equal steps that meet a tolerance, and the plan they were found with."""
         assert asked.control is not None, "steps for a tolerance"
-        x, t0 = x[:TRIED], asked.t0
+        rows, x, t0 = x, x[:TRIED], asked.t0
         length = abs(asked.t1 - t0)
         kind, rtol, atol, h, least = asked.control
         if not h:
@@ -192,10 +193,15 @@ class FieldRunner(Runner):
                 t=(t0, asked.t1), steps=steps, every=steps // RECORDS, start={"x": x},
                 is_ensemble=True,
             )  # fmt: skip
-            found: np.ndarray = execute(type(self)(self.system, method, request)).x[1:]
-            return found
+            return np.asarray(execute(type(self)(self.system, method, request)).x[1:])
 
-        return trial_steps(run, asked, order), method
+        fewest = ceil(length / self._longest_step(method, rows, t0))
+        return trial_steps(run, asked, order, fewest), method
+
+    def _longest_step(self, plan: VolumeSplitting | FieldPlan, x: np.ndarray, t: float) -> float:
+        """Return the longest step that can be made from states x, shape (P, n)."""
+        del plan, x, t
+        return inf
 
     def _rates(self, x: np.ndarray, t: float) -> np.ndarray:
         """Return the rates of states x, shape (P, n)."""

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -72,17 +70,11 @@ class PlaneRunner(FieldRunner):
         assert order is not None, "a plan leaves nothing open"
         return plan, order_of(system, order), h
 
-    def _tried(
-        self, method: VolumeSplitting | FieldPlan, asked: Steps, x: np.ndarray
-    ) -> tuple[Steps, VolumeSplitting | FieldPlan]:
-        """Return equal steps that meet a tolerance, none too long for the equations of planes."""
-        steps, plan = super()._tried(method, asked, x)
+    def _longest_step(self, plan: VolumeSplitting | FieldPlan, x: np.ndarray, t: float) -> float:
+        """Return the longest step for which the equations of planes have solutions for sure."""
         assert isinstance(plan, FieldPlan), "a plan was made for the trial runs"
         system = _planar(self.system)
-        rows = system.extended(x, asked.t0)
-        longest = LAST * longest_step(system, plan.method.composition, rows)
-        least = math.ceil(abs(steps.t1 - steps.t0) / longest)
-        return replace(steps, count=max(steps.count, least)), plan
+        return LAST * longest_step(system, plan.method.composition, system.extended(x, t))
 
     def _described(self, error: dict[str, Any]) -> Any:
         if error["kind"] == "outside" and self.system.variables[error["index"]] == "t":

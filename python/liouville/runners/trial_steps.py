@@ -27,8 +27,8 @@ ROUNDOFF = 1e-13
 Run = Callable[[int], np.ndarray]
 
 
-def trial_steps(run: Run, asked: Steps, order: int) -> Steps:
-    """Return equal steps for the tolerances of controlled ones.
+def trial_steps(run: Run, asked: Steps, order: int, fewest: int) -> Steps:
+    """Return equal steps for the tolerances of controlled ones, `fewest` or more.
 
     Runs of n and 2 n steps differ by the error of the first; that of 2 n steps is
     :math:`1/(2^p - 1)` of the difference. n is doubled until errors fall with the order p. Longer
@@ -56,7 +56,7 @@ def trial_steps(run: Run, asked: Steps, order: int) -> Steps:
         is_shown = error == 0 or SHOWN * 2**order <= last / error < math.inf
         if off <= 1 or (is_shown and error <= BELIEVED**order):
             factor = (SAFETY * error) ** (1 / order)
-            count = RECORDS * max(1, math.ceil(n * factor / RECORDS))
+            count = RECORDS * math.ceil(max(1, fewest, n * factor) / RECORDS)
             while count < n:
                 made += count
                 if _distance(_states(run, count), after, rtol, atol) <= 1:
