@@ -24,6 +24,8 @@ Array = NDArray[np.float64]
 
 #: Singular values below this part of the largest are zero: of a solution, and of a rank.
 CUTOFF, RANK = 1e-8, 1e-9
+#: Equations below this part of the largest are roundoff.
+ROUNDOFF = 1e-12
 #: Loops are closed where they miss by no more than this part of the mechanism's size.
 CLOSED = 1e-10
 #: The longest way of an angle, and of a slide in the mechanism's size, in one go.
@@ -270,10 +272,11 @@ class Starting:
         else:
             found, still = self.slopes(q, v)
             slopes, right = np.vstack([found, own]), np.append(-still, wanted)
-        # equations and unknowns are of lengths and of angles: each in a unit of its own
-        rows = unit(np.abs(slopes).max(axis=1, initial=0.0))
-        slopes, right = rows[:, None] * slopes, rows * right
+        # each unknown, and each equation but roundoff, in a unit of its own: lengths or angles
         columns = unit(np.abs(slopes).max(axis=0, initial=0.0))
+        sizes = np.abs(slopes * columns).max(axis=1, initial=0.0)
+        rows = unit(np.where(sizes > ROUNDOFF * sizes.max(initial=0.0), sizes, 0.0))
+        slopes, right = rows[:, None] * slopes, rows * right
         inverse = columns[:, None] * np.linalg.pinv(slopes * columns, CUTOFF)
         ways = inverse @ right
         ways += inverse @ (right - slopes @ ways)
