@@ -46,7 +46,7 @@ system
 
 # %%
 # Parameters are changed in the call, without building the model again. The start depends on them:
-# at rest in x, the bead has to move with the wire.
+# it is moved to the nearest point and velocity on the wire, which turns.
 
 runs = {}
 for w in (6.0, 8.8):
