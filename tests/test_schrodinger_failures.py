@@ -7,9 +7,11 @@ run, files and the command line.
 import csv
 import math
 import os
+import re
 import signal
 import threading
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -98,6 +100,16 @@ def test_what_the_check_before_a_run_cannot_see_is_caught_in_it():
         assert "outside the bounds [-2, 2]" in str(error)
         assert np.isfinite(error.solution.psi).all()
         assert error.quantity == "norm"
+
+
+def test_a_norm_that_is_off_is_shown_with_the_digits_that_differ():
+    system, psi = lv.Schrodinger(lv.Lattice(50)), np.eye(50)[3]
+    plan = lv.plan(system, Splitting(1e-9, "fast"), t=(0.0, 40.0), psi=psi)
+    strict = replace(plan, core=replace(plan.core, norm_tol=1e-15))
+    with pytest.raises(lv.IntegrationError, match="the norm is ") as caught:
+        lv.integrate(system, strict, t=(0.0, 40.0), psi=psi)
+    norm, before = re.search(r"the norm is (\S+) where it was (\S+)\n", str(caught.value)).groups()
+    assert 1e-15 < abs(float(norm) - float(before)) < 1e-9
 
 
 # --- functions that raise, and Ctrl-C ------------------------------------------------------------

@@ -21,6 +21,7 @@ import casadi as ca
 import numpy as np
 import pytest
 import xarray
+from scipy import sparse
 
 import liouville as lv
 from liouville import checksum, export, locks, problems
@@ -136,6 +137,10 @@ KINDS = {
     "field": lambda: field(every=3),
     "wave": lambda: waves(method=lv.SchrodingerSplitting(tol=1e-6)),
     "krylov": lambda: waves(method=lv.Lanczos(tol=1e-6)),
+    "operators": lambda: waves(
+        method=lv.SchrodingerSplitting(tol=1e-6),
+        observe={"hop": np.eye(15, k=1), "moved": sparse.diags_array(np.arange(15.0))},
+    ),
     "grid": lambda: rotor(method=lv.SplitOperator(), h=0.01),
 }
 

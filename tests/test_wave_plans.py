@@ -232,6 +232,20 @@ def test_what_no_splitting_reaches_is_a_series_and_said_so():
         lv.plan(UNIT, METHODS["auto"](1e-13), t=(0.0, 300.0))
 
 
+@pytest.mark.parametrize("shift", [-1e6, 1e9])
+@pytest.mark.parametrize("method", METHODS)
+def test_a_constant_added_to_all_energies_costs_the_roundoff_of_its_phase_alone(shift, method):
+    rng, span = np.random.default_rng(1), (0.0, 10.0)
+    a = rng.normal(size=(12, 12))
+    matrix, psi = a + a.T + shift * np.eye(12), random_state(rng, 12)
+    system, tol = lv.Schrodinger(matrix), 2e-16 * 10 * abs(shift) * 10
+    plan = lv.plan(system, METHODS[method](tol), t=span, psi=psi)
+    run = lv.integrate(system, plan, t=span, psi=psi)
+    assert np.linalg.norm(run.psi[-1] - exact(matrix, 10.0, psi)) <= plan.bound <= tol
+    with pytest.raises(ValueError, match=r"give tol of .*; energies are .*a constant taken off H"):
+        lv.plan(system, METHODS[method](tol / 100), t=span)
+
+
 SAVED = {
     "splitting": (UNIT, lv.SchrodingerSplitting(1e-6)),
     "series": (UNIT, lv.Chebyshev(1e-6)),

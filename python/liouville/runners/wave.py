@@ -62,7 +62,9 @@ class WaveRunner(Runner):
         self.members = self.psi.shape[:-1]
         self.threads = threads_of(request.threads)
         self._states = request.states
-        self._observed = system.observables(request.observe)
+        # the core's forms of these are made again where a run is unpickled
+        self._observe = system.portable(request.observe)
+        self._observed = system.observables(self._observe)
         self.columns = {"psi": 2 * system.size} if request.states else {}
         energy = "observed energy" if system.is_driven else "invariant energy"
         self.columns |= {"invariant norm": 1, energy: 1, "observed autocorrelation": 2}
@@ -87,6 +89,15 @@ class WaveRunner(Runner):
         self.method = self.plan.scheme
         self.steps = Steps(self.plan.t0, self.plan.stops[-1][0], self.plan.steps)
         self.every = -(-self.plan.steps // len(self.plan.stops))
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Leave out what the core has."""
+        return {name: x for name, x in self.__dict__.items() if name != "_observed"}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Make it again."""
+        self.__dict__.update(state)
+        self._observed = self.system.observables(self._observe)
 
     def _planned(
         self, method: WaveMethod | WavePlan, times: tuple[float, ...], request: Request
@@ -323,16 +334,17 @@ class WaveRunner(Runner):
             return found
         if not is_finite and error["kind"] == "norm" and self.system.is_driven:
             return (
-                f"the norm is {size:.6g} where it was {error['norm_at_start']:.6g}: H(t) may have "
+                f"the norm is {size:g} where it was {error['norm_at_start']:.6g}: H(t) may have "
                 "values beyond its bounds",
                 "look for a jump, or a division by zero, in a function of time",
                 "norm",
             )
         if error["kind"] == "norm":
-            low, high = self.plan.bounds
+            norm, before = _told_apart(error["norm"], error["norm_at_start"])
+            low, high = _told_apart(*self.plan.bounds)
             return (
-                f"the norm is {error['norm']:.6g} where it was {error['norm_at_start']:.6g}",
-                f"H may have eigenvalues outside the bounds [{low:g}, {high:g}] of H/hbar, or its "
+                f"the norm is {norm} where it was {before}",
+                f"H may have eigenvalues outside the bounds [{low}, {high}] of H/hbar, or its "
                 "products are not those of a symmetric matrix: give bounds='gershgorin', or wider "
                 "ones",
                 "norm",
@@ -348,6 +360,15 @@ class WaveRunner(Runner):
                 "spectrum",
             )
         return describe(error, (), ())
+
+
+def _told_apart(a: float, b: float) -> tuple[str, str]:
+    """Return two numbers with six digits, or as many as show that they differ."""
+    for digits in range(6, 18):
+        texts = f"{a:.{digits}g}", f"{b:.{digits}g}"
+        if texts[0] != texts[1] or a == b:
+            break
+    return texts
 
 
 def _propagated(system: Schrodinger, plan: WavePlan) -> _core.Hamiltonian:

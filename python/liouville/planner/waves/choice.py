@@ -41,8 +41,11 @@ PHASE = 4.0
 #: The longest time that double precision has room for.
 LONGEST = 1e200
 
-#: The norm may be off by ten times what the method promises, and by so much in any case.
+#: The norm may be off by ten times what method and roundoff promise, and by so much in any case.
 TIMES, LEAST = 10.0, 1e-10
+
+#: Where energies are so many times as large as half their width, a constant may be taken off them.
+SHIFTED = 10.0
 
 
 @dataclass(frozen=True)
@@ -220,11 +223,17 @@ def _check_reach(span: Span, tol: float) -> None:
     if tol < 2 * span.roundoff:
         turns = span.roundoff / (PHASE * ROUNDOFF)
         least = 10 ** np.ceil(np.log10(2 * span.roundoff))
+        hint = f"give tol of {least:g} or more, or a shorter interval"
+        if abs(span.sigma) > SHIFTED * span.beta:
+            hint += (
+                f"; energies are about {span.sigma:.6g} hbar and differ by {2 * span.beta:.3g} at "
+                "most: a constant taken off H changes the phase of psi alone"
+            )
         raise ValueError(
             hinted(
                 f"tol = {tol:g} is out of reach: a phase of {turns:.3g} has an error of "
                 f"{span.roundoff:.1e} in double precision",
-                f"give tol of {least:g} or more, or a shorter interval",
+                hint,
             )
         )
 
@@ -266,7 +275,7 @@ def _split(
         products=found.shears / (2 if system.is_real else 1),
         bound=found.bound + span.roundoff,
         reasons=(why,),
-        core=Shears(rung.coefficients, span.sigma, max(TIMES * norm, LEAST)),
+        core=Shears(rung.coefficients, span.sigma, max(TIMES * (norm + span.roundoff), LEAST)),
         is_complex=not system.is_real,
     )
 
