@@ -81,18 +81,36 @@ def plan(tmp_path_factory):
     return path.read_text()
 
 
+QUBIT = """
+import casadi as ca, liouville as lv, numpy as np
+flip = [np.array([[0, 1], [1, 0]]), lambda t, w: ca.cos(w * t)]
+qubit = lv.Schrodinger([np.diag([1.0, -1.0]), flip], params={"w": 1.9})
+"""
+
+
 def test_a_driven_wave_function_takes_what_auto_takes(liouville, tmp_path):
     """A series, with a part of the products that Magnus' steps take."""
-    (tmp_path / "driven.py").write_text(
-        "import casadi as ca, liouville as lv, numpy as np\n"
-        "flip = [np.array([[0, 1], [1, 0]]), lambda t, w: ca.cos(w * t)]\n"
-        "qubit = lv.Schrodinger([np.diag([1.0, -1.0]), flip], params={'w': 1.9})\n"
-    )
+    (tmp_path / "driven.py").write_text(QUBIT)
     call = "run driven.py:qubit --start psi=1,0 --until 5 --tol 1e-10 --keep 20"
     found, series = liouville(call).stdout, liouville(f"{call} --method chebyshev").stdout
     products = [re.search(r"products +(\d+)", text)[1] for text in (found, series)]
     assert products[0] == products[1]
     assert "asked for" not in liouville("plan driven.py:qubit --until 5").stdout
+
+
+def test_a_sweep_of_a_wave_function_from_a_complex_start_keeps_it_at_given_times(
+    liouville, tmp_path
+):
+    (tmp_path / "driven.py").write_text(QUBIT)
+    call = "run driven.py:qubit --start psi=0.6,0.8j --until 5 --at 1 --at 3"
+    ran = liouville(f"{call} --sweep w=1:2:3 --out many.npz")
+    assert ran.returncode == 0, ran.stderr
+    many = lv.load(tmp_path / "many.npz")
+    assert many.t.tolist() == [0.0, 1.0, 3.0, 5.0]
+    assert many.psi[0, 2].tolist() == [0.6, 0.8j]
+    for member, w in enumerate((1.0, 1.5, 2.0)):
+        assert liouville(f"{call} --param w={w} --out one.npz").returncode == 0
+        assert np.array_equal(lv.load(tmp_path / "one.npz").psi, many.psi[:, member])
 
 
 def test_a_run_prints_results_saves_and_draws(liouville, tmp_path, monkeypatch):
@@ -458,7 +476,8 @@ def test_a_sweep_some_of_whose_members_fail_says_which(liouville, model):
         ("pendulum --sweep l=1:2:3 --rtol 1e-3", "equal steps in memory: it takes no --rtol"),
         ("pendulum --sweep l=1:2:3 --param l=1", "'l' is given twice"),
         ("pendulum --sweep w=1:2:3", "there is no parameter 'w'"),
-        ("heisenberg --sweep l=1:2:3", "hint: sweeps are for mechanical systems and fields"),
+        ("heisenberg --sweep l=1:2:3", "there is no parameter 'l'"),
+        ("heisenberg --at 70", "error: --at 70 is outside the run, from 0 to 5\nhint: "),
         ("hill_vortex --sweep l=1:2:3", "there is no parameter 'l'"),
         ("pendulum --report run.pdf", "hint: name it .html"),
         ("slider_crank --out run.xyz", "is no x, y or z of a point"),

@@ -10,7 +10,14 @@ import typer
 import liouville as lv
 from liouville import export
 from liouville import plot as figures
-from liouville.cli.models import interval_of, kept_times, reference_at, step_of, system_of
+from liouville.cli.models import (
+    interval_of,
+    kept_times,
+    reference_at,
+    step_of,
+    system_of,
+    times_at,
+)
 from liouville.cli.options import (
     Keep,
     Method,
@@ -111,6 +118,8 @@ def run(
         times: Any = span
         if isinstance(chosen, lv.WavePlan):
             times = chosen.times
+        elif chosen.form == "wave" and at:
+            times, at = times_at(span, at), None
         elif chosen.form == "wave" and hasattr(chosen, "tol") and h is None:
             times = kept_times(span, keep)
         elif h is None and rtol is None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib.util
 import sys
 import traceback
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -70,6 +70,18 @@ def kept_times(interval: tuple[float, float], keep: int) -> list[float]:
     """Give the times of the start and of so many wave functions, at equal distances."""
     times: list[float] = np.linspace(*interval, keep + 1).tolist()
     return times
+
+
+def times_at(interval: tuple[float, float], at: Sequence[float]) -> list[float]:
+    """Give the start, these times of wave functions to keep, and the end."""
+    first, last = interval
+    for t in at:
+        if not min(interval) <= t <= max(interval):
+            raise ValueError(
+                f"--at {t:g} is outside the run, from {first:g} to {last:g}\n"
+                "hint: give --until, or a time within"
+            )
+    return sorted({first, *at, last}, reverse=last < first)
 
 
 def step_of(module: ModuleType, method: Any) -> float:

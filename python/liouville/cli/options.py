@@ -33,7 +33,10 @@ Method = Annotated[
 Until = Annotated[float | None, typer.Option(help="End time.", show_default="the model's own")]
 Step = Annotated[float | None, typer.Option(help="Step size.", show_default="the model's")]
 Keep = Annotated[int, typer.Option(help="Keep so many wave functions, at equal distances.", min=1)]
-Start = Annotated[list[str] | None, typer.Option(help="Start value, as q=1,0; may be repeated.")]
+Start = Annotated[
+    list[str] | None,
+    typer.Option(help="Start value, as q=1,0 or psi=1,0.5j; may be repeated."),
+]
 Param = Annotated[list[str] | None, typer.Option(help="Parameter, as m=2.0; may be repeated.")]
 PlanFile = Annotated[
     Path | None,
@@ -125,13 +128,15 @@ def _usual(system: Any) -> str:
     return "volume-splitting" if isinstance(system, systems.Field) else "spark"
 
 
-def assigned(option: str, items: Sequence[str]) -> dict[str, list[float]]:
-    """Read assignments of numbers, as ``q=1,0``."""
-    values = {}
+def assigned(option: str, items: Sequence[str]) -> dict[str, list[Any]]:
+    """Read assignments of numbers, as ``q=1,0``, of a start complex ones too, as ``psi=1,0.5j``."""
+    values: dict[str, list[Any]] = {}
     for item in items:
         name, equals, numbers = item.partition("=")
         try:
-            values[name.strip()] = [float(number) for number in numbers.split(",")]
+            values[name.strip()] = [
+                _number(number, option == "--start") for number in numbers.split(",")
+            ]
         except ValueError:
             equals = ""
         if not (name.strip() and equals):
@@ -139,6 +144,15 @@ def assigned(option: str, items: Sequence[str]) -> dict[str, list[float]]:
                 f"{option} {item!r} is no assignment of numbers\nhint: write {option} name=1.0,2.0"
             )
     return values
+
+
+def _number(text: str, may_be_complex: bool) -> float | complex:
+    try:
+        return float(text)
+    except ValueError:
+        if not may_be_complex:
+            raise
+        return complex(text.strip())
 
 
 def parameters(items: Sequence[str] | None) -> dict[str, Any] | None:

@@ -42,9 +42,6 @@ def sweep(
     for option, value in unwanted.items():
         if value:
             raise ValueError(f"a sweep takes equal steps in memory: it takes no --{option}")
-    if isinstance(system, lv.Schrodinger):
-        sentence = f"{model} has one value of each parameter for all members of an ensemble"
-        raise TypeError(hinted(sentence, "sweeps are for mechanical systems and fields"))
     name, of = values
     if name in (params or {}):
         raise ValueError(f"parameter {name!r} is given twice, by --param and by --sweep")
