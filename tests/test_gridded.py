@@ -298,7 +298,6 @@ def small(**more):
         ),
         (lambda: small(coordinates="polar"), ValueError, "coordinates is one of cartesian"),
         (lambda: small(gauge="given"), ValueError, "gauge='given' is for potential="),
-        (lambda: small(t=[0, 1]), ValueError, "a field of 2 times has no cubic spline"),
         (lambda: lv.GriddedField(X[:3], X, velocity=(ONE[:3],) * 2), ValueError, "'x' has 3 nodes"),
         (
             lambda: lv.integrate(gyre(), V(), t=(0, 9), h=3.0, x=[0.1, 0.2]),

@@ -1,11 +1,14 @@
 """Gridded fields that depend on time, with islands, from data sets, and around a torus."""
 
+import tracemalloc
+
 import numpy as np
 import pytest
 import xarray
 from scipy.io import netcdf_file
 
 import liouville as lv
+from liouville.systems.gridded import potential
 
 V = lv.VolumeSplitting
 
@@ -168,6 +171,63 @@ def test_a_classic_file_is_read_with_its_units_and_its_land(tmp_path):
     assert np.allclose(field.points_of(start), [0.3, 0.3])
     metres = field.velocity(start) * 6.371e6
     assert np.allclose(metres, np.ravel(velocity_of(0, 0.3, 0.3)), rtol=0.1, atol=0.02)
+
+
+def test_axes_are_called_as_the_data_set_has_them(tmp_path):
+    sea = dataset().rename(east="longitude", north="latitude")
+    for name, unit in (("longitude", "degrees_east"), ("latitude", "degrees_north")):
+        sea[name].attrs["units"] = unit
+    fields = [
+        lv.GriddedField.from_xarray(sea, walls=names, most_divergence=1)
+        for names in (("longitude", "latitude"), ("lon", "lat"))
+    ]
+    start = fields[0].states_of([0.3, 0.3])
+    assert np.array_equal(*(field.velocity(start, 3.3) for field in fields))
+    (tmp_path / "sea.nc").write_text("time,u,v")
+    with pytest.raises(ValueError, match=r"'.*sea.nc' is no NetCDF file: it begins with b'time'"):
+        lv.GriddedField.from_netcdf(tmp_path / "sea.nc")
+
+
+@pytest.mark.filterwarnings("ignore:the field was not divergence-free")
+def test_times_are_taken_a_few_together_and_the_field_is_the_same(monkeypatch):
+    t, x, y, u, v = sea(60, 16)
+    u[:, 10:13, 4:7] = np.nan
+    given = {"t": t, "velocity": (u, v), "walls": ("x", "y"), "most_divergence": 1}
+    fields, peaks = [], []
+    for size in (2**30, 2**15):
+        monkeypatch.setattr(potential, "TOGETHER", size)
+        tracemalloc.start()
+        fields.append(lv.GriddedField(x, y, **given))
+        peaks.append(tracemalloc.get_traced_memory()[1] / (2 * u.nbytes))
+        tracemalloc.stop()
+    assert peaks[1] < 2.5 < 5 < peaks[0]
+    points = np.random.default_rng(0).uniform(0, 1, (50, 2)) * [2, 1]
+    there, here = (field.velocity(points, 3.3) for field in fields)
+    assert abs(there - here).max() < 1e-14
+    assert fields[0].divergence == pytest.approx(fields[1].divergence, rel=1e-12)
+    assert fields[0].steepest == pytest.approx(fields[1].steepest, rel=1e-12)
+
+
+@pytest.mark.parametrize("samples", [2, 3])
+def test_a_field_of_few_times_is_the_polynomial_through_them(samples):
+    """A line through two times, a parabola through three."""
+    x = np.linspace(0, 2 * np.pi, 24, endpoint=False)
+    t, where = np.array([0.0, 0.7, 2.0])[:samples], np.meshgrid(x, x, indexing="ij")
+    growth = np.polynomial.Polynomial([1.0, 0.5, -0.2][:samples])
+    u, v = np.sin(where[1]), np.cos(where[0])
+    velocity = [np.multiply.outer(growth(t), part) for part in (u, v)]
+    common = {"periodic": ("x", "y"), "degree": 5}
+    moving = lv.GriddedField(x, x, t=t, velocity=velocity, **common)
+    still = lv.GriddedField(x, x, velocity=(u, v), **common)
+    point = [0.3, 0.4]
+    for now in np.linspace(0, t[-1], 5):
+        wanted = growth(now) * still.velocity(point)
+        assert abs(moving.velocity(point, now) - wanted).max() < 1e-13
+    # time is s, of which the growth is the derivative
+    run = lv.integrate(moving, V(composition="BM6"), t=(0, t[-1]), steps=40, x=point)
+    s = growth.integ()(t[-1])
+    wanted = lv.integrate(still, V(composition="BM6"), t=(0, s), steps=40, x=point)
+    assert abs(run.x[-1] - wanted.x[-1]).max() < 1e-8
 
 
 @pytest.mark.parametrize(

@@ -87,7 +87,7 @@ impl Basis {
             let wanted = "0 to 5";
             return Err(Malformed::Degree { degree, wanted });
         }
-        if cells < 3 {
+        if cells < degree.min(3) {
             return Err(Malformed::Cells { cells });
         }
         if let Some(index) = (1..edges.len()).find(|k| edges[*k] <= edges[k - 1]) {

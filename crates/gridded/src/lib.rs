@@ -34,7 +34,7 @@ pub enum Malformed {
     Edges { index: usize },
     #[error("splines of degree {degree}, which are of degree {wanted}")]
     Degree { degree: usize, wanted: &'static str },
-    #[error("an axis of {cells} cells, wanted three at least")]
+    #[error("an axis of {cells} cells, wanted as many as the degree, or three")]
     Cells { cells: usize },
     #[error("cell {cell} has no table {table} among {tables}")]
     Table {

@@ -22,7 +22,7 @@ EQUAL = 1e-6
 #: Nodes are rounded by so many units of the last digit of their type, and of a distance this part.
 LAST_DIGITS, MOST_ROUNDED = 4, 1e-2
 
-#: Splines in time have this degree.
+#: Splines in time have this degree, or that of the polynomial through fewer samples.
 IN_TIME = 3
 
 #: A divergence above this part of the velocity is warned of, and refused above the larger one.
@@ -64,10 +64,7 @@ def time_axis(t: Any) -> Axis:
     times = _points("t", t)
     if times[0] > times[-1]:
         raise ValueError("t grows from sample to sample")
-    if times.size < IN_TIME + 1:
-        sentence = f"a field of {times.size} times has no cubic spline in time"
-        raise ValueError(hinted(sentence, "give 4 times at least, or one field without t="))
-    return Axis("t", times, IN_TIME, "open")
+    return Axis("t", times, min(IN_TIME, times.size - 1), "open")
 
 
 def arrays_of(
@@ -83,7 +80,8 @@ def arrays_of(
         raise ValueError(f"{what} has {len(given)} components, wanted {wanted}")
     arrays = []
     for name, values, shape in zip(names, given, shapes, strict=True):
-        array = _trace.numbers(values)
+        is_plain = type(values) is np.ndarray and values.dtype.kind == "f"
+        array = values if is_plain else _trace.numbers(values)  # which copies
         if array is None:
             raise TypeError(f"{what} of '{name}' is an array of real numbers")
         if array.shape != shape:
@@ -92,7 +90,7 @@ def arrays_of(
             if array.shape == shape[::-1]:
                 hint = f"{hint}: transpose it"
             raise ValueError(hinted(sentence, hint))
-        arrays.append(np.asarray(array, dtype=float))
+        arrays.append(array)
     return arrays
 
 

@@ -14,9 +14,11 @@ from liouville.systems.gridded.axis import Array, Axis
 from liouville.systems.gridded.coordinates import POLE, Coordinates
 from liouville.systems.gridded.potential import (
     Potential,
+    blocks,
     curl,
     fluxes_of_faces,
     fluxes_of_nodes,
+    joined,
     of_potential,
     solved,
 )
@@ -68,10 +70,8 @@ class Given:
         flips = tuple(lead + k for k, is_turned in enumerate(turned) if is_turned)
         return [np.flip(array, flips) for array in arrays]
 
-    def land(
-        self, arrays: list[Array], mask: Any, turned: Sequence[bool]
-    ) -> tuple[list[Array], Any]:
-        """Return the arrays with zeros for land, and which cells are land."""
+    def land(self, arrays: list[Array], mask: Any, turned: Sequence[bool]) -> tuple[Any, Any]:
+        """Return which nodes and which cells are land, None where there is none."""
         what, axes, lead = self.what, self.axes, self.lead
         bad = [~np.isfinite(array) for array in arrays]
         land = None
@@ -88,15 +88,14 @@ class Given:
             missing = missing.any(0) if lead else missing
             land = missing if land is None else land | missing
         if land is None:
-            return arrays, None
+            return None, None
         if len(axes) == 3:
             sentence = f"{int(land.sum())} nodes have no velocity, and land is for a plane"
             hint = "cut a box without land out, or give 0 there and let the field be smooth"
             raise ValueError(hinted(sentence, hint))
         if what == "fluxes":
-            return [np.nan_to_num(array) for array in arrays], land
-        arrays = [np.where(land, 0.0, array) for array in arrays]
-        return arrays, islands.cells_of_nodes(land, axes)
+            return None, land
+        return land, islands.cells_of_nodes(land, axes)
 
     def stepped(self) -> list[Axis]:
         """Return the axes in the coordinates that are stepped."""
@@ -114,8 +113,26 @@ class Given:
             return [lon, Axis(second.name, mu, second.p, second.bounds)]
         return axes
 
-    def potential(self, arrays: list[Array], axes: list[Axis], gauge: str) -> Potential:
-        """Return the potential of the data on these axes, and the mean flow."""
+    def potential(self, arrays: list[Array], dry: Any, axes: list[Axis], gauge: str) -> Potential:
+        """Return the potential of the data on these axes, and the mean flow.
+
+        Nothing moves at nodes that are `dry`. Some times are taken together, for what is made on
+        the way is many times as large as they are.
+        """
+        if not self.lead:
+            return self._potential_at(arrays, dry, axes, gauge)
+        found = [
+            self._potential_at([x[times] for x in arrays], dry, axes, gauge)
+            for times in blocks(arrays[0])
+        ]
+        return joined(found)
+
+    def _potential_at(
+        self, arrays: list[Array], dry: Any, axes: list[Axis], gauge: str
+    ) -> Potential:
+        arrays = [np.asarray(array, dtype=float) for array in arrays]
+        if dry is not None:
+            arrays = [np.where(dry, 0.0, array) for array in arrays]
         what, lead, kind = self.what, self.lead, self.kind
         nodes = [axis.edges[: axis.nodes] for axis in self.axes]
         if what == "fluxes":
@@ -126,4 +143,4 @@ class Given:
         a = of_potential(kind.potential(arrays, nodes[0]), axes, lead)
         if gauge == "coulomb":
             return solved(curl(a, axes, lead), axes, lead)
-        return Potential(a, np.zeros((*a[0].shape[:lead], len(axes))), 0.0)
+        return Potential(a, np.zeros((*a[0].shape[:lead], len(axes))), 0.0, 0.0)

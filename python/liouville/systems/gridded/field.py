@@ -19,7 +19,7 @@ from liouville.systems.gridded.axis import Array
 from liouville.systems.gridded.coordinates import KINDS, Coordinates
 from liouville.systems.gridded.data import Given
 from liouville.systems.gridded.planes import made_of
-from liouville.systems.gridded.potential import Potential, steepest
+from liouville.systems.gridded.potential import Potential, blocks, in_time, steepest
 
 #: Newton's corrections of a flow, about.
 CORRECTIONS = 3
@@ -44,7 +44,8 @@ class GriddedField(PlaneField):
         Nodes along the axes; two axes make a plane. For `fluxes` the edges of cells. A periodic
         axis leaves its last node out, which is the first again.
     t : array_like of shape (T,), optional
-        Times of the samples of a field that depends on time, with cubic splines between them.
+        Times of the samples of a field that depends on time, with cubic splines between them: two
+        samples are joined by a line, three by a parabola.
     velocity : sequence of array_like, optional
         The components at the nodes, each of shape ([T,] nx, ny[, nz]). In the plane, nodes where
         they are NaN are land.
@@ -172,10 +173,11 @@ class GriddedField(PlaneField):
         axes, turned = checks.axes_of(nodes, periodic, walls, degree, what == "fluxes")
         time = None if t is None else checks.time_axis(t)
         given = Given(what, self._kind, axes, time)
-        arrays, land = given.land(given.arrays(data, turned), mask, turned)
+        arrays = given.arrays(data, turned)
+        dry, land = given.land(arrays, mask, turned)
         self._axes, self._time = given.stepped(), time
         self.gauge = checks.gauge_of(gauge, what, self._axes)
-        found = given.potential(arrays, self._axes, self.gauge)
+        found = given.potential(arrays, dry, self._axes, self.gauge)
         self._finish(found, land, most_divergence)
         self.coordinates = self._kind.names(named)
         self.is_driven = time is not None
@@ -203,9 +205,10 @@ class GriddedField(PlaneField):
         u, v, w : str, optional
             Names of the components, if they are to be others. Without levels there is no w.
         **options
-            As for :class:`GriddedField`: ``walls``, ``periodic``, ``degree`` and so on. Of
-            longitudes and latitudes the coordinates are spherical, on the earth, and periodic
-            where longitudes go round.
+            As for :class:`GriddedField`: ``walls``, ``periodic``, ``degree`` and so on, with the
+            names of axes as the data set has them or as the field has them. Of longitudes and
+            latitudes the coordinates are spherical, on the earth, and periodic where longitudes go
+            round.
 
         Returns
         -------
@@ -252,6 +255,8 @@ class GriddedField(PlaneField):
         ------
         FileNotFoundError, ImportError
             There is no such file, or nothing that reads it.
+        ValueError
+            It is no NetCDF file, or as for :meth:`from_xarray`.
         """
         return cls._read(reading.of_file(path), {"u": u, "v": v, "w": w}, options)
 
@@ -276,15 +281,15 @@ class GriddedField(PlaneField):
             a = (psi,)
         mean = self.mean
         if self._time is not None:
-            a = tuple(self._time.interpolated(each, 0) for each in a)
-            mean = self._time.interpolated(mean, 0)
-        largest = max(float(np.abs(each).max(initial=0)) for each in a)
-        if not largest and not np.any(mean):
+            a = tuple(in_time(self._time, each) for each in a)
+            mean = in_time(self._time, mean)
+        if not any(map(np.any, [*a, mean])):
             raise ValueError(hinted("the field is zero: nothing moves", "is it another array?"))
         self._a, self._means = a, mean
         self.steepest = max(
-            steepest(each, axes, lead, plane)
+            steepest(each[times], axes, lead, plane)
             for each, (_, plane) in zip(a, planes_of(len(axes)), strict=True)
+            for times in (blocks(each) if lead else (...,))
         )
         self._made: Planes | None = None
 

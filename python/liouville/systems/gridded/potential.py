@@ -8,13 +8,16 @@ differences of coefficients alone, so that the velocity does not depend on the g
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from liouville.systems.gridded.axis import Array, Axis, Kind
+
+#: Bytes of a component at times that are taken together.
+TOGETHER = 2**24
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,11 +34,44 @@ class Potential:
     divergence : float
         Part of the velocity given that had to be taken off: root of the integral of its square over
         that of the velocity's.
+    square : float
+        The latter, 0 where nothing had to be taken off.
     """
 
     a: tuple[Array, ...]
     mean: Array
     divergence: float
+    square: float
+
+
+def blocks(values: Array) -> Iterator[slice]:
+    """Give slices of the first axis, of so many bytes each that what is made of them is small."""
+    count = len(values)
+    each = max(1, TOGETHER * count // max(values.nbytes, 1))
+    for first in range(0, count, each):
+        yield slice(first, min(first + each, count))
+
+
+def joined(parts: Sequence[Potential]) -> Potential:
+    """Return the potential at times one after another."""
+    if len(parts) == 1:
+        return parts[0]
+    square = sum(part.square for part in parts)
+    taken = sum(part.divergence**2 * part.square for part in parts)
+    return Potential(
+        tuple(np.concatenate(each) for each in zip(*(part.a for part in parts), strict=True)),
+        np.concatenate([part.mean for part in parts]),
+        float(np.sqrt(taken / square)) if square else 0.0,
+        square,
+    )
+
+
+def in_time(time: Axis, values: Array) -> Array:
+    """Return the coefficients of values at times, some of the axis behind them together."""
+    found = np.empty((time.n + time.p, *values.shape[1:]))
+    for part in blocks(values.swapaxes(0, 1)):
+        found[:, part] = time.interpolated(values[:, part], 0)
+    return found
 
 
 def fluxes_of_nodes(velocity: Sequence[Array], axes: Sequence[Axis], lead: int) -> list[Array]:
@@ -146,7 +182,7 @@ def solved(c: Sequence[Array], axes: Sequence[Axis], lead: int) -> Potential:
     mean = np.stack(
         [_mean_of(wave, axes, lead, k) for k, wave in enumerate(waves)], axis=-1
     )  # fmt: skip
-    return Potential(a, mean, float(np.sqrt(taken / size)) if size else 0.0)
+    return Potential(a, mean, float(np.sqrt(taken / size)) if size else 0.0, size)
 
 
 def _mean_of(wave: Any, axes: Sequence[Axis], lead: int, component: int) -> Array:

@@ -89,8 +89,10 @@ def of_file(path: str | os.PathLike[str]) -> dict[str, Variable]:
         raise FileNotFoundError(f"there is no file {str(file)!r}")
     with file.open("rb") as opened:
         magic = opened.read(4)
-    if magic[:3] != b"CDF":
+    if magic == b"\x89HDF":
         return _by_xarray(file)
+    if magic[:3] != b"CDF":
+        raise ValueError(f"{str(file)!r} is no NetCDF file: it begins with {magic!r}")
     netcdf = scipy("io", "a NetCDF file").netcdf_file
     with netcdf(file, mmap=False) as classic:
         given = {name: (x, _texts(x._attributes)) for name, x in classic.variables.items()}
@@ -170,7 +172,18 @@ def arguments(
         made["names"] = ("lon", "lat")
     else:
         made["names"] = tuple(axis.name for axis in space)
-    return made | dict(options)
+    names = dict(zip((axis.name for axis in space), made["names"], strict=True))
+    return made | {key: _renamed(key, x, names, options) for key, x in options.items()}
+
+
+def _renamed(key: str, value: Any, names: Mapping[str, str], options: Mapping[str, Any]) -> Any:
+    """Return names of axes as the field has them, where they may be those of the data set."""
+    if key not in ("walls", "periodic") or "names" in options:
+        return value
+    if isinstance(value, Mapping):
+        return {names.get(name, name): period for name, period in value.items()}
+    given = (value,) if isinstance(value, str) else value
+    return tuple(names.get(name, name) for name in given)
 
 
 def _component(variables: Variables, key: str, name: str | None) -> Variable | None:
@@ -241,7 +254,7 @@ def _is_angle(axis: Variable) -> bool:
 def _ordered(x: Variable, axes: Mapping[str, Variable], order: Sequence[str]) -> Array:
     """Return the values of a component with axes in the order t, x, y, z."""
     wanted = [axes[key].name for key in order]
-    values, dims = np.asarray(x.values, dtype=float), list(x.dims)
+    values, dims = np.asarray(x.values), list(x.dims)
     for dim in [dim for dim in dims if dim not in wanted]:
         if values.shape[dims.index(dim)] != 1:
             sentence = f"'{x.name}' is on axes {', '.join(x.dims)}, and not on those of the others"
