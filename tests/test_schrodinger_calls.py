@@ -2,6 +2,7 @@
 
 import math
 
+import casadi as ca
 import numpy as np
 import pytest
 import scipy.sparse as sp
@@ -77,9 +78,59 @@ ROWS = [
     ),
     ("NaN product", lambda: lv.Schrodinger((2, lambda x: x * NAN)), ValueError, "returns nan"),
     ("drive", lambda: lv.Schrodinger(np.eye(2), drive=[np.eye(2)]), TypeError, r"drive\[0\] is a"),
+    (
+        "drive, QuTiP's order",
+        lambda: lv.Schrodinger(np.eye(2), drive=[(np.eye(2), lambda t, params: t)]),
+        TypeError,
+        r"drive\[0\] is a pair \(matrix, function\), wanted .*\nhint: turn it round",
+    ),
+    (
+        "complex drive",
+        lambda: lv.Schrodinger(np.eye(2), drive=[(lambda t, params: ca.exp(1j * t), np.eye(2))]),
+        TypeError,
+        r"drive\[0\], line \d+ of .*, has complex values.*\nhint: write real and imaginary parts",
+    ),
+    (
+        "collapse operators",
+        lambda: run(c_ops=[np.eye(10, k=1)]),
+        TypeError,
+        "integrate takes no c_ops=\nhint: collapse operators are not taken: QuTiP's mesolve",
+    ),
+    (
+        "a collapse operator in H",
+        lambda: lv.Schrodinger(np.eye(4, k=1)),
+        ValueError,
+        "collapse operators are not taken: QuTiP's mesolve takes",
+    ),
+    (
+        "a density matrix",
+        lambda: run(psi=np.eye(10) / 10),
+        ValueError,
+        r"psi has shape \(10, 10\), wanted .*\nhint: density matrices are not stepped: QuTiP",
+    ),
+    ("e_ops", lambda: run(e_ops=[PSI]), TypeError, "takes no e_ops=\nhint: give observe="),
+    ("single", lambda: run(dtype="f4"), TypeError, "no dtype=\nhint: states are of double"),
     # a method for the system
     ("no method", lambda: run(method="best"), TypeError, "'best' does not step Schr"),
     ("Spark", lambda: run(method=lv.Spark()), TypeError, "does not step Schr"),
+    (
+        "a class",
+        lambda: run(method=lv.Chebyshev),
+        TypeError,
+        r"method is the class Chebyshev, wanted an instance of it\nhint: write Chebyshev\(\)",
+    ),
+    (
+        "events",
+        lambda: run(events={"a": lambda t, psi, params: t}),
+        TypeError,
+        "events is not for .*\nhint: observe= records expectations",
+    ),
+    (
+        "a function observed",
+        lambda: run(observe={"a": lambda t, psi, params: t}),
+        TypeError,
+        "'a' is a function, and there is no grid .*\nhint: give a matrix A for",
+    ),
     (
         "a pendulum",
         lambda: lv.integrate(

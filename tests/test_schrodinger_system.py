@@ -323,6 +323,28 @@ def test_what_is_no_hamiltonian_is_refused(given, message):
         lv.Schrodinger(given)
 
 
+def test_a_matrix_of_single_precision_is_hermitian_to_its_own_digits():
+    rng = np.random.default_rng(0)
+    q = np.linalg.qr(rng.normal(size=(50, 50)))[0].astype(np.float32)
+    h = q @ np.diag(np.arange(50, dtype=np.float32)) @ q.T
+    assert (h != h.T).any()
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        found = lv.integrate(
+            lv.Schrodinger(h), "auto", t=(0, 1), psi=np.eye(50, dtype=np.complex64)[0],
+            observe={"h": h, "place": np.arange(50, dtype=np.float32)},
+        )  # fmt: skip
+    mean = (h.astype(float) + h.astype(float).T) / 2
+    energies, vectors = np.linalg.eigh(mean)
+    exact = vectors @ (np.exp(-1j * energies) * vectors[0])
+    assert found.psi.dtype == complex
+    assert abs(found.psi[-1] - exact).max() < 1e-8
+    assert found.observed["h"].dtype == float
+    h[3, 4] += 1e-4 * abs(h).max()
+    with pytest.raises(ValueError, match=r"H is not Hermitian: H\[3, 4\]"):
+        lv.Schrodinger(h)
+
+
 @pytest.mark.parametrize(
     ("given", "message"),
     [

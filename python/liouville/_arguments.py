@@ -45,7 +45,10 @@ def count(name: str, value: Any) -> int:
 def interval(t: Any) -> tuple[float, float]:
     """Return start and end of a finite interval that is not empty."""
     if not isinstance(t, (tuple, list, np.ndarray)) or len(t) != 2:
-        raise TypeError(f"t is a pair (start, end), not {t!r}")
+        sentence = f"t is a pair (start, end), not {t!r}"
+        is_many = isinstance(t, (tuple, list, np.ndarray)) and len(t) > 2
+        hint = "give the times of states to keep as t_eval=, and t=(start, end)"
+        raise TypeError(hinted(sentence, hint) if is_many else sentence)
     t0, t1 = (number("t is a pair of numbers", t[0]), number("t is a pair of numbers", t[1]))
     if not math.isfinite(t1 - t0):
         raise ValueError(f"t is a finite interval, not ({t0:g}, {t1:g})")

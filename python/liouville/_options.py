@@ -12,6 +12,10 @@ SPELLINGS = {
     "h_min": "give control=lv.Adaptive(h_min=...) or control=lv.Reversible(h_min=...)",
     "monitor": "give control=lv.Reversible(monitor=...)",
     "checkpoint": "give lv.Store(path, checkpoint=...) as the store",
+    "c_ops": "collapse operators are not taken: QuTiP's mesolve and mcsolve take open systems",
+    "e_ops": "give observe=, operators by name",
+    "dtype": "states are of double precision, whatever the start is",
+    "precision": "states are of double precision, whatever the start is",
     "tol": "the tolerance is the method's: give method=lv.SchrodingerSplitting(tol=...)",
 }
 

@@ -46,7 +46,8 @@ MECHANICAL = (Spark, LobattoPair, HHT, GeneralizedAlpha, ArnoldBruls, Compositio
 #: Hints for systems without these options.
 INSTEAD: dict[tuple[str, type], str] = {
     ("t_eval", Schrodinger): "t= takes the times of all states to keep",
-    ("events", Schrodinger): "observe= records such a function at each kept state",
+    ("events", Schrodinger): "observe= records expectations <psi|A|psi>, of the diagonal or the "
+    "matrix A, at each kept state: look for their zeros among these",
 }
 
 
@@ -154,6 +155,9 @@ def _of_fields(system: Field, method: Any, request: Request) -> Runner:
 
 def no_runner(method: Any, form: str, systems: str) -> TypeError:
     """Return the error of a method that does not step systems of a form."""
+    if isinstance(method, type):
+        sentence = f"method is the class {method.__name__}, wanted an instance of it"
+        return TypeError(hinted(sentence, f"write {method.__name__}(), with its numbers if any"))
     mechanical = ("general", "second order")
     forms = mechanical if form == "mechanical" else (form,)
     known = [cls.__name__ for cls in METHODS.values() if cls.form in forms]

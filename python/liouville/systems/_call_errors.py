@@ -33,6 +33,23 @@ def undecided(what: str, function: Callable[..., Any], error: Exception) -> Type
     )
 
 
+def is_complex(error: Exception) -> bool:
+    """Return whether an error says that a complex number meets an expression."""
+    words = str(error)
+    return isinstance(error, TypeError) and "'complex'" in words and "'SX'" in words
+
+
+def complex_value(what: str, function: Callable[..., Any], error: Exception) -> TypeError:
+    """Return the error of a function that makes complex values."""
+    return TypeError(
+        hinted(
+            f"{what}{_line(function, error)} has complex values, and expressions are real",
+            "write real and imaginary parts: of H(t), z K + h.c. is the two drives Re z with "
+            "K + K^+, and Im z with i (K - K^+)",
+        )
+    )
+
+
 def misread(
     what: str, function: Callable[..., Any], error: Exception, args: Mapping[str, Any]
 ) -> Exception | None:

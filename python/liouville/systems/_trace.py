@@ -17,7 +17,14 @@ from numpy.typing import ArrayLike
 
 from liouville import _casadi as ca
 from liouville.errors import hinted
-from liouville.systems._call_errors import is_undecided, misfit, misread, undecided
+from liouville.systems._call_errors import (
+    complex_value,
+    is_complex,
+    is_undecided,
+    misfit,
+    misread,
+    undecided,
+)
 from liouville.tape import check
 
 #: The arguments of a user's function, by their names: symbols, and the :class:`Parameters` last.
@@ -274,6 +281,8 @@ def _call(what: str, function: Callable[..., Any], args: Args) -> Any:
     except Exception as error:
         if is_undecided(error):
             raise undecided(what, function, error) from error
+        if is_complex(error):
+            raise complex_value(what, function, error) from error
         if _is_inner(error):
             raise
         if found := misread(what, function, error, args) or misfit(what, function, error, args):

@@ -11,7 +11,7 @@ import numpy as np
 from liouville import _core
 from liouville._arguments import number
 from liouville.errors import hinted
-from liouville.systems.schrodinger.entries import Bounds
+from liouville.systems.schrodinger.entries import OPEN, Bounds
 
 #: Fewest and most steps of Lanczos' method, and the seed of its start.
 STEPS, SEED = (40, 80), 1
@@ -132,7 +132,7 @@ def check_inside(given: Bounds, hamiltonian: _core.Hamiltonian, hbar: float) -> 
 def check_symmetric(
     name: str,
     hamiltonian: _core.Hamiltonian,
-    hint: str = "only a Hermitian operator keeps the norm; absorbing potentials are not taken",
+    hint: str = f"only a Hermitian operator keeps the norm; {OPEN}",
 ) -> None:
     """Refuse products that random vectors see to belong to no Hermitian matrix."""
     found = hamiltonian.asymmetry(SEED)

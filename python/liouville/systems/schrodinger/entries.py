@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -11,8 +11,11 @@ import numpy as np
 from liouville._arguments import check_memory
 from liouville.errors import hinted
 
-#: Entries that mirror one another may differ by this much of the largest entry: roundoff.
+#: Entries that mirror one another may differ by this much of the largest entry: roundoff, ...
 ROUNDOFF = 1e-14
+
+#: ... where a matrix is of single precision by so much.
+SINGLE = 2e-6
 
 #: Up to this order the eigenvalues at the ends are cheap to find.
 SMALL = 256
@@ -28,6 +31,10 @@ MAKING = 72.0
 
 #: The largest number that is taken, of H and of a state: squares and products must be finite.
 LARGEST = 1e100
+
+#: What to take for open systems.
+MESOLVE = "QuTiP's mesolve takes open systems"
+OPEN = f"absorbing potentials and collapse operators are not taken: {MESOLVE}"
 
 #: An interval of eigenvalues.
 Bounds = tuple[float, float]
@@ -71,12 +78,16 @@ class Entries:
         The places, by rows.
     values : ndarray
         The entries, real or complex, none of them zero.
+    roundoff : float
+        How far entries that mirror one another may differ, in units of the largest, when it is
+        read.
     """
 
     n: int
     row: np.ndarray
     col: np.ndarray
     values: np.ndarray
+    roundoff: float = ROUNDOFF
 
     @classmethod
     def of(cls, n: int, row: np.ndarray, col: np.ndarray, values: np.ndarray) -> Entries:
@@ -146,14 +157,15 @@ class Entries:
         row, col, values = row[kept].astype(np.int64), col[kept].astype(np.int64), values[kept]
         if values.dtype.kind == "c" and not values.imag.any():
             values = values.real.copy()
-        return cls(n, row, col, values)
+        roundoff = SINGLE if data.dtype in (np.float32, np.complex64) else ROUNDOFF
+        return cls(n, row, col, values, roundoff)
 
     def _symmetric(self, name: str) -> Entries:
         """Return the matrix with roundoff taken from its symmetry."""
         mirror = np.argsort(self.col, kind="stable")
         places = self.row * self.n + self.col
         mirrored = self.col[mirror] * self.n + self.row[mirror]
-        slack = ROUNDOFF * np.abs(self.values).max(initial=0.0)
+        slack = self.roundoff * np.abs(self.values).max(initial=0.0)
         if not np.array_equal(places, mirrored):
             alone = np.setxor1d(places, mirrored)
             small = np.abs(self.values) <= slack
@@ -161,7 +173,8 @@ class Entries:
             if (lonely & ~small).any():
                 self._refuse(name)
             kept = ~lonely
-            return Entries(self.n, self.row[kept], self.col[kept], self.values[kept])._symmetric(
+            places = self.row[kept], self.col[kept]
+            return replace(self, row=places[0], col=places[1], values=self.values[kept])._symmetric(
                 name
             )
         other = self.values[mirror].conj()
@@ -185,7 +198,7 @@ class Entries:
         row, col = np.concatenate([self.row, self.col]), np.concatenate([self.col, self.row])
         values = np.concatenate([self.values, -self.values.conj()])
         found = Entries.of(self.n, row, col, values)
-        far = np.abs(found.values) > ROUNDOFF * np.abs(self.values).max(initial=0.0)
+        far = np.abs(found.values) > self.roundoff * np.abs(self.values).max(initial=0.0)
         return Entries(self.n, found.row[far], found.col[far], found.values[far])
 
     def _refuse(self, name: str) -> None:
@@ -203,7 +216,7 @@ class Entries:
         sentence += (
             f", where {name} - {name}^+ is largest: {far:.3g}, or {part:.2g} of the largest entry"
         )
-        hint = "only a Hermitian matrix keeps the norm; absorbing potentials are not taken"
+        hint = f"only a Hermitian matrix keeps the norm; {OPEN}"
         raise ValueError(hinted(f"{name} is not Hermitian: {sentence}", hint))
 
     def at(self, i: int, j: int) -> complex:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from liouville import _core
+from liouville.errors import hinted
 from liouville.systems import _trace
 from liouville.systems.schrodinger import foreign, forms, graph, observed, time_functions
 from liouville.systems.schrodinger.bounded import Bounded
@@ -100,7 +101,8 @@ class Schrodinger(Bounded):
 
     Notes
     -----
-    Entries that mirror one another may differ by 1e-14 of the largest; their mean is taken.
+    Entries that mirror one another may differ by 1e-14 of the largest, of a matrix of single
+    precision by 2e-6; their mean is taken.
 
     A complex H has a gauge if phases g make all :math:`\bar g_i H_{ij} g_j` real, which is so if
     the flux through every loop is 0 or :math:`\pi`. Then :math:`\bar g \psi` is propagated with a
@@ -386,9 +388,9 @@ class Schrodinger(Bounded):
 
     def _at_points(self, name: str, function: Callable[..., Any]) -> np.ndarray:
         if self.grid is None:
-            raise TypeError(
-                f"observable '{name}' is a function, and there is no grid to take it on"
-            )
+            sentence = f"observable '{name}' is a function, and there is no grid to take it on"
+            hint = "give a matrix A for <psi|A|psi>, its diagonal, or a state phi for <phi|psi>"
+            raise TypeError(hinted(sentence, hint))
         traced = TimeFunction(f"observable '{name}'", function, self._params, len(self.grid.shape))
         if traced.is_driven:
             raise ValueError(f"observable '{name}' depends on time, which none may")

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from liouville.errors import hinted
 from liouville.systems._trace import numbers
+from liouville.systems.schrodinger.entries import MESOLVE
 from liouville.systems.schrodinger.entries import numbers as array_of
 
 #: Pairs of a function of time and a matrix.
@@ -33,7 +34,7 @@ def plain(name: str, given: Any) -> Any:
     """
     if _is_qobj(given):
         if given.type not in ("oper", "ket"):
-            hint = "density matrices and open systems are not taken"
+            hint = f"density matrices are not stepped: {MESOLVE}"
             raise TypeError(hinted(f"{name} is a Qobj of type {given.type!r}", hint))
         if given.type == "ket":
             return np.asarray(given.full()).ravel()
@@ -60,7 +61,7 @@ def state(psi: Any, size: int, is_ensemble: bool) -> Any:
     if isinstance(psi, (list, tuple)) and psi and all(map(_is_qobj, psi)):
         return np.array([plain("psi", one) for one in psi])
     if _is_qobj(psi) and not psi.isket:
-        hint = "density matrices and open systems are not taken"
+        hint = f"density matrices are not stepped: {MESOLVE}"
         raise TypeError(hinted(f"psi is a Qobj of type {psi.type!r}, wanted a ket", hint))
     found = plain("psi", psi)
     if not is_ensemble and getattr(found, "shape", None) == (size, 1):
@@ -96,6 +97,10 @@ def parted(
         if not (isinstance(pair, (tuple, list)) and len(pair) == 2):
             raise TypeError(f"drive[{k}] is a pair of a function and a matrix, not {pair!r}")
         function, matrix = pair
+        if _is_operator(function):
+            sentence = f"drive[{k}] is a pair (matrix, function), wanted (function, matrix)"
+            hint = "turn it round; a list [H0, [H1, f]] as the Hamiltonian has QuTiP's order"
+            raise TypeError(hinted(sentence, hint))
         if isinstance(function, str):
             hint = "write it as a function of t and params, with ca.cos and ca.exp"
             raise TypeError(hinted(f"drive[{k}] is the text {function!r}", hint))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -11,7 +12,7 @@ from liouville import _core
 from liouville.errors import hinted
 from liouville.systems import _trace
 from liouville.systems.schrodinger.bounds import check_symmetric
-from liouville.systems.schrodinger.entries import LARGEST, Entries, numbers
+from liouville.systems.schrodinger.entries import LARGEST, MESOLVE, Entries, numbers
 from liouville.systems.schrodinger.foreign import plain
 from liouville.systems.schrodinger.forms import operators
 from liouville.systems.schrodinger.frame import Frame, doubled
@@ -28,7 +29,10 @@ def checked(psi: Any, shapes: Sequence[tuple[int, ...]], is_ensemble: bool) -> n
     if array.ndim < extra or array.shape[extra:] not in shapes or not array.size:
         wanted = " or ".join(f"(P, {', '.join(map(str, s))})" if extra else str(s) for s in shapes)
         message = f"psi has shape {array.shape}, wanted {wanted}"
-        if array.shape[1 - extra :] in shapes:
+        size = math.prod(shapes[0])
+        if array.shape == (size, size) and not extra:
+            message = hinted(message, f"density matrices are not stepped: {MESOLVE}")
+        elif array.shape[1 - extra :] in shapes:
             message = hinted(
                 message, f"lv.{'integrate takes one state' if extra else 'ensemble takes many'}"
             )
@@ -43,7 +47,7 @@ def checked(psi: Any, shapes: Sequence[tuple[int, ...]], is_ensemble: bool) -> n
         member = f" of member {zero[0]}" if is_ensemble else ""
         raise ValueError(f"psi{member} is zero: there is no state")
     with np.errstate(over="ignore"):
-        sizes = np.atleast_1d(np.abs(flat).max(axis=-1))
+        sizes = np.atleast_1d(np.abs(flat).max(axis=-1)).astype(float)
     far = np.flatnonzero((sizes > LARGEST) | (sizes < 1 / LARGEST))
     if far.size:
         member = f" of member {far[0]}" if is_ensemble else ""

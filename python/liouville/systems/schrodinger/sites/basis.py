@@ -83,6 +83,11 @@ class Basis:
         return psi
 
     @property
+    def asked(self) -> str:
+        """What the user asked for."""
+        return " and ".join(charge.asked for charge in self.charges)
+
+    @property
     def is_real(self) -> bool:
         """Whether states are made of basis states by real numbers."""
         return True

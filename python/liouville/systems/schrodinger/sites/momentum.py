@@ -37,6 +37,16 @@ class MomentumBasis(Basis):
     momentum: int = 0
 
     @property
+    def asked(self) -> str:
+        """What the user asked for, with the momenta that there are where this one has no state."""
+        own = " and ".join(filter(None, [super().asked, f"momentum={self.momentum}"]))
+        if self.size or not self.whole.size:
+            return own
+        periods = np.unique(self._orbits[2])
+        there = [k for k in range(self.sites) if (k * periods % self.sites == 0).any()]
+        return f"{own}: the momenta there are {', '.join(map(str, there))}"
+
+    @property
     def is_real(self) -> bool:
         """Whether all phases are 1 or -1."""
         return 2 * self.momentum % self.sites == 0

@@ -58,8 +58,7 @@ class SiteSystem:
         self.terms = tuple(terms)
         self._check_basis()
         if not self._basis.size:
-            asked = " and ".join(charge.asked for charge in self._basis.charges)
-            raise ValueError(f"{sites} sites have no state with {asked}")
+            raise ValueError(f"{sites} sites have no state with {self._basis.asked}")
         self._check_memory(STATE * self.size)
         own, other = self._sums([(f"term {k}", term) for k, term in enumerate(terms)])
         check_hermitian(own, other)

@@ -135,6 +135,8 @@ def read(term: Any, name: str, letters: Letters, sites: int, periodic: bool) -> 
     unknown = [x for x in acting if x not in letters.matrices]
     if unknown or not acting or len(parts) != 1 + letters.has_species:
         bar = " and one bar, as in 'n|n'" if letters.has_species else ""
+        if "|" in unknown and letters.fermionic:
+            bar = "; a bar parts spin up from spin down, for which give spinful=True"
         known = f"letters are {', '.join(letters.matrices)}{bar}"
         what = f"the letter {unknown[0]!r}" if unknown else "no bar" if acting else "no letters"
         raise ValueError(hinted(f"{name}, {word!r}, has {what}", known))
@@ -283,8 +285,15 @@ def check_hermitian(own: Sum, other: Sum) -> None:
         far = abs(own.amplitudes.get(key, 0.0) - other.amplitudes.get(key, 0.0))
         if far > 4 * ROUNDOFF * largest:
             origin = own.origins.get(key) or other.origins[key]
-            hint = f"write its letters as in '+-{CONJUGATE}', or make its coefficient real"
-            raise ValueError(hinted(f"{origin}, has no Hermitian conjugate in the sum", hint))
+            sentence = f"{origin}, has no Hermitian conjugate in the sum"
+            hint = f"write its letters as in '+-{CONJUGATE}', which adds it"
+            if key in own.amplitudes and key in other.amplitudes:
+                sentence = f"{origin}, has a Hermitian conjugate with another coefficient"
+                hint = (
+                    "make its coefficient real, or of two terms that are conjugate the second "
+                    "coefficient the conjugate of the first"
+                )
+            raise ValueError(hinted(sentence, hint))
 
 
 def _said(sites: list[int]) -> str:
