@@ -92,6 +92,8 @@ def test_samples_stand_for_their_spline():
     assert 1e-13 < np.linalg.norm(found - exact) < 1e-8  # of the order of their distance ** 4
     other = pickle.loads(pickle.dumps(by_list))
     assert ends(other, START).psi[-1].tolist() == found.tolist()
+    with pytest.raises(ValueError, match="leaves the samples"):
+        lv.integrate(other, "auto", t=(0.0, 4.0), psi=START)
 
 
 @pytest.mark.parametrize(

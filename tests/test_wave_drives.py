@@ -148,3 +148,15 @@ def test_members_of_an_ensemble_are_as_alone():
     for k, start in enumerate(starts):
         one = lv.integrate(system, lv.Chebyshev(1e-6), t=span, psi=start)
         assert np.array_equal(one.psi, many.psi[:, k])
+
+
+SX, SZ = np.array([[0.0, 1.0], [1.0, 0.0]]), np.diag([1.0, -1.0])
+
+
+def test_samples_are_no_part_of_the_tape():
+    sizes = []
+    for count in (11, 1001):
+        at = np.linspace(0.0, 20.0, count)
+        system = lv.Schrodinger(SZ, drive=[(np.cos(at), SX)], times=at)
+        sizes.append(len(str(system._weights)))
+    assert sizes[0] == sizes[1]

@@ -310,6 +310,9 @@ class Hamiltonian:
         is_doubled: bool = False,
         drive: tuple[Tape, NDArray[np.float64]] | None = None,
         potential: tuple[Tape, NDArray[np.float64], NDArray[np.float64]] | None = None,
+        splines: Sequence[
+            tuple[int, int, NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
+        ] = ...,
     ) -> Hamiltonian: ...
     @property
     def size(self) -> int: ...

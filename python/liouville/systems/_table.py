@@ -59,6 +59,11 @@ class Table:
             raise TypeError(f"a table takes numbers or CasADi's SX, not a {kind}")
         return ca.vertcat(*(self._of_expression(x[k]) for k in range(x.numel())))
 
+    @property
+    def pieces(self) -> tuple[Array, Array, Array]:
+        """Where the pieces begin, their bases, and coefficients of 1, u, u^2 and u^3."""
+        return self._starts, self._bases, self._powers.ravel()
+
     def _of_numbers(self, x: Any) -> Any:
         at = numbers(x)
         if at is None:

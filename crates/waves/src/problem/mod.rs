@@ -20,7 +20,7 @@ mod spins;
 
 pub use dense::Dense;
 pub use diagonals::Diagonals;
-pub use drive::Drive;
+pub use drive::{Drive, Spline};
 pub use hamiltonian::{Hamiltonian, ProductScratch, WeightedTerms};
 pub use hamiltonian_at::HamiltonianAt;
 pub use kinetic::Kinetic;

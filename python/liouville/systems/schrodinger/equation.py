@@ -180,7 +180,8 @@ class Schrodinger(Bounded):
         pairs = zip(self._functions, self._drive, strict=True)
         names = ("hbar", "_params", "_given", "_way", "frame")
         own = {name: getattr(self, name) for name in names}
-        own |= {"source": source, "_drive": [(f, matrix) for f, (_, matrix) in pairs]}
+        drive = [(x if isinstance(x, foreign.Samples) else f, matrix) for f, (x, matrix) in pairs]
+        own |= {"source": source, "_drive": drive}
         cached = ("bounds", "_spectrum", "_closer")
         found = {name: x for name, x in self.__dict__.items() if name in cached}
         return {**own, **found, "term_bounds": self.term_bounds}
@@ -226,6 +227,7 @@ class Schrodinger(Bounded):
         more: dict[str, Any] = {}
         if self._functions:
             more["drive"] = (self._weights, params)
+            more["splines"] = foreign.splines(self._drive, self.groups)
         if self._moving is not None and self.grid is not None:
             tape = self._moving.tape(1 / self.hbar)
             points = np.tile(self.grid.points, (1 + self.frame.is_doubled, 1))
@@ -234,7 +236,11 @@ class Schrodinger(Bounded):
 
     @cached_property
     def _weights(self) -> _core.Tape:
-        return time_functions.weights(self._functions, self.groups, self._params)
+        functions = [
+            None if isinstance(given, foreign.Samples) else function
+            for function, (given, _) in zip(self._functions, self._drive, strict=True)
+        ]
+        return time_functions.weights(functions, self.groups, self._params)
 
     def _of_grid(self, grid: Grid, found: TimeFunction | np.ndarray) -> Term:
         kinetic = [energies / self.hbar for energies in grid.kinetic(self.hbar)]
