@@ -227,3 +227,19 @@ def test_drives_and_derivatives_beside_products_are_refused_and_an_exception_end
 
     with pytest.raises(lv.IntegrationError, match="RuntimeError: out of range"):
         lv.integrate(lv.Schrodinger((3, product)), lv.Magnus(), t=(0, 2), psi=FIRST)
+
+
+@pytest.mark.parametrize("seed", [4, 28, 53])
+def test_bessel_functions_that_underflow_are_no_part_of_a_series(seed):
+    rng = np.random.default_rng(seed)
+    h0, *parts = (m := rng.standard_normal((4, 5, 5))) + m.transpose(0, 2, 1)
+    speeds, phases = rng.uniform(0.5, 12.0 if seed % 3 else 4.0, 3), rng.uniform(0.0, 6.0, 3)
+    h0, parts, psi = h0 / 2, [part / (4 if seed % 2 else 2) for part in parts], np.eye(5)[0]
+    waves = list(zip(speeds, phases, parts, strict=True))
+    drive = [(lambda t, _, a=a, b=b: ca.cos(a * t + b), part) for a, b, part in waves]
+    sum_of_parts = lv.Schrodinger(h0, drive=drive)
+    exact = lv.integrate(sum_of_parts, lv.Chebyshev(1e-11), t=(0.0, 3.0), psi=psi).psi[-1]
+    system = lv.Schrodinger(lambda t: h0 + sum(np.cos(a * t + b) * part for a, b, part in waves))
+    for tol in (1e-6, 1e-7, 1e-8):
+        found = lv.integrate(system, lv.Chebyshev(tol), t=(0.0, 3.0), psi=psi)
+        assert np.linalg.norm(found.psi[-1] - exact) <= tol

@@ -6,7 +6,7 @@
 /// Orders where J_k is below this are not begun with, ...
 const NOTHING: f64 = 1e-40;
 /// ... and where factors of them are large.
-const LESS: f64 = 1e-150;
+pub(super) const LESS: f64 = 1e-150;
 
 /// Tails below this would be lost in rounding errors.
 const LEAST: f64 = f64::EPSILON / 8.0;

@@ -16,6 +16,7 @@ pub use cost::{Driven, DrivenCost};
 
 use super::derivative::{Output, Piece, SeriesPiece, copied};
 use super::observe::dot;
+use super::bessel::LESS;
 use super::sweep::{Outputs, TermBlock};
 use super::{Sweeper, Wave, guard, squares};
 use choice::{END, Form, ROUNDING, Share, Window};
@@ -35,6 +36,9 @@ const AT_ONCE: usize = 8;
 const OUTPUTS: usize = 256;
 
 /// A state at a time: its parts one after the other, and the phase to be removed.
+/// Bessel functions that are taken for zero, all together.
+const CUT: f64 = 1e10 * LESS;
+
 #[derive(Clone, Debug, Default)]
 struct Point {
     t: f64,
@@ -204,7 +208,13 @@ impl DrivenSeries {
                 Some(last) => last.of(window, n).abs(),
                 None => 1.0,
             };
-            let size = dot(newest, newest).sqrt() * factor;
+            let length = dot(newest, newest).sqrt();
+            let size = length * factor;
+            // Bessel functions that are taken for zero at any output are nothing for terms below this
+            let is_lost = ROUNDING * size > share * norm || CUT * length > share * norm;
+            if window.form == Form::Bessel && is_lost {
+                return Ok(false);
+            }
             let is_past = window.form == Form::Powers || n as f64 > theta;
             small = if is_past && size <= most {
                 small + 1
@@ -218,8 +228,7 @@ impl DrivenSeries {
             if is_last {
                 return Ok(true);
             }
-            let is_lost = window.form == Form::Bessel && ROUNDING * size > share * norm;
-            if is_lost || !size.is_finite() || n > 3 * window.last + 50 {
+            if !size.is_finite() || n > 3 * window.last + 50 {
                 if window.form == Form::Bessel {
                     return Ok(false);
                 }
