@@ -8,6 +8,8 @@ import casadi as ca
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.interpolate import CubicSpline
+from scipy.linalg import expm
 
 import liouville as lv
 from liouville.problems import walker_preston
@@ -153,6 +155,63 @@ def test_members_of_an_ensemble_are_as_alone():
 SX, SZ = np.array([[0.0, 1.0], [1.0, 0.0]]), np.diag([1.0, -1.0])
 
 
+@pytest.mark.parametrize("method", ["auto", lv.Chebyshev(1e-9), lv.Magnus(4, 1e-8)])
+@pytest.mark.parametrize(("start", "length"), [(15.98, 1.0), (7.771, 0.002), (19.99, 0.005)])
+def test_a_pulse_of_a_ten_thousandth_of_the_run_is_seen(method, start, length):
+    def pulse(t, _):
+        return ca.if_else(ca.logic_and(t > start, t < start + length), 1 / length, 0.0)
+
+    system, psi = lv.Schrodinger(SZ, drive=[(pulse, SX)]), np.array([1.0, 0.0])
+    parts = [(SZ, start), (SZ + SX / length, length), (SZ, 20.0 - start - length)]
+    for t, times in ((0.0, parts), (20.0, parts[::-1])):
+        wanted = psi
+        for h, span in times:
+            wanted = expm((-1j if t == 0.0 else 1j) * span * h) @ wanted
+        found = lv.integrate(system, method, t=(t, 20.0 - t), psi=psi).psi[-1]
+        assert np.linalg.norm(found - wanted) <= 2e-8
+
+
+@pytest.mark.parametrize(("count", "width"), [(40, 0.1), (400, 0.02)])
+def test_many_pulses_keep_to_the_tolerance_in_all(count, width):
+    height = 0.3 / width
+    system = lv.Schrodinger(SZ, drive=[(lambda t, _: height * (ca.fmod(t, 2.0) < width), SX)])
+    cycle = expm(-1j * (2.0 - width) * SZ) @ expm(-1j * width * (SZ + height * SX))
+    wanted = np.linalg.matrix_power(cycle, count) @ [1.0, 0.0]
+    for method in (lv.Chebyshev(1e-8), lv.Magnus(4, 1e-6)):
+        found = lv.integrate(system, method, t=(0.0, 2.0 * count), psi=np.array([1.0, 0.0]))
+        assert np.linalg.norm(found.psi[-1] - wanted) <= method.tol
+
+
+def test_outputs_tell_of_a_pulse_that_is_too_short_to_be_found():
+    start, length = 7.771, 1e-7
+
+    def pulse(t, _):
+        return ca.if_else(ca.logic_and(t > start, t < start + length), 1 / length, 0.0)
+
+    system = lv.Schrodinger(SZ, drive=[(pulse, SX)])
+    wanted = np.array([1.0, 0.0])
+    for h, span in ((SZ, start), (SZ + SX / length, length), (SZ, 20.0 - start - length)):
+        wanted = expm(-1j * span * h) @ wanted
+    times = np.array([0.0, start, start + length, 20.0])
+    for method in (lv.Chebyshev(1e-8), lv.Magnus(4, 1e-6)):
+        found = lv.integrate(system, method, t=times, psi=np.array([1.0, 0.0])).psi[-1]
+        # the ends of the pulse are known to rounding errors of the time
+        assert np.linalg.norm(found - wanted) <= method.tol + 1e-15 * start / length
+
+
+def test_rounding_errors_of_the_time_neither_shorten_windows_nor_leave_the_bound():
+    late, span, psi = 1e6, 20.0, np.array([1.0, 0.0])
+    phase = np.fmod(2 * late, 2 * np.pi)
+    runs = []
+    for start, shift, tol in ((0.0, phase, 1e-12), (late, 0.0, 1e-11)):
+        drive = [(lambda t, _, shift=shift: 0.5 * ca.cos(2 * t + shift), SX)]
+        system, times = lv.Schrodinger(SZ, drive=drive), (start, start + span)
+        runs.append(lv.integrate(system, lv.Chebyshev(tol), t=times, psi=psi))
+    early, found = runs
+    assert np.linalg.norm(found.psi[-1] - early.psi[-1]) <= found.stats["bound"] <= 1e-8
+    assert found.stats["products"] <= 1.1 * early.stats["products"]
+
+
 def test_samples_are_no_part_of_the_tape():
     sizes = []
     for count in (11, 1001):
@@ -160,3 +219,22 @@ def test_samples_are_no_part_of_the_tape():
         system = lv.Schrodinger(SZ, drive=[(np.cos(at), SX)], times=at)
         sizes.append(len(str(system._weights)))
     assert sizes[0] == sizes[1]
+
+
+@pytest.mark.parametrize("count", [401, 100001])
+def test_no_sample_is_passed_over(count):
+    at, place = np.linspace(0.0, 20.0, count), count // 3
+    samples = np.zeros(count)
+    samples[place] = 1.0 / at[1]
+    spline = CubicSpline(at, samples)
+    # what the spline has beyond falls by a factor of 0.27 a sample
+    near = at[[place - 30, place + 30]]
+    wanted = solve_ivp(
+        lambda t, y: -1j * (SZ @ y + spline(t) * (SX @ y)), near,
+        expm(-1j * SZ * near[0]) @ [1.0, 0.0], "DOP853", rtol=1e-12, atol=1e-13, max_step=at[1],
+    ).y[:, -1]  # fmt: skip
+    wanted = expm(-1j * SZ * (20.0 - near[1])) @ wanted
+    system = lv.Schrodinger(SZ, drive=[(samples, SX)], times=at)
+    for method in ("auto", lv.Magnus(4, 1e-7)):
+        found = lv.integrate(system, method, t=(0.0, 20.0), psi=np.array([1.0, 0.0]))
+        assert np.linalg.norm(found.psi[-1] - wanted) <= (1e-8 if method == "auto" else 1e-7)

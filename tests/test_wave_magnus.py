@@ -117,8 +117,8 @@ def sweep(length, span=10.0):
 
 def test_corners_bound_h_where_its_parts_are_wide():
     h0, field, system, span = sweep(9)
-    found = driving(system, *span)
-    _, _, _, (axis,), corners = found.parts
+    found = driving(system, span)
+    _, _, _, (axis,), corners, _ = found.parts
     assert found.spectrum.guarantee == "probable"
     assert len(axis) == len(corners) > 2
     for f in np.linspace(-5, 5, 9):

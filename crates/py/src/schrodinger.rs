@@ -6,7 +6,7 @@ use crate::derivative::WaveRecord;
 use crate::errors::refused;
 use crate::operator::Hamiltonian;
 use liouville_base::run::{Advance, StartError};
-use liouville_waves::method::{Driven, MagnusTolerance, Observable, TermBounds};
+use liouville_waves::method::{Driven, DrivenCost, MagnusTolerance, Observable, TermBounds};
 use liouville_waves::run::{self, Method};
 use numpy::{Complex64, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::prelude::*;
@@ -74,22 +74,28 @@ enum WaveMethod<'py> {
 /// An interval of energies.
 type Bounds = (f64, f64);
 
-/// The parts of H(t): how many terms each has, bounds of each and of H, and a grid of weights with bounds at its corners.
+/// The parts of H(t): how many terms each has, bounds of each and of H, a grid of weights with bounds at its corners, and
+/// start, end, knots and outputs of the run.
 type Parts = (
     Vec<usize>,
     Vec<Bounds>,
     Option<Bounds>,
     Vec<Vec<f64>>,
     Vec<Bounds>,
+    (f64, f64, Vec<f64>, Vec<f64>),
 );
 
-fn term_bounds((groups, parts, given, axes, corners): Parts) -> TermBounds {
+fn term_bounds((groups, parts, given, axes, corners, run): Parts) -> TermBounds {
+    let (start, end, knots, outputs) = run;
     TermBounds {
         groups,
         parts,
         given,
         axes,
         corners,
+        span: (start, end),
+        knots,
+        outputs,
     }
 }
 
@@ -303,7 +309,7 @@ pub(crate) fn chebyshev_degree(theta: f64, tolerance: f64) -> usize {
 }
 
 /// The windows of series in time from `t` to `end`, in powers and in Bessel functions, their products, and the longest
-/// window in units of 1/β.
+/// window in units of 1/β, and errors beyond the tolerance that roundings may add up to.
 #[pyfunction]
 pub(crate) fn driven_cost(
     py: Python<'_>,
@@ -311,7 +317,7 @@ pub(crate) fn driven_cost(
     method: &Bound<'_, PyAny>,
     t: f64,
     end: f64,
-) -> PyResult<(usize, usize, usize, f64)> {
+) -> PyResult<(usize, usize, usize, f64, f64)> {
     let method = method.extract::<WaveMethod<'_>>()?.read()?;
     let Method::Driven(driven) = method else {
         return Err(refused("the parts of an H that depends on time"));
@@ -320,7 +326,14 @@ pub(crate) fn driven_cost(
     let cost = py.detach(|| driven.cost(&hamiltonian, (t, end)));
     let cost = cost.ok_or_else(|| refused("parts are all terms, each with its bounds"))?;
     let cost = cost.map_err(refused)?;
-    Ok((cost.powers, cost.bessel, cost.products, cost.theta))
+    let DrivenCost {
+        powers,
+        bessel,
+        products,
+        theta,
+        beyond,
+    } = cost;
+    Ok((powers, bessel, products, theta, beyond))
 }
 
 /// The steps of a Magnus method from each time to the next, their products, at most, and the longest step in units of 1/β.

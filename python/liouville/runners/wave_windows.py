@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from liouville import _core
 from liouville.errors import hinted
+from liouville.methods import Chebyshev, SchrodingerSplitting
 from liouville.planner import WavePlan
 from liouville.planner.waves.propagators import Driven
 from liouville.runners.tangents import PARAMS
@@ -118,15 +119,16 @@ def with_breaks(plan: WavePlan, system: Schrodinger, names: Sequence[str]) -> Wa
         if what not in drive.samples:  # polynomials between their times
             breaks |= set(_resolved(what, slopes, plan))
     inside = sorted(t for t in breaks if min(t0, t1) < t < max(t0, t1))
+    assert isinstance(plan.method, SchrodingerSplitting | Chebyshev), "methods by series in time"
     core = replace(plan.core, breaks=tuple(inside if t1 > t0 else inside[::-1]))
-    powers, bessel, products, theta = _core.driven_cost(system.hamiltonian, core, t0, t1)
+    powers, bessel, products, theta, beyond = _core.driven_cost(system.hamiltonian, core, t0, t1)
     return replace(
         plan,
         core=replace(core, windows=powers + bessel),
         scheme=f"series in time ({powers + bessel} windows)",
         theta=theta,
         products=float(products),
-        bound=None if bessel else getattr(plan.method, "tol", None),
+        bound=None if bessel else plan.method.tol + beyond,
     )
 
 

@@ -19,6 +19,12 @@ pub struct TermBounds {
     pub axes: Vec<Vec<f64>>,
     /// Bounds of B_0 + Σ f_k B_k at these, the last f_k first.
     pub corners: Vec<(f64, f64)>,
+    /// Start and end of a run, over which the f_k are looked at; equal where they are not.
+    pub span: (f64, f64),
+    /// Times of samples, at which splines bend and are looked at besides, in order.
+    pub knots: Vec<f64>,
+    /// Other times at which the f_k are looked at, as those of outputs, in order.
+    pub outputs: Vec<f64>,
 }
 
 fn sum(a: Interval, b: Interval) -> Interval {

@@ -1,5 +1,6 @@
 //! A Hamiltonian as a weighted sum of its terms.
 
+use super::kept::Kept;
 use super::{Drive, HamiltonianAt, Operator, Potential, Product, RowBlock, Update};
 use liouville_base::error::StepError;
 use liouville_base::simd::{InstructionSet, Stored};
@@ -12,6 +13,8 @@ pub struct Hamiltonian {
     pub(super) drive: Option<Drive>,
     pub(super) potential: Option<Potential>,
     is_doubled: bool,
+    /// Windows of series in time.
+    windows: Kept,
 }
 
 impl Hamiltonian {
@@ -27,6 +30,7 @@ impl Hamiltonian {
             drive: None,
             potential: None,
             is_doubled: false,
+            windows: Kept::default(),
         }
     }
 
@@ -70,8 +74,11 @@ impl Hamiltonian {
     #[must_use]
     pub fn with_drive(self, drive: Drive) -> Self {
         assert_eq!(drive.terms(), self.terms.len(), "number of weights");
-        let drive = Some(drive);
-        Self { drive, ..self }
+        Self {
+            drive: Some(drive),
+            windows: Kept::default(),
+            ..self
+        }
     }
 
     /// The same with a potential that depends on time.
@@ -81,8 +88,11 @@ impl Hamiltonian {
     #[must_use]
     pub fn with_potential(self, potential: Potential) -> Self {
         assert_eq!(potential.size(), self.size(), "size of a potential");
-        let potential = Some(potential);
-        Self { potential, ..self }
+        Self {
+            potential: Some(potential),
+            windows: Kept::default(),
+            ..self
+        }
     }
 
     /// Number of rows.
@@ -103,6 +113,11 @@ impl Hamiltonian {
     /// The potential that depends on time.
     pub(crate) fn potential(&self) -> Option<&Potential> {
         self.potential.as_ref()
+    }
+
+    /// Where windows of series in time are kept.
+    pub(crate) fn windows(&self) -> &Kept {
+        &self.windows
     }
 
     /// Whether it depends on time.

@@ -10,6 +10,7 @@ mod diagonals;
 mod drive;
 mod hamiltonian;
 mod hamiltonian_at;
+mod kept;
 mod kinetic;
 mod potential;
 mod product;

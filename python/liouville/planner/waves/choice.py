@@ -321,7 +321,7 @@ def _driven(system: Schrodinger, method: Planned, times: Sequence[float]) -> Wav
     without = exponentials(system, method, times)
     if without is not None:
         return replace(_magnus(system, without[0], times, without[1]), method=method)
-    found = driving(system, times[0], times[-1], method.tol)
+    found = driving(system, times, method.tol)
     span = Span(times[0], tuple(times[1:]), found.spectrum)
     _check_reach(span, method.tol)
     rate = (method.tol - span.roundoff) / float(span.intervals.sum())
@@ -330,7 +330,9 @@ def _driven(system: Schrodinger, method: Planned, times: Sequence[float]) -> Wav
     if found.separated is not None:
         core, hamiltonian = replace(core, by_differences=True), found.separated.hamiltonian
         why.append(found.separated.reason)
-    powers, bessel, products, theta = _core.driven_cost(hamiltonian, core, times[0], times[-1])
+    powers, bessel, products, theta, beyond = _core.driven_cost(
+        hamiltonian, core, times[0], times[-1]
+    )
     why.append("H depends on time; a window has one product for each term of its series")
     if len(span.times) > 1:
         why.append("outputs within a window take no products of their own")
@@ -339,6 +341,8 @@ def _driven(system: Schrodinger, method: Planned, times: Sequence[float]) -> Wav
             f"{bessel} of {powers + bessel} windows by Bessel functions, whose terms are watched "
             "and not bounded beforehand; their products are an estimate"
         )
+    if beyond:
+        why.append(f"rounding errors of t and of terms may add up to {beyond:.1g} beyond tol")
     return WavePlan(
         method=method,
         scheme=f"series in time ({powers + bessel} windows)",
@@ -348,7 +352,7 @@ def _driven(system: Schrodinger, method: Planned, times: Sequence[float]) -> Wav
         bounds=span.bounds,
         guarantee=span.spectrum.guarantee,
         products=float(products),
-        bound=None if bessel or found.separated else method.tol,
+        bound=None if bessel or found.separated else method.tol + beyond,
         reasons=tuple(why),
         core=replace(core, windows=powers + bessel),
         is_complex=not system.is_real,
@@ -357,7 +361,7 @@ def _driven(system: Schrodinger, method: Planned, times: Sequence[float]) -> Wav
 
 def _magnus(system: Schrodinger, method: Magnus, times: Sequence[float], why: str) -> WavePlan:
     """Exponentials with steps chosen while running; the plan has as many as there may be."""
-    found = driving(system, times[0], times[-1])
+    found = driving(system, times)
     span = Span(times[0], tuple(times[1:]), found.spectrum)
     _check_reach(span, method.tol)
     rate = (method.tol - span.roundoff) / float(span.intervals.sum())

@@ -16,6 +16,7 @@ from liouville.planner.waves.propagators import Interval, MagnusSteps, Parts
 from liouville.systems import Schrodinger
 from liouville.systems.schrodinger.bounded import FEW
 from liouville.systems.schrodinger.bounds import PROBABLE, RIGOROUS, WORTH, Spectrum
+from liouville.systems.schrodinger.foreign import times_of_samples
 from liouville.systems.schrodinger.separated import Separated
 
 #: The methods that choose their steps.
@@ -34,6 +35,9 @@ NODES = {(2, 1): 1, (4, 2): 2, (4, 3): 3, (6, 5): 3, (8, 8): 4}
 
 #: Times at which drives are looked at for their range, and bounds are taken without corners.
 LOOKS, TIMES = 257, 9
+
+#: Most outputs that are looked at besides.
+OUTPUTS = 32768
 
 #: Times at which H(t) is looked at where nothing is known of it but its products.
 FEW_TIMES = 5
@@ -99,17 +103,18 @@ class Driving:
     separated: Separated | None = None
 
 
-def driving(system: Schrodinger, t0: float, t1: float, tol: float | None = None) -> Driving:
+def driving(system: Schrodinger, times: Sequence[float], tol: float | None = None) -> Driving:
     """Bound the parts of H(t) and H at corners of the box that its functions of time fill.
 
     With a tolerance it is for a series, of an H(t) known by its products as a sum.
     """
+    t0, t1 = times[0], times[-1]
     if system.moving_product is not None:
         separated = None if tol is None else system.separated(t0, t1, tol)
         if separated is None:
             return _by_products(system, t0, t1)
         bounds = tuple(separated.bounds)
-        parts: Parts = ((1,) * len(bounds), bounds, system.given_bounds, (), ())
+        parts: Parts = ((1,) * len(bounds), bounds, system.given_bounds, (), (), (t0, t1, (), ()))
         return Driving(parts, separated.spectrum, separated)
     ends = np.array([system.bounds_at(t) for t in np.linspace(t0, t1, TIMES)])
     if not np.isfinite(ends).all():
@@ -122,7 +127,9 @@ def driving(system: Schrodinger, t0: float, t1: float, tol: float | None = None)
         low = max(low, min(bounds[0] for bounds in corners))
         high = min(high, max(bounds[1] for bounds in corners))
     given = system.given_bounds
-    parts = (tuple(system.groups), tuple(system.term_bounds), given, axes, corners)
+    outputs = tuple(sorted(times)) if len(times) <= OUTPUTS else ()
+    run = (t0, t1, times_of_samples(system.drives), outputs)
+    parts = (tuple(system.groups), tuple(system.term_bounds), given, axes, corners, run)
     return Driving(parts, Spectrum((low, high), guarantee))
 
 
@@ -137,7 +144,7 @@ def _by_products(system: Schrodinger, t0: float, t1: float) -> Driving:
     found = [system.spectrum_at(t) for t in np.linspace(t0, t1, FEW_TIMES).tolist()]
     low = min(spectrum.bounds[0] for spectrum in found)
     high = max(spectrum.bounds[1] for spectrum in found)
-    parts = (tuple(system.groups), ((low, high),), None, (), ())
+    parts = (tuple(system.groups), ((low, high),), None, (), (), (t0, t1, (), ()))
     return Driving(parts, Spectrum((low, high), found[0].guarantee))
 
 

@@ -98,7 +98,7 @@ class WavePlan(Plan):
             raise ValueError(hinted(f"the plan was made for an H {kind}", AGAIN))
         span = float(np.abs(np.diff(times)).sum())
         tol = getattr(self.method, "tol", None) if isinstance(self.core, Driven) else None
-        known = [driving(system, times[0], times[-1], tol).spectrum] if of_time else [
+        known = [driving(system, times, tol).spectrum] if of_time else [
             system.spectrum(0.0), system.spectrum(span),
         ]  # fmt: skip
         if self.bounds not in [spectrum.bounds for spectrum in known]:

@@ -14,13 +14,15 @@ import numpy as np
 Interval = tuple[float, float]
 
 #: The parts of H(t), each with a weight: of how many operators the core makes each, bounds of each,
-#: bounds of H if they were given, and a grid of weights with bounds of H at its corners.
+#: bounds of H if they were given, a grid of weights with bounds of H at its corners, and start and
+#: end of the run with times at which the weights are looked at: those of samples and of outputs.
 Parts = tuple[
     tuple[int, ...],
     tuple[Interval, ...],
     Interval | None,
     tuple[tuple[float, ...], ...],
     tuple[Interval, ...],
+    tuple[float, float, tuple[float, ...], tuple[float, ...]],
 ]
 
 

@@ -90,7 +90,7 @@ def _split_operator(
 
 def _magnus(system: Schrodinger, method: Magnus, t0: float, stops: Stops) -> WavePlan:
     steps, h = _sizes(t0, stops)
-    found = driving(system, t0, stops[-1][0])
+    found = driving(system, (t0, stops[-1][0]))
     low, high = found.spectrum.bounds
     order, exponentials = method.scheme
     count = exponentials * steps

@@ -225,6 +225,12 @@ def splines(drive: Drive, repeats: Sequence[int]) -> list[tuple[Any, ...]]:
     return found
 
 
+def times_of_samples(drive: Drive) -> tuple[float, ...]:
+    """Return the times of all samples, in order."""
+    found = [function.table.x for function, _ in drive if isinstance(function, Samples)]
+    return tuple(np.unique(np.concatenate(found)).tolist()) if found else ()
+
+
 def _times(times: ArrayLike) -> np.ndarray:
     found = numbers(times)
     if found is None or found.ndim != 1:

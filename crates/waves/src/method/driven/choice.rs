@@ -4,9 +4,11 @@
 //! no longer than e_n of e_0 = 1, e_{n+1} = Σ_l G_l e_{n−l}/(n + 1). H is Hermitian, so that errors of windows add.
 
 use super::fit::{Look, Sampler, TwoLevels};
+use super::polynomials::NODES;
 use crate::method::bessel::{bessel_to_the_last, degree};
 use crate::method::term_bounds::Interval;
 use liouville_base::error::StepError;
+use std::f64::consts::PI;
 
 /// Lengths of windows in units of 1/β for a series in Bessel functions, ...
 const BESSEL: [f64; 6] = [32.0, 24.0, 16.0, 12.0, 8.0, 5.6];
@@ -20,11 +22,11 @@ pub(super) const ROUNDING: f64 = 4.0 * f64::EPSILON;
 /// A series ends where two terms in a row are below this part of its share of the tolerance.
 pub(in crate::method) const END: f64 = 0.3;
 
-/// The part of the tolerance for the fit; the rest is for the tail.
+/// The part of the tolerance for the fit, that for all windows without one, as around jumps, and that for rounding errors;
+/// the rest is for the tail.
 const FIT: f64 = 0.3;
-
-/// A window without a fit, as one around a jump, may be off by this part of the whole tolerance.
-const JUMP: f64 = 0.01;
+const JUMPS: f64 = 0.1;
+const ROUNDED: f64 = 0.05;
 
 /// A series in Bessel functions may take one term in so many more than that of two levels.
 const MORE: usize = 16;
@@ -75,7 +77,7 @@ impl Window {
 }
 
 /// Half the width of a spectrum, where it has one.
-fn half((low, high): Interval) -> f64 {
+pub(super) fn half((low, high): Interval) -> f64 {
     (0.5 * (high - low))
         .max(8.0 * f64::EPSILON * low.abs().max(high.abs()))
         .max(1e-290)
@@ -84,15 +86,31 @@ fn half((low, high): Interval) -> f64 {
 /// The tolerance of all windows.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Share {
-    /// Error allowed in a unit of time, and in all.
+    /// Error allowed in a unit of time.
     pub(super) rate: f64,
-    pub(super) whole: f64,
+    /// Of a window without a fit.
+    jump: f64,
 }
 
 impl Share {
+    /// What is left to windows after so many without a fit, the shares of which add up for any number of them.
+    pub(super) fn after(jumps: usize, rate: f64, whole: f64) -> Self {
+        let count = jumps as f64 + 1.0;
+        let jump = JUMPS * whole * 6.0 / (PI * count).powi(2);
+        Self { rate, jump }
+    }
+
+    /// The error of a window beyond its share: by rounding errors of a sum of terms, and of the time where functions are
+    /// fitted.
+    fn beyond(self, h: f64, left_out: f64, sum: f64) -> f64 {
+        let fit = (left_out - FIT * self.rate).max(0.0);
+        let rounded = f64::EPSILON * sum - ROUNDED * self.rate * h.abs();
+        fit * h.abs() + rounded.max(0.0)
+    }
+
     /// The error that the tail of a window may have.
     pub(super) fn tail(self, h: f64) -> f64 {
-        (1.0 - FIT) * self.rate * h.abs()
+        (1.0 - FIT - JUMPS - ROUNDED) * self.rate * h.abs()
     }
 }
 
@@ -107,53 +125,85 @@ impl Sampler {
         left: f64,
         share: Share,
         is_plain: bool,
-    ) -> Result<Window, StepError> {
+    ) -> Result<Choice, StepError> {
         let beta = half(self.bounds_at(t));
         if !beta.is_finite() {
             let (theta, most) = (beta, BESSEL[0]);
             return Err(StepError::Spectrum { theta, most, t });
         }
-        // equal parts of what is left
-        let part = |theta: f64| left / (left.abs() * beta / theta).ceil().max(1.0);
-        let mut best: Option<Window> = None;
-        let mut before = f64::NAN;
-        for h in BESSEL.map(part).into_iter().filter(|_| !is_plain) {
-            if h.to_bits() == before.to_bits() {
+        // equal parts of what is left, each once
+        let part = |theta: &f64| left / (left.abs() * beta / theta).ceil().max(1.0);
+        let parts = |thetas: &[f64]| {
+            let mut parts: Vec<f64> = thetas.iter().map(part).collect();
+            parts.dedup();
+            parts
+        };
+        let mut found: Vec<Choice> = Vec::new();
+        let mut is_constant = false;
+        for h in parts(&BESSEL).into_iter().filter(|_| !is_plain) {
+            let Some(window) = self.in_bessel(t, h, share) else {
                 continue;
-            }
-            before = h;
-            let window = self.in_bessel(t, h, share);
-            best = cheaper(best, window);
+            };
             // constant on the window: no shorter one takes fewer products
-            if window.is_some_and(|window| window.degree == 0) {
-                return best.ok_or(StepError::Interrupted);
+            is_constant = window.window.degree == 0 && !self.passes(t, &window);
+            found.push(window);
+            if is_constant {
+                break;
             }
         }
-        for h in POWERS.map(part) {
-            best = cheaper(best, self.in_powers(t, h, FIT * share.rate, share));
+        let powers = parts(&POWERS).into_iter().chain(self.to_knot(t, left));
+        for h in powers.filter(|_| !is_constant) {
+            found.extend(self.in_powers(t, h, FIT * share.rate, share));
         }
-        let mut h = part(POWERS[POWERS.len() - 1]);
+        found.sort_by(|a, b| a.cost().total_cmp(&b.cost()));
+        for window in found {
+            if !self.passes(t, &window) {
+                return Ok(window);
+            }
+        }
+        let mut h = part(&POWERS[POWERS.len() - 1]);
         for _ in 0..HALVINGS {
-            if let Some(best) = best {
-                return Ok(best);
-            }
+            let refused = Some(t + h);
             h *= 0.5;
-            let tolerance = f64::max(FIT * share.rate, JUMP * share.whole / h.abs());
-            best = self.in_powers(t, h, tolerance, share);
+            for (tolerance, is_jump) in [(FIT * share.rate, false), (share.jump / h.abs(), true)] {
+                let window = self.in_powers(t, h, tolerance, share);
+                if let Some(window) = window.filter(|window| !self.passes(t, window)) {
+                    let beyond = if is_jump { 0.0 } else { window.beyond };
+                    return Ok(Choice {
+                        refused,
+                        is_jump,
+                        beyond,
+                        ..window
+                    });
+                }
+            }
         }
         let (theta, most) = (f64::NAN, BESSEL[0]);
-        best.ok_or(StepError::Spectrum { theta, most, t })
+        Err(StepError::Spectrum { theta, most, t })
     }
 
-    fn in_bessel(&mut self, t: f64, h: f64, share: Share) -> Option<Window> {
+    /// Whether a window passes over a value that was seen before the run.
+    fn passes(&mut self, t: f64, choice: &Choice) -> bool {
+        let Window { h, degree, .. } = choice.window;
+        // terms that are left out are below that, and what its nodes do not see is no larger
+        self.passes_over((t, h), (NODES, degree + 1), 2.0 * choice.left_out)
+    }
+
+    fn in_bessel(&mut self, t: f64, h: f64, share: Share) -> Option<Choice> {
         let look = self.look(t, h, FIT * share.rate)?;
         let close = self.in_bessel_by(&look, look.bounds, h, share);
         // where H changes much its terms are smaller in units of a larger β
         let is_wider = half(look.wider) > WIDER * half(look.bounds) && look.degree > 0;
-        if is_wider {
-            return cheaper(close, self.in_bessel_by(&look, look.wider, h, share));
-        }
-        close
+        let wider = is_wider.then(|| self.in_bessel_by(&look, look.wider, h, share));
+        let both = close.into_iter().chain(wider.flatten());
+        let choice = |window| Choice {
+            window,
+            left_out: look.left_out,
+            refused: None,
+            is_jump: false,
+            beyond: share.beyond(h, look.left_out, 0.0),
+        };
+        (both.map(choice)).min_by(|a, b| a.cost().total_cmp(&b.cost()))
     }
 
     fn in_bessel_by(&self, look: &Look, bounds: Interval, h: f64, share: Share) -> Option<Window> {
@@ -169,7 +219,7 @@ impl Sampler {
         Some(Window::new(h, Form::Bessel, look.degree, bounds, last))
     }
 
-    fn in_powers(&mut self, t: f64, h: f64, tolerance: f64, share: Share) -> Option<Window> {
+    fn in_powers(&mut self, t: f64, h: f64, tolerance: f64, share: Share) -> Option<Choice> {
         let look = self.look(t, h, tolerance)?;
         let sigma = f64::midpoint(look.bounds.0, look.bounds.1);
         let (low, high) = look.first;
@@ -178,25 +228,40 @@ impl Sampler {
             .chain(&look.sizes)
             .map(|size| h.abs() * size)
             .collect();
-        let last = last_term(&sizes, share.tail(h))?;
-        Some(Window::new(h, Form::Powers, look.degree, look.bounds, last))
+        let (last, sum) = last_term(&sizes, share.tail(h))?;
+        let window = Window::new(h, Form::Powers, look.degree, look.bounds, last);
+        Some(Choice {
+            window,
+            left_out: look.left_out,
+            refused: None,
+            is_jump: false,
+            beyond: share.beyond(h, look.left_out, sum),
+        })
     }
 }
 
-/// The window that takes fewer products for its length; powers have a bound, for which they may take some more.
-fn cheaper(best: Option<Window>, window: Option<Window>) -> Option<Window> {
-    let cost = |window: &Window| {
-        let factor = if window.form == Form::Powers {
+/// A window, and what its polynomials leave out at most, in energies.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Choice {
+    pub(super) window: Window,
+    left_out: f64,
+    /// The end of a longer one that was refused, as one over a jump, which is nearer than others then.
+    pub(super) refused: Option<f64>,
+    /// Whether it is without a fit, as one around a jump.
+    pub(super) is_jump: bool,
+    /// Its error beyond its share of the tolerance, at most.
+    pub(super) beyond: f64,
+}
+
+impl Choice {
+    /// Products for a length; powers have a bound, for which they may take some more.
+    fn cost(&self) -> f64 {
+        let factor = if self.window.form == Form::Powers {
             1.0
         } else {
             BOUND
         };
-        factor * window.last as f64 / window.h.abs()
-    };
-    match (best, window) {
-        (Some(best), Some(window)) if cost(&window) < cost(&best) => Some(window),
-        (None, window) => window,
-        (best, _) => best,
+        factor * self.window.last as f64 / self.window.h.abs()
     }
 }
 
@@ -256,8 +321,8 @@ fn bessel_terms(levels: &TwoLevels, theta: f64, beta: f64, tolerance: f64) -> Op
 }
 
 /// The term with which a series in powers has ended: two in a row of e_n are below the part of a tolerance with which
-/// it ends, and the rest falls by halves; none where terms are too large or too many.
-fn last_term(sizes: &[f64], tolerance: f64) -> Option<usize> {
+/// it ends, and the rest falls by halves; and the sum of all. None where terms are too large or too many.
+fn last_term(sizes: &[f64], tolerance: f64) -> Option<(usize, f64)> {
     let tolerance = tolerance.max(f64::EPSILON / 8.0);
     let mut terms = vec![1.0];
     let (mut sum, mut small) = (1.0, 0);
@@ -277,7 +342,7 @@ fn last_term(sizes: &[f64], tolerance: f64) -> Option<usize> {
         };
         let is_falling = 2.0 * sizes.iter().sum::<f64>() < (n + 2) as f64;
         if is_falling && small >= 2 {
-            return Some(n + 1);
+            return Some((n + 1, sum));
         }
     }
     None

@@ -1,6 +1,6 @@
 //! The cost of a run by series in time, in advance.
 
-use super::choice::{Form, Share};
+use super::choice::{Form, Share, Window};
 use super::fit::Sampler;
 use crate::method::TermBounds;
 use crate::problem::Hamiltonian;
@@ -33,9 +33,79 @@ pub struct DrivenCost {
     pub products: usize,
     /// The longest window, in units of 1/β.
     pub theta: f64,
+    /// Errors beyond the tolerance that roundings may add up to.
+    pub beyond: f64,
+}
+
+/// A window, and where it is.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Planned {
+    pub(super) next: f64,
+    pub(super) window: Window,
+    beyond: f64,
+}
+
+/// The windows of a run.
+pub(super) struct Found {
+    run: (Driven, (f64, f64)),
+    windows: Result<Vec<Planned>, StepError>,
+}
+
+impl Found {
+    /// The window that a time is in, up to its end.
+    ///
+    /// # Errors
+    /// H is not finite.
+    pub(super) fn at(&self, t: f64) -> Result<Planned, StepError> {
+        let windows = self.windows.as_ref().map_err(Clone::clone)?;
+        let (start, end) = self.run.1;
+        let is_past = |planned: &Planned| (planned.next - t) * (end - start) <= 0.0;
+        let place = windows.partition_point(is_past);
+        let found = windows.get(place).copied();
+        found.ok_or(StepError::Interrupted)
+    }
 }
 
 impl Driven {
+    /// The windows of a run, which are kept with its Hamiltonian; none where the parts do not fit.
+    pub(super) fn windows(
+        &self,
+        hamiltonian: &Arc<Hamiltonian>,
+        span: (f64, f64),
+    ) -> Option<Arc<Found>> {
+        let sampler = self.sampler(hamiltonian)?;
+        let run = (self.clone(), span);
+        let fits = |found: &Found| found.run == run;
+        let make = || Found {
+            run: run.clone(),
+            windows: self.walk(sampler.with_scan(), span),
+        };
+        Some(hamiltonian.windows().get(fits, make))
+    }
+
+    /// Chooses one window after another.
+    fn walk(&self, mut sampler: Sampler, (t, end): (f64, f64)) -> Result<Vec<Planned>, StepError> {
+        let whole = self.rate * (end - t).abs();
+        let (mut windows, mut t, mut jumps, mut refused) = (Vec::new(), t, 0, None);
+        while t.to_bits() != end.to_bits() {
+            let share = Share::after(jumps, self.rate, whole);
+            let breaks = refused.as_slice().iter().chain(&self.breaks);
+            let end = next_break(breaks, t, end);
+            let choice = sampler.window(t, end - t, share, false)?;
+            jumps += usize::from(choice.is_jump);
+            refused = choice.refused.or(refused);
+            let (window, beyond) = (choice.window, choice.beyond);
+            let next = next_time(t, window.h, end);
+            windows.push(Planned {
+                next,
+                window,
+                beyond,
+            });
+            t = next;
+        }
+        Ok(windows)
+    }
+
     pub(super) fn sampler(&self, hamiltonian: &Arc<Hamiltonian>) -> Option<Sampler> {
         let sampler = Sampler::new(hamiltonian.clone(), self.bounds.clone())?;
         Some(sampler.with_differences(self.by_differences))
@@ -50,42 +120,42 @@ impl Driven {
         hamiltonian: &Arc<Hamiltonian>,
         (t, end): (f64, f64),
     ) -> Option<Result<DrivenCost, StepError>> {
-        let mut sampler = self.sampler(hamiltonian)?;
-        let share = Share {
-            rate: self.rate,
-            whole: self.rate * (end - t).abs(),
+        let found = self.windows(hamiltonian, (t, end))?;
+        let windows = match &found.windows {
+            Ok(windows) => windows,
+            Err(error) => return Some(Err(error.clone())),
         };
-        let (mut cost, mut t) = (DrivenCost::default(), t);
-        while t.to_bits() != end.to_bits() {
-            let window = match sampler.window(t, self.end(t, end) - t, share, false) {
-                Ok(window) => window,
-                Err(error) => return Some(Err(error)),
-            };
+        let mut cost = DrivenCost::default();
+        for Planned { window, beyond, .. } in windows {
+            cost.beyond += beyond;
             match window.form {
                 Form::Powers => cost.powers += 1,
                 Form::Bessel => cost.bessel += 1,
             }
             cost.products += window.last * hamiltonian.products();
             cost.theta = cost.theta.max(window.beta * window.h.abs());
-            t = next_time(t, window.h, self.end(t, end));
         }
         Some(Ok(cost))
     }
-
-    /// The end of the windows from t on: that of the run, or a time before where they end besides.
-    pub(super) fn end(&self, t: f64, end: f64) -> f64 {
-        let is_between = |time: f64| (time - t) * (end - t) > 0.0 && (time - end) * (t - end) > 0.0;
-        let mut between = self.breaks.iter().copied().filter(|time| is_between(*time));
-        between.next().unwrap_or(end)
-    }
 }
 
-/// The end of a window or of a step, which is that of the run where it is as near as rounding errors.
+/// The first of some times, in order along the run, at which windows end after t, or the end of the run.
+fn next_break<'a>(breaks: impl Iterator<Item = &'a f64>, t: f64, end: f64) -> f64 {
+    let is_between = |time: &f64| (time - t) * (end - t) > 0.0 && (time - end) * (t - end) > 0.0;
+    breaks.copied().find(is_between).unwrap_or(end)
+}
+
+/// The end of a window or of a step, which is that of the run where it is as near as rounding errors, and later than its
+/// start however short it is.
 pub(in crate::method) fn next_time(t: f64, h: f64, end: f64) -> f64 {
     let next = t + h;
-    if (end - next).abs() <= 1e-9 * h.abs() || next.to_bits() == t.to_bits() {
+    if (end - next).abs() <= 1e-9 * h.abs() {
         end
-    } else {
+    } else if next.to_bits() != t.to_bits() {
         next
+    } else if t < end {
+        t.next_up()
+    } else {
+        t.next_down()
     }
 }

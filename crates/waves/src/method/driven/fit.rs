@@ -3,7 +3,8 @@
 //! Functions of time are interpolated at Chebyshev's nodes, the ends among them, and their series are cut where the rest
 //! is below a tolerance: nothing but their values is needed.
 
-use super::polynomials::{DEGREE, NODES, coefficients, node_at, powers};
+use super::polynomials::{DEGREE, NODES, chebyshev_node, coefficients, powers};
+use super::scan::Scan;
 use crate::method::term_bounds::{Interval, TermBounds, range};
 use crate::problem::{Drive, Hamiltonian, Potential};
 use liouville_base::real::Lanes;
@@ -28,12 +29,15 @@ pub(in crate::method) struct Fit {
 
 /// The part of a Hamiltonian that depends on time, and how large it is.
 #[derive(Clone)]
-pub(super) struct Sampler {
+pub(in crate::method) struct Sampler {
     hamiltonian: Arc<Hamiltonian>,
     /// The first term of each group: terms of a group have their weight in common.
     firsts: Vec<usize>,
     bounds: TermBounds,
     by_differences: bool,
+    /// Values at many times of the run, and memory for what a series misses of them.
+    scan: Option<Arc<Scan>>,
+    apart: Vec<f64>,
     drive: Option<Registers<f64>>,
     /// The potential at all points, and at some of them.
     potentials: [Option<(Potential, Registers<Lanes>)>; 2],
@@ -41,12 +45,16 @@ pub(super) struct Sampler {
     /// Values at the nodes, then coefficients of Chebyshev's polynomials.
     samples: Vec<f64>,
     series: Vec<f64>,
+    /// The length of a row of them.
+    width: usize,
 }
 
 /// A window as it was looked at: the degree that it takes, and sizes.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Look {
     pub(super) degree: usize,
+    /// What it leaves out at most, in energies.
+    pub(super) left_out: f64,
     /// Of H, over the window.
     pub(super) bounds: Interval,
     /// Of H, at its start.
@@ -81,7 +89,10 @@ impl TwoLevels {
 
 impl Sampler {
     /// For terms in groups, with bounds of the eigenvalues of each; none where these do not fit.
-    pub(super) fn new(hamiltonian: Arc<Hamiltonian>, bounds: TermBounds) -> Option<Self> {
+    pub(in crate::method) fn new(
+        hamiltonian: Arc<Hamiltonian>,
+        bounds: TermBounds,
+    ) -> Option<Self> {
         if !bounds.is_fitting(hamiltonian.terms().len()) {
             return None;
         }
@@ -105,7 +116,10 @@ impl Sampler {
             weights: vec![0.0; hamiltonian.terms().len()],
             samples: Vec::new(),
             series: Vec::new(),
+            width: 0,
             by_differences: false,
+            scan: None,
+            apart: Vec::new(),
             bounds,
             hamiltonian,
         })
@@ -117,6 +131,67 @@ impl Sampler {
             by_differences,
             ..self
         }
+    }
+
+    /// The same with all functions of time looked at over the run, where there are any.
+    pub(in crate::method) fn with_scan(self) -> Self {
+        let (start, end) = self.bounds.span;
+        if self.drive.is_none() && self.potentials[1].is_none() || start.to_bits() == end.to_bits()
+        {
+            return self;
+        }
+        let scan = Scan::new(self.clone(), &self.bounds);
+        Self {
+            scan: Some(Arc::new(scan)),
+            ..self
+        }
+    }
+
+    /// What it looks at.
+    pub(super) fn hamiltonian(&self) -> &Arc<Hamiltonian> {
+        &self.hamiltonian
+    }
+
+    /// Rows of values at times: weights of the groups, then the potential at some points.
+    pub(super) fn rows(&mut self, times: &[f64]) -> Vec<f64> {
+        self.samples.clear();
+        for t in times {
+            self.sample(*t, true);
+        }
+        std::mem::take(&mut self.samples)
+    }
+
+    /// Whether so many terms of the polynomials by Chebyshev's nodes of an interval are off by more than `tolerance`, in
+    /// energies, at any time that was looked at.
+    pub(in crate::method) fn passes_over(
+        &mut self,
+        (t, h): (f64, f64),
+        (nodes, terms): (usize, usize),
+        tolerance: f64,
+    ) -> bool {
+        let Some(scan) = self.scan.clone().filter(|scan| !scan.is_empty((t, h))) else {
+            return false;
+        };
+        self.interpolate((t, h), nodes, true);
+        let mut apart = std::mem::take(&mut self.apart);
+        apart.resize(self.width, 0.0);
+        let series = &self.series[..terms * self.width];
+        let is_fine = |apart: &[f64]| self.size(apart) <= tolerance;
+        let is_missed = scan.is_missed((t, h), series, &mut apart, is_fine);
+        self.apart = apart;
+        is_missed
+    }
+
+    /// The length to the next knot, at which a spline bends, before the end.
+    pub(super) fn to_knot(&self, t: f64, left: f64) -> Option<f64> {
+        let knots = &self.bounds.knots;
+        let next = if left > 0.0 {
+            knots.get(knots.partition_point(|knot| *knot <= t))
+        } else {
+            knots[..knots.partition_point(|knot| *knot < t)].last()
+        };
+        let h = next? - t;
+        (h.abs() < left.abs()).then_some(h)
     }
 
     /// Number of groups.
@@ -142,7 +217,7 @@ impl Sampler {
     }
 
     /// Interval of H with such weights and potential, by those of its parts.
-    fn added(&self, row: &[f64]) -> Interval {
+    pub(super) fn added(&self, row: &[f64]) -> Interval {
         let (weights, potential) = row.split_at(self.groups());
         self.bounds.at(weights, potential)
     }
@@ -155,18 +230,18 @@ impl Sampler {
     }
 
     /// Chebyshev's coefficients of all rows on a window, and the length of a row.
-    fn interpolate(&mut self, t: f64, h: f64, is_look: bool) -> usize {
+    fn interpolate(&mut self, (t, h): (f64, f64), count: usize, is_look: bool) -> usize {
         self.samples.clear();
-        for node in 0..NODES {
-            self.sample(t + h * node_at(node), is_look);
+        for node in 0..count {
+            self.sample(t + h * chebyshev_node(node, count), is_look);
         }
-        let width = self.samples.len() / NODES;
-        coefficients(&self.samples, width, &mut self.series);
-        width
+        self.width = self.samples.len() / count;
+        coefficients(&self.samples, self.width, &mut self.series);
+        self.width
     }
 
     /// The norm of a row of coefficients, in energies.
-    fn size(&self, row: &[f64]) -> f64 {
+    pub(super) fn size(&self, row: &[f64]) -> f64 {
         let of_groups = row.iter().zip(&self.bounds.parts);
         let sum: f64 = of_groups
             .map(|(weight, (low, high))| weight.abs() * low.abs().max(high.abs()))
@@ -178,7 +253,7 @@ impl Sampler {
     /// Looks at a window: none where no degree leaves less than `tolerance`, in energies.
     pub(super) fn look(&mut self, t: f64, h: f64, tolerance: f64) -> Option<Look> {
         let first = self.bounds_at(t);
-        let width = self.interpolate(t, h, true);
+        let width = self.interpolate((t, h), NODES, true);
         let rows = self.samples.chunks(width).map(|row| self.added(row));
         let hull = |a: Interval, b: Interval| (a.0.min(b.0), a.1.max(b.1));
         let (low, high) = rows.fold(first, hull);
@@ -189,12 +264,18 @@ impl Sampler {
         let wider = rows.reduce(hull)?;
         let largest =
             (self.samples.chunks(width)).fold(0.0, |most: f64, row| most.max(self.size(row)));
-        let tolerance = tolerance.max(ROUNDING * largest);
         let rests: Vec<f64> = self
             .series
             .chunks(width)
             .map(|row| self.size(row))
             .collect();
+        // a time is known to its rounding, and functions to their slopes times that
+        let slopes = rests
+            .iter()
+            .enumerate()
+            .map(|(j, size)| 2.0 * j as f64 * size);
+        let rounded = f64::EPSILON * t.abs().max((t + h).abs()) / h.abs();
+        let tolerance = tolerance.max(ROUNDING * largest + rounded * slopes.sum::<f64>());
         let mut rest = 0.0;
         let mut degree = NODES;
         while degree > 0 && rest <= tolerance {
@@ -211,6 +292,7 @@ impl Sampler {
         let sizes = sizes.collect();
         Some(Look {
             degree,
+            left_out: tolerance,
             bounds: (low, high),
             first,
             sizes,
@@ -289,7 +371,7 @@ impl Sampler {
 
     /// Fits a window by polynomials of a degree.
     pub(super) fn fit(&mut self, t: f64, h: f64, degree: usize, fit: &mut Fit) {
-        let width = self.interpolate(t, h, false);
+        let width = self.interpolate((t, h), NODES, false);
         let powers = powers(&self.series, degree, width);
         let groups = self.groups();
         fit.degree = degree;

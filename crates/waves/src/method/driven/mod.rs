@@ -9,36 +9,40 @@ mod cost;
 pub(super) mod factors;
 pub(super) mod fit;
 pub(super) mod polynomials;
+mod scan;
 pub(super) mod terms;
 
 pub(super) use cost::next_time;
 pub use cost::{Driven, DrivenCost};
+pub(super) use fit::Sampler;
 
+use super::bessel::LESS;
 use super::derivative::{Output, Piece, SeriesPiece, copied};
 use super::observe::dot;
-use super::bessel::LESS;
 use super::sweep::{Outputs, TermBlock};
 use super::{Sweeper, Wave, guard, squares};
 use choice::{END, Form, ROUNDING, Share, Window};
+use cost::Found;
 use factors::Factors;
-use fit::{Fit, Sampler};
+use fit::Fit;
 use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch, Numbers};
 use liouville_base::error::StepError;
 use liouville_base::method::{Stats, Stepper};
 use polynomials::{by_nodes, nodes};
 use std::f64::consts::TAU;
+use std::sync::Arc;
 use terms::Terms;
 
 /// Terms that are added to the outputs at once.
 const AT_ONCE: usize = 8;
 
+/// Bessel functions that are taken for zero, all together.
+const CUT: f64 = 1e10 * LESS;
+
 /// Most outputs of a window.
 const OUTPUTS: usize = 256;
 
 /// A state at a time: its parts one after the other, and the phase to be removed.
-/// Bessel functions that are taken for zero, all together.
-const CUT: f64 = 1e10 * LESS;
-
 #[derive(Clone, Debug, Default)]
 struct Point {
     t: f64,
@@ -66,8 +70,9 @@ pub struct DrivenSeries {
     /// Whether the present window is to be made again, as the run was restored within it.
     is_lost: bool,
     has_begun: bool,
-    /// Error allowed in all.
-    whole: f64,
+    /// The start of the run, and its windows once they are known.
+    t0: f64,
+    windows: Option<Arc<Found>>,
     sigma: f64,
     outputs: Outputs<f64>,
     block: TermBlock<f64>,
@@ -99,7 +104,8 @@ impl DrivenSeries {
             next: 0,
             is_lost: false,
             has_begun: false,
-            whole: 0.0,
+            t0: 0.0,
+            windows: None,
             sigma: 0.0,
             outputs: Outputs::default(),
             block: TermBlock::default(),
@@ -113,19 +119,26 @@ impl DrivenSeries {
     /// Makes the window that begins at `start`, and the outputs in it.
     fn make(&mut self) -> Result<(), StepError> {
         let t = self.start.t;
-        let end = self.driven.end(t, self.times[self.times.len() - 1]);
-        let share = Share {
-            rate: self.driven.rate,
-            whole: self.whole,
+        let last = self.times[self.times.len() - 1];
+        let known = self.windows.take();
+        let found = known.or_else(|| {
+            let span = (self.t0, last);
+            self.driven.windows(self.sampler.hamiltonian(), span)
+        });
+        self.windows = found;
+        let Some(found) = &self.windows else {
+            unreachable!("parts that have been checked");
         };
-        let mut is_plain = false;
+        let planned = found.at(t)?;
+        let (rate, whole) = (self.driven.rate, self.driven.rate * (last - self.t0).abs());
+        let (end, share) = (planned.next, Share::after(0, rate, whole));
+        let mut window = Window {
+            h: end - t,
+            ..planned.window
+        };
         loop {
-            let window = self.sampler.window(t, end - t, share, is_plain)?;
             let next = self.lay_out(t, end, window);
-            let window = Window {
-                h: self.factors[self.factors.len() - 1].s,
-                ..window
-            };
+            window.h = self.factors[self.factors.len() - 1].s;
             if self.expand(&window, share.tail(window.h))? {
                 self.sigma = window.sigma;
                 self.keep(&window, share.tail(window.h))?;
@@ -137,7 +150,7 @@ impl DrivenSeries {
                 return Ok(());
             }
             // where Bessel functions do not converge, powers do
-            is_plain = true;
+            window = self.sampler.window(t, end - t, share, true)?.window;
         }
     }
 
@@ -274,8 +287,7 @@ impl DrivenSeries {
         self.end.parts[..n].copy_from_slice(&state.q);
         self.end.parts[n..].copy_from_slice(&state.p);
         (self.end.t, self.end.phase) = (t, state.phase);
-        let last = self.times[self.times.len() - 1];
-        self.whole = self.driven.rate * (last - t).abs();
+        self.t0 = t;
         self.has_begun = true;
     }
 }
@@ -323,7 +335,7 @@ impl Stepper for DrivenSeries {
 /// Within a window its start is saved, and its outputs are made again.
 impl Checkpoint for DrivenSeries {
     fn save(&self, member: usize, out: &mut dyn Numbers) {
-        (self.has_begun, self.whole).save(member, out);
+        (self.has_begun, self.t0).save(member, out);
         (self.first, self.next).save(member, out);
         self.start.save(member, out);
     }
@@ -331,7 +343,7 @@ impl Checkpoint for DrivenSeries {
     fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
         let mut place = ((false, 0.0), (0, 0));
         place.restore(member, saved)?;
-        ((self.has_begun, self.whole), (self.first, self.next)) = place;
+        ((self.has_begun, self.t0), (self.first, self.next)) = place;
         self.start.restore(member, saved)?;
         let is_fitting = self.first <= self.next && self.next <= self.times.len();
         if !is_fitting {

@@ -2,6 +2,7 @@
 
 use liouville_base::linalg::add_scaled;
 use std::f64::consts::PI;
+use std::sync::LazyLock;
 
 /// The highest degree in time.
 pub(super) const DEGREE: usize = 14;
@@ -93,14 +94,9 @@ fn angle(node: usize, count: usize) -> f64 {
     PI * node as f64 / (count - 1) as f64
 }
 
-/// A node, as part of a window.
-pub(super) fn node_at(node: usize) -> f64 {
-    chebyshev_node(node, NODES)
-}
-
 /// The nodes of all windows, as parts of them.
 pub(in crate::method) fn nodes() -> Vec<f64> {
-    (0..NODES).map(node_at).collect()
+    (0..NODES).map(|node| chebyshev_node(node, NODES)).collect()
 }
 
 /// A polynomial of a degree by its values at the nodes.
@@ -121,19 +117,27 @@ pub(in crate::method) fn by_nodes(degree: usize) -> NodeMap {
     }
 }
 
-/// Chebyshev's coefficients of rows of values at the nodes.
+/// Chebyshev's coefficients of rows of values at so many nodes as there are.
 pub(super) fn coefficients(samples: &[f64], width: usize, series: &mut Vec<f64>) {
+    let count = samples.len() / width;
     series.clear();
     series.resize(samples.len(), 0.0);
     for (j, out) in series.chunks_mut(width).enumerate() {
         for (node, row) in samples.chunks(width).enumerate() {
-            let factor = chebyshev_weight(j, node, NODES);
-            for (out, x) in out.iter_mut().zip(row) {
-                *out += factor * x;
-            }
+            let factor = match count {
+                NODES => WEIGHTS[j * NODES + node],
+                _ => chebyshev_weight(j, node, count),
+            };
+            add_scaled(out, factor, row);
         }
     }
 }
+
+/// Weights of values at the nodes in the coefficient of each of Chebyshev's polynomials.
+static WEIGHTS: LazyLock<Vec<f64>> = LazyLock::new(|| {
+    let place = |k: usize| chebyshev_weight(k / NODES, k % NODES, NODES);
+    (0..NODES * NODES).map(place).collect()
+});
 
 /// Coefficients of the powers of y up to a degree.
 pub(super) fn powers(series: &[f64], degree: usize, width: usize) -> Vec<f64> {

@@ -1,0 +1,107 @@
+//! Values of all functions of time at many times of a run, by which no window and no step passes over a pulse.
+
+use super::choice::half;
+use super::fit::Sampler;
+use crate::method::term_bounds::TermBounds;
+
+/// Times that are looked at in a run, at least, and for each unit of 1/β; they are apart by one and a half of equal parts at
+/// most, ...
+const TIMES: usize = 1 << 14;
+const EACH: f64 = 16.0;
+/// ... and no functions with a period are seen at one phase alone, as each is shifted by multiples of this.
+const SHIFT: f64 = 0.618_033_988_749_894_9;
+
+/// Numbers that are kept, where there are more times than at least.
+const NUMBERS: usize = 1 << 22;
+
+/// Rows of values: weights of the groups, then the potential at some points.
+#[derive(Clone, Debug)]
+pub(super) struct Scan {
+    /// In order, and a row for each.
+    times: Vec<f64>,
+    rows: Vec<f64>,
+}
+
+impl Scan {
+    /// Looks at a run, and again where H is so large that it takes more times.
+    pub(super) fn new(mut sampler: Sampler, bounds: &TermBounds) -> Self {
+        let mut times = times(bounds, TIMES);
+        let mut rows = sampler.rows(&times);
+        let width = rows.len() / times.len();
+        let sizes = rows.chunks(width).map(|row| (sampler.size(row), row));
+        let finite = sizes.filter(|(size, _)| size.is_finite());
+        let largest = finite.max_by(|a, b| a.0.total_cmp(&b.0));
+        let beta = largest.map_or(0.0, |(_, row)| half(sampler.added(row)));
+        let theta = beta * (bounds.span.1 - bounds.span.0).abs();
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // of a positive number
+        let count = ((EACH * theta) as usize).min(NUMBERS / width);
+        if count > TIMES {
+            times = self::times(bounds, count);
+            rows = sampler.rows(&times);
+        }
+        Self { times, rows }
+    }
+
+    /// The times in an interval.
+    fn inside(&self, (t, h): (f64, f64)) -> std::ops::Range<usize> {
+        let (low, high) = (t.min(t + h), t.max(t + h));
+        let first = self.times.partition_point(|time| *time < low);
+        first..self.times.partition_point(|time| *time <= high).max(first)
+    }
+
+    /// Whether no time of an interval was looked at.
+    pub(super) fn is_empty(&self, interval: (f64, f64)) -> bool {
+        self.inside(interval).is_empty()
+    }
+
+    /// Whether a sum of Chebyshev's polynomials on an interval is off at any time by more than a tolerance.
+    pub(super) fn is_missed(
+        &self,
+        (t, h): (f64, f64),
+        series: &[f64],
+        apart: &mut [f64],
+        is_fine: impl Fn(&[f64]) -> bool,
+    ) -> bool {
+        let width = apart.len();
+        self.inside((t, h)).any(|k| {
+            let x = (2.0 * (self.times[k] - t) / h - 1.0).clamp(-1.0, 1.0);
+            let row = &self.rows[k * width..(k + 1) * width];
+            for (out, value) in apart.iter_mut().zip(row) {
+                *out = -value;
+            }
+            let (mut before, mut now) = (x, 1.0);
+            for row in series.chunks(width) {
+                for (out, x) in apart.iter_mut().zip(row) {
+                    *out += now * x;
+                }
+                (before, now) = (now, 2.0 * x * now - before);
+            }
+            !is_fine(apart)
+        })
+    }
+}
+
+/// The times that are looked at: some all over the run, those of samples and of outputs and the middles between them.
+fn times(bounds: &TermBounds, count: usize) -> Vec<f64> {
+    let (start, end) = bounds.span;
+    let (low, high) = (start.min(end), start.max(end));
+    let part = |k: usize| {
+        let shift = 0.25 + 0.5 * (k as f64 * SHIFT).fract();
+        low + (high - low) * ((k as f64 + shift) / count as f64)
+    };
+    let middles = |times: &[f64]| -> Vec<f64> {
+        let middle = |ends: &[f64]| f64::midpoint(ends[0], ends[1]);
+        times.windows(2).map(middle).collect()
+    };
+    let given = [&bounds.knots, &bounds.outputs].into_iter();
+    let besides = given
+        .flat_map(|times| [times.clone(), middles(times)])
+        .flatten();
+    let is_inside = |time: &f64| low <= *time && *time <= high;
+    let mut times: Vec<f64> = (0..count)
+        .map(part)
+        .chain(besides.filter(is_inside))
+        .collect();
+    times.sort_by(f64::total_cmp);
+    times
+}

@@ -1,0 +1,26 @@
+//! What was found out about a Hamiltonian, for the next one who asks.
+
+use std::any::Any;
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// One thing that is kept, in place of the last one.
+#[derive(Clone, Default)]
+pub(crate) struct Kept(Arc<Mutex<Option<Arc<dyn Any + Send + Sync>>>>);
+
+impl Kept {
+    /// What is kept, where it is of this type and fits, or what is made instead, once for all who ask at a time.
+    pub(crate) fn get<T: Any + Send + Sync>(
+        &self,
+        fits: impl Fn(&T) -> bool,
+        make: impl FnOnce() -> T,
+    ) -> Arc<T> {
+        let mut kept = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let known = kept.clone().and_then(|kept| kept.downcast::<T>().ok());
+        if let Some(known) = known.filter(|known| fits(known)) {
+            return known;
+        }
+        let made = Arc::new(make());
+        *kept = Some(made.clone());
+        made
+    }
+}
