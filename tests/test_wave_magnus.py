@@ -96,6 +96,18 @@ def test_auto_takes_exponentials_where_there_are_many_drives():
     assert lv.plan(many, lv.Chebyshev(1e-4), t=(0, 3.0)).scheme.startswith("Magnus of order 4, 3")
 
 
+@pytest.mark.parametrize("order", [2, 4, 8])
+def test_steps_at_kinks_share_the_tolerance(order):
+    rng = np.random.default_rng(3)
+    h0, h1 = (m := rng.standard_normal((2, 6, 6))) + m.transpose(0, 2, 1)
+    system = lv.Schrodinger(h0, drive=[(lambda t, _: 2 * ca.fabs(ca.sin(3 * t)), h1)])
+    psi = np.eye(6)[0]
+    exact = lv.integrate(system, lv.Chebyshev(1e-11), t=(0, 5.0), psi=psi).psi[-1]
+    for tol in (1e-3, 1e-5):
+        found = lv.integrate(system, lv.Magnus(order, tol), t=(0, 5.0), psi=psi)
+        assert np.linalg.norm(found.psi[-1] - exact) <= tol
+
+
 def test_a_still_hamiltonian_is_one_series():
     system = lv.Schrodinger(lv.Lattice(30))
     psi = np.eye(30)[4]

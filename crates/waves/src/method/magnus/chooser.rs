@@ -13,6 +13,7 @@
 use super::probe::Probe;
 use super::{Averages, Nodes};
 use crate::method::bessel::degree;
+use crate::method::driven::Sampler;
 use crate::method::driven::polynomials::{chebyshev_node, chebyshev_weight};
 use crate::method::term_bounds::{Interval, TermBounds};
 use crate::problem::{Hamiltonian, HamiltonianAt};
@@ -23,8 +24,10 @@ use std::sync::Arc;
 pub(super) const SERIES: f64 = 0.1;
 const METHOD: f64 = 0.8;
 
-/// A step, as one around a jump, may be off by this part of the whole tolerance.
-const JUMP: f64 = 0.01;
+/// A step, as one around a jump, may be off by this part of what those before it have left, and at first of this part of the
+/// whole tolerance.
+const JUMP: f64 = 0.1;
+const SPARE: f64 = 0.1;
 
 /// New steps are so much shorter than those that just keep to the tolerance, ...
 pub(super) const SAFETY: f64 = 0.9;
@@ -55,6 +58,10 @@ pub(super) struct Chooser {
     points: Vec<f64>,
     moments: Vec<Vec<f64>>,
     pub(super) tolerance: MagnusTolerance,
+    /// The error that steps so far have left to others.
+    pub(super) left: f64,
+    /// Functions of time as they were looked at over the run.
+    scan: Sampler,
     /// Norms of α_n / h, and sums of all words of each weight.
     pub(super) norms: Vec<f64>,
     words: Vec<f64>,
@@ -65,6 +72,9 @@ pub(super) struct Chooser {
 /// Points of a step at which H is looked at, and the last terms of its series there.
 const NODES: usize = 9;
 const LAST: std::ops::Range<usize> = NODES - 2..NODES;
+
+/// A step over a jump may be no shorter, in units of t: the jump is known to rounding errors of the time.
+const LEAST: f64 = 4.0 * f64::EPSILON;
 
 /// The error of a step, in units of the part of H h that its α_n do not have.
 const UNRESOLVED: f64 = 0.1;
@@ -95,12 +105,14 @@ impl Chooser {
         Some(Self {
             current: HamiltonianAt::new(hamiltonian),
             hamiltonian: hamiltonian.clone(),
+            scan: Sampler::new(hamiltonian.clone(), bounds.clone())?.with_scan(),
             averages: Averages::new(bounds, NODES),
             points: (0..NODES).map(|k| chebyshev_node(k, NODES)).collect(),
             moments: (0..letters).chain(LAST).map(moment).collect(),
             norms: vec![0.0; letters],
             words: vec![0.0; nodes.order + 2],
             probe: (hamiltonian.is_by_products()).then(|| Probe::new(hamiltonian)),
+            left: SPARE * tolerance.whole,
             nodes,
             tolerance,
         })
@@ -108,8 +120,17 @@ impl Chooser {
 
     /// The error that a step may have.
     pub(super) fn allowed(&self, h: f64) -> f64 {
-        let MagnusTolerance { rate, whole, .. } = self.tolerance;
-        METHOD * (rate * h.abs()).max(JUMP * whole)
+        (METHOD * self.tolerance.rate * h.abs()).max(JUMP * self.left)
+    }
+
+    /// Whether a step is as short as rounding errors of the time, and whatever error it has is to be taken.
+    pub(super) fn is_least(t: f64, h: f64) -> bool {
+        h.abs() <= LEAST * t.abs()
+    }
+
+    /// Takes a step with an error that is allowed, which leaves the rest of its share to others.
+    pub(super) fn spend(&mut self, h: f64, error: f64) {
+        self.left += METHOD * self.tolerance.rate * h.abs() - error;
     }
 
     /// The factor of a step with an error that leads to one within the tolerance.
@@ -169,6 +190,9 @@ impl Chooser {
             let step = left / parts;
             let size = self.size(t, step);
             let error = constant * size;
+            if error.is_finite() && Self::is_least(t, step) {
+                return Ok((step, size));
+            }
             let is_short = error <= self.allowed(step);
             // products are for steps that are short enough
             let is_looked_at = is_short || self.probe.is_none();
@@ -177,6 +201,11 @@ impl Chooser {
                 continue;
             }
             if is_short {
+                let unseen = self.allowed(step) / (UNRESOLVED * step.abs());
+                if self.scan.passes_over((t, step), (NODES, NODES), unseen) {
+                    h = CHANGE.0 * step.abs();
+                    continue;
+                }
                 return Ok((step, size));
             }
             if !error.is_finite() {

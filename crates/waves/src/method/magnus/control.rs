@@ -101,6 +101,7 @@ impl MagnusSteps {
                     let (h, _) = chooser.propose((t, end - t), most, f64::INFINITY)?;
                     let (products, theta) = chooser.products(t, h);
                     let (half, _) = chooser.products(t, 0.5 * h);
+                    chooser.spend(h, chooser.allowed(h));
                     cost.steps += 1;
                     // one step in four is rejected at most
                     cost.products += (products + 2 * half) * 5 / 4;
@@ -125,7 +126,8 @@ impl MagnusSteps {
             if size > 0.0 {
                 self.constant = error / size;
             }
-            if error <= self.chooser.allowed(h) {
+            if error <= self.chooser.allowed(h) || Chooser::is_least(t, h) {
+                self.chooser.spend(h, error);
                 // the last part of an interval says nothing of others
                 let is_whole = h.abs() < (end - t).abs();
                 if is_whole || self.last < h.abs() || self.last.is_infinite() {
@@ -203,14 +205,14 @@ impl Stepper for MagnusSteps {
 
 impl Checkpoint for MagnusSteps {
     fn save(&self, member: usize, out: &mut dyn Numbers) {
-        (self.constant, self.last).save(member, out);
+        (self.constant, (self.last, self.chooser.left)).save(member, out);
         self.magnus.save(member, out);
     }
 
     fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
-        let mut place = (0.0, 0.0);
+        let mut place = (0.0, (0.0, 0.0));
         place.restore(member, saved)?;
-        (self.constant, self.last) = place;
+        (self.constant, (self.last, self.chooser.left)) = place;
         self.magnus.restore(member, saved)
     }
 }
