@@ -16,8 +16,8 @@ import numpy as np
 
 from liouville.systems.gridded.axis import Array, Axis, Kind
 
-#: Bytes of a component at times that are taken together.
-TOGETHER = 2**24
+#: Numbers of a component at times that are taken together.
+TOGETHER = 2**20
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,9 +45,9 @@ class Potential:
 
 
 def blocks(values: Array) -> Iterator[slice]:
-    """Give slices of the first axis, of so many bytes each that what is made of them is small."""
+    """Give slices of the first axis, so small that what is made of them takes little memory."""
     count = len(values)
-    each = max(1, TOGETHER * count // max(values.nbytes, 1))
+    each = max(1, TOGETHER * count // max(values.size, 1))
     for first in range(0, count, each):
         yield slice(first, min(first + each, count))
 
