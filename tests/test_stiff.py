@@ -309,6 +309,72 @@ def test_an_energy_that_jumps_gets_a_word(method, states):
     assert good.message == ""
 
 
+def swing(damping):
+    """Return a four-bar with a fast crank, and its start."""
+    m = lv.bodies.Assembly(gravity=(0, -9.81, 0))
+    bars = {
+        "c": ((0, 0), (0, 0.5), 1),
+        "k": ((0, 0.5), (0.9, 0.9), 2),
+        "r": ((1.1, 0), (0.9, 0.9), 1.8),
+    }
+    for name, (a, b, mass) in bars.items():
+        d = np.subtract(b, a)
+        at, angle = np.add(a, b) / 2, np.arctan2(d[1], d[0])
+        m.planar_body(name, mass=mass, inertia=mass * d @ d / 12, at=at, angle=angle)
+    axis = (0, 0, 1)
+    m.revolute("A", m.ground, "c", at=(0, 0, 0), axis=axis, damping=damping)
+    m.revolute("B", "c", "k", at=(0, 0.5, 0), axis=axis)
+    m.revolute("C", "k", "r", at=(0.9, 0.9, 0), axis=axis)
+    m.revolute("D", m.ground, "r", at=(1.1, 0, 0), axis=axis)
+    return m.system(), m.start(rates={"A": 20.0})
+
+
+def test_an_energy_that_can_only_fall_gets_a_word_where_it_rises(tmp_path):
+    free, start = swing(0.0)
+    run = lv.integrate(free, lv.HHT(), t=(0, 3), h=0.03, **start)
+    assert "the energy, which can only fall, has risen from 52.7 at t = 1.02 to 223" in run.message
+    assert lv.integrate(free, lv.HHT(), t=(0, 3), h=0.0075, **start).message == ""
+    damped, start = swing(0.3)
+    coarse = {"t": (0, 3), "h": 0.08, **start}
+    told = "the energy has changed from 160 to 580"
+    assert told in lv.integrate(damped, lv.ArnoldBruls(), **coarse).message
+    stored = lv.integrate(damped, lv.ArnoldBruls(), **coarse, store=tmp_path / "run.zarr")
+    assert told in stored.message
+    assert lv.integrate(damped, lv.ArnoldBruls(), t=(0, 3), h=0.005, **start).message == ""
+
+
+@pytest.mark.parametrize("method", [lv.HHT(), lv.Spark(2), lv.LobattoPair()], ids=repr)
+@pytest.mark.parametrize(
+    "force",
+    [
+        lambda t, q, v, p: 2 * (1 - q[0] ** 2) * v[0],
+        lambda t, q, v, p: -0.3 * ca.tanh((v[0] - 1) / 0.1),
+        lambda t, q, v, p: -10 * (q[0] - 1) - 0.3 * v[0],
+        lambda t, q, v, p: 9 * ca.exp(-(((t - 5) / 0.1) ** 2)) - 0.1 * v[0],
+    ],
+    ids=["excited", "belt", "controlled", "kicked"],
+)
+def test_an_energy_that_a_force_raises_gets_no_word(force, method, tmp_path):
+    system = lv.Lagrangian(
+        lambda t, q, v, p: (v[0] ** 2 - q[0] ** 2) / 2, q=1, force=lambda *a: [force(*a)]
+    )
+    call = {"t": (0, 20), "h": 0.05, "q": [0.01], "v": [0]}
+    run = lv.integrate(system, method, **call)
+    assert np.ptp(run.invariants["energy"]) > 0.15
+    assert (
+        run.message
+        == lv.integrate(system, method, **call, store=tmp_path / "run.zarr").message
+        == ""
+    )
+
+
+def test_a_turntable_drives_its_ball_without_a_word():
+    ball = lv.problems.load("rolling_ball")
+    run = lv.integrate(ball.system, lv.Spark(2), t=ball.interval, h=0.1, **ball.start)
+    assert run.changing == ("energy",)
+    assert run.message == ""
+
+
 def test_of_an_ensemble_the_member_whose_energy_jumps_is_named():
     crank, start = nearly_singular(1.000001)
     v = start["v"] * np.array([[0.1], [1.0]])

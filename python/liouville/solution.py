@@ -98,8 +98,8 @@ class Solution(States, Motions):
         ensemble some of whose members failed ``"partly failed"``.
     message : str
         Why it is not done, of an ensemble which members failed, or which event ended it; and where
-        the energy of a conservative system changed by more than its own size, or jumped, among what
-        is kept: steps were too large. Else empty.
+        an energy that nothing drives changed by more than its own size, jumped, or rose though it
+        can only fall, among what is kept: steps were too large. Else empty.
     members : int or None
         Number P of members of an ensemble, None for a single run.
     failures : dict of int to Failure

@@ -1,4 +1,4 @@
-//! Records in which the energy of a conservative system changes as only steps that are too large change it.
+//! Records in which an energy that is kept, or can only fall, changes as only steps that are too large change it.
 
 use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch, Numbers};
 use std::collections::VecDeque;
@@ -8,6 +8,8 @@ const PART: f64 = 0.1;
 /// The part of the energy's size that is a jump, if it is so many times the median change.
 const JUMP: f64 = 1e-3;
 const CONSPICUOUS: f64 = 1e3;
+/// The part of the energy's size by which one that can only fall may rise without a word.
+const RISE: f64 = 0.2;
 /// Gaps that are kept of one sign.
 const MOST_GAPS: usize = 1 << 12;
 /// A change is counted by its exponent and so many bits more: its median is known to an eighth.
@@ -69,6 +71,13 @@ pub enum EnergyChange {
         /// By how much at least, as a part of the energy's size.
         part: f64,
     },
+    /// From the lowest so far, of an energy that can only fall.
+    Rise {
+        /// The times of the lowest and of the highest after it.
+        between: [f64; 2],
+        /// The energies there.
+        energies: [f64; 2],
+    },
 }
 
 /// Follows the energy of one motion, record by record, in memory that does not grow with their number.
@@ -76,18 +85,21 @@ pub enum EnergyChange {
 /// The size of an energy that is E at the start is |E| and the mean so far of the kinetic energy, but not below a
 /// tenth of the present one. A change by more than that is a large one. A jump parts all energies before from all
 /// after it by a thousandth of the size, and by a thousand times the median change, as a change that the others are
-/// like is no jump. An error that comes and goes, as that of a symplectic method, parts no energies.
+/// like is no jump. An error that comes and goes, as that of a symplectic method, parts no energies. An energy that
+/// can only fall rises where it is above the lowest before by a fifth of the size, in however many records.
 #[derive(Clone, Debug)]
 pub struct EnergyWatch {
     at: EnergyColumns,
-    /// Whether only a gain counts, as of methods that damp.
-    rises: bool,
+    /// Whether the energy can only fall, as of methods that damp or of friction: only a gain counts.
+    falls: bool,
     start: Option<f64>,
     records: usize,
     kinetic: f64,
     large: Option<(usize, (f64, f64))>,
-    /// Time and energy of the last record.
+    /// Time and energy of the last record, of the lowest energy, and the lowest and highest of the largest rise.
     last: (f64, f64),
+    lowest: (f64, f64),
+    rise: [(f64, f64); 2],
     /// The highest energy, and the highest of −E.
     highest: [f64; 2],
     gaps: [Vec<Gap>; 2],
@@ -117,15 +129,17 @@ struct Changes {
 
 impl EnergyWatch {
     /// A watch over a motion with this energy at the start; without it, that of the first record counts.
-    pub fn new(at: EnergyColumns, start: Option<f64>, rises: bool) -> Self {
+    pub fn new(at: EnergyColumns, start: Option<f64>, falls: bool) -> Self {
         Self {
             at,
-            rises,
+            falls,
             start,
             records: 0,
             kinetic: 0.0,
             large: None,
             last: (0.0, 0.0),
+            lowest: (0.0, f64::INFINITY),
+            rise: [(0.0, 0.0); 2],
             highest: [f64::NEG_INFINITY; 2],
             gaps: [Vec::new(), Vec::new()],
             changes: Changes::default(),
@@ -157,7 +171,7 @@ impl EnergyWatch {
         self.records += 1;
         self.kinetic += kinetic;
         let change = energy - first;
-        let change = if self.rises { change } else { change.abs() };
+        let change = if self.falls { change } else { change.abs() };
         if self.large.is_none() && change > self.size(first).max(PART * kinetic) {
             self.large = Some((self.records - 1, (t, energy)));
         }
@@ -165,18 +179,30 @@ impl EnergyWatch {
         if !self.is_finite {
             return;
         }
+        self.follow_rise(t, energy, kinetic);
         if self.records > 1 {
             self.changes.count((energy - self.last.1).abs());
         }
         for (sign, (highest, gaps)) in [1.0, -1.0]
             .into_iter()
             .zip(self.highest.iter_mut().zip(&mut self.gaps))
-            .take(if self.rises { 1 } else { 2 })
+            .take(if self.falls { 1 } else { 2 })
         {
             part(gaps, *highest, sign * energy, [self.last.0, t]);
             *highest = highest.max(sign * energy);
         }
         self.last = (t, energy);
+    }
+
+    fn follow_rise(&mut self, t: f64, energy: f64, kinetic: f64) {
+        if energy < self.lowest.1 {
+            self.lowest = (t, energy);
+        }
+        let rise = energy - self.lowest.1;
+        let [low, high] = self.rise;
+        if rise > high.1 - low.1 && rise > PART * kinetic {
+            self.rise = [self.lowest, (t, energy)];
+        }
     }
 
     fn size(&self, first: f64) -> f64 {
@@ -200,9 +226,17 @@ impl EnergyWatch {
         let (width, between) = (widest.width(), [widest.from, widest.to]);
         let is_jump =
             self.is_finite && width > JUMP * size && width > CONSPICUOUS * self.changes.median();
-        is_jump.then_some(EnergyChange::Jump {
-            between,
-            part: width / size,
+        if is_jump {
+            return Some(EnergyChange::Jump {
+                between,
+                part: width / size,
+            });
+        }
+        let [low, high] = self.rise;
+        let rises = self.falls && high.1 - low.1 > RISE * self.size(first);
+        (rises && self.is_finite).then_some(EnergyChange::Rise {
+            between: [low.0, high.0],
+            energies: [low.1, high.1],
         })
     }
 }
@@ -297,6 +331,7 @@ impl Checkpoint for EnergyWatch {
         (self.start, self.records).save(member, out);
         (self.kinetic, self.large).save(member, out);
         (self.last, self.highest).save(member, out);
+        (self.lowest, self.rise).save(member, out);
         self.is_finite.save(member, out);
         for gaps in &self.gaps {
             gaps.len().save(member, out);
@@ -324,6 +359,8 @@ impl Checkpoint for EnergyWatch {
         self.large.restore(member, saved)?;
         self.last.restore(member, saved)?;
         self.highest.restore(member, saved)?;
+        self.lowest.restore(member, saved)?;
+        self.rise.restore(member, saved)?;
         self.is_finite.restore(member, saved)?;
         for gaps in &mut self.gaps {
             *gaps = restored(member, saved)?;

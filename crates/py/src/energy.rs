@@ -8,7 +8,7 @@ use pyo3::prelude::*;
 
 /// Follows the energy of a motion through its records, in memory that does not grow with their number. `kinetic` is the
 /// column of the kinetic energy, or those of the first of n velocities and momenta with n. `start` is the energy at
-/// the start, that of the first record if None; with `rises` only a gain counts.
+/// the start, that of the first record if None; with `falls` it can only fall, and only a gain counts.
 #[pyclass(name = "EnergyWatch", module = "liouville._core")]
 pub(crate) struct PyEnergyWatch {
     inner: EnergyWatch,
@@ -25,14 +25,14 @@ pub(crate) enum KineticAt {
 #[pymethods]
 impl PyEnergyWatch {
     #[new]
-    #[pyo3(signature = (energy, kinetic, start = None, rises = false))]
-    fn new(energy: usize, kinetic: KineticAt, start: Option<f64>, rises: bool) -> Self {
+    #[pyo3(signature = (energy, kinetic, start = None, falls = false))]
+    fn new(energy: usize, kinetic: KineticAt, start: Option<f64>, falls: bool) -> Self {
         let (kinetic, end) = match kinetic {
             KineticAt::Recorded(at) => (KineticColumns::Recorded(at), at + 1),
             KineticAt::Product(v, p, n) => (KineticColumns::Product { v, p, n }, v.max(p) + n),
         };
         Self {
-            inner: EnergyWatch::new(EnergyColumns { energy, kinetic }, start, rises),
+            inner: EnergyWatch::new(EnergyColumns { energy, kinetic }, start, falls),
             width: end.max(energy + 1),
         }
     }
@@ -68,19 +68,24 @@ impl PyEnergyWatch {
         Ok(())
     }
 
-    /// Of a change by more than the energy's size the number of the record, its time, and the energies at the start and
-    /// there; of a jump None, the times around it, and its part of the energy's size. None if there is neither.
-    fn found(&self) -> Option<(Option<usize>, f64, f64, f64)> {
+    /// What is found, and numbers of it. Of a "change" by more than the energy's size: the number of the record, its
+    /// time, and the energies at the start and there. Of a "rise": two times and the energies there. Of a "jump": the
+    /// times around it, and its part of the energy's size. None if there is none.
+    fn found(&self) -> Option<(&'static str, Vec<f64>)> {
         self.inner.found().map(|change| match change {
             EnergyChange::Large {
                 record,
                 t,
                 energies: [first, now],
-            } => (Some(record), t, first, now),
+            } => ("change", vec![record as f64, t, first, now]),
+            EnergyChange::Rise {
+                between: [from, to],
+                energies: [low, high],
+            } => ("rise", vec![from, to, low, high]),
             EnergyChange::Jump {
                 between: [from, to],
                 part,
-            } => (None, from, to, part),
+            } => ("jump", vec![from, to, part]),
         })
     }
 

@@ -1,18 +1,19 @@
-"""Whether the energy of a conservative system changes as only too large steps change it."""
+"""Whether an energy that is kept, or can only fall, changes as only too large steps change it."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from itertools import accumulate
+from typing import Literal
 
 from liouville import _core
 
 #: A finding of a watch: see :meth:`liouville._core.EnergyWatch.found`.
-Found = tuple[int | None, float, float, float]
+Found = tuple[Literal["change", "rise", "jump"], list[float]]
 
 
 def watch_of(
-    columns: Mapping[str, int], start: float | None, *, rises: bool
+    columns: Mapping[str, int], start: float | None, *, falls: bool
 ) -> _core.EnergyWatch | None:
     r"""Return a watch over the energy of records, None if they lack the columns.
 
@@ -20,6 +21,7 @@ def watch_of(
     size of an energy that is :math:`E_0` first is :math:`|E_0|` and the mean so far of the kinetic
     energy :math:`v^T p / 2`, but not below a tenth of the present one. A jump parts all energies
     before from all after it, by a thousandth of the size and a thousand times the median change.
+    An energy that can only fall may rise by a fifth of its size, in however many records.
 
     Parameters
     ----------
@@ -27,15 +29,15 @@ def watch_of(
         Names and widths of the columns of a record.
     start : float or None
         The energy at the start; without one, that of the first record.
-    rises : bool
-        Whether only a gain counts, as of methods that damp.
+    falls : bool
+        Whether the energy can only fall, as of methods that damp or by friction.
     """
     has_states = "v" in columns and "p" in columns
     if "invariant energy" not in columns or not (has_states or "kinetic" in columns):
         return None
     at = dict(zip(columns, accumulate(columns.values(), initial=0), strict=False))
     kinetic = (at["v"], at["p"], columns["v"]) if has_states else at["kinetic"]
-    return _core.EnergyWatch(at["invariant energy"], kinetic, start, rises)
+    return _core.EnergyWatch(at["invariant energy"], kinetic, start, falls)
 
 
 def sentence_of(found_of_each: Iterable[Found | None], *, is_ensemble: bool) -> str:
@@ -43,17 +45,23 @@ def sentence_of(found_of_each: Iterable[Found | None], *, is_ensemble: bool) -> 
     found = [(member, *what) for member, what in enumerate(found_of_each) if what is not None]
     if not found:
         return ""
-    # the earliest change of all members before a jump of any
-    changes = [each for each in found if each[1] is not None]
-    member, record, *rest = min(changes, key=lambda each: each[1] or 0) if changes else found[0]
+    # the earliest change of all members before a rise or a jump of any
+    changes = [each for each in found if each[1] == "change"]
+    member, kind, numbers = min(changes, key=lambda each: each[2][0]) if changes else found[0]
     of = f" of member {member}" if is_ensemble else ""
-    if record is None:
-        begin, end, part = rest
+    if kind == "jump":
+        begin, end, part = numbers
         return (
             f"the energy{of} has jumped by {100 * part:.2g} % of its size between "
             f"t = {begin:.6g} and t = {end:.6g}: steps were too large there"
         )
-    t, first, now = rest
+    if kind == "rise":
+        begin, end, low, high = numbers
+        return (
+            f"the energy{of}, which can only fall, has risen from {low:.3g} at t = {begin:.6g} "
+            f"to {high:.3g} at t = {end:.6g}: steps were too large there"
+        )
+    _, t, first, now = numbers
     return (
         f"the energy{of} has changed from {first:.3g} to {now:.3g} at t = {t:.6g}, "
         "by more than its own size: steps were too large before"

@@ -28,6 +28,9 @@ if TYPE_CHECKING:
 #: A constraint left out may miss this much of the size of what it is made of.
 IMPLIED = 1e-8
 
+#: A power of forces that take from the energy may be above zero by this part of the largest.
+NOISE = 1e-12
+
 #: The method that is stepped as RATTLE.
 RATTLE = LobattoPair(2)
 
@@ -230,13 +233,33 @@ class MechanicalRunner(TracedRunner):
         return {"work": work, "dissipated": start + work - energy}
 
     def watch(self, member: int = 0) -> _core.EnergyWatch | None:
-        """Return a watch over the energy of a conservative system."""
-        if not self.system.is_conservative:
+        """Return a watch over the energy of a system that nothing drives."""
+        is_damped = self.system.may_only_lose
+        # damping adds to the energy on the way back
+        is_seen = self._states and self.steps.t0 < self.steps.t1
+        if not self.system.is_conservative and not (is_damped and is_seen):
             return None
         start = self.initial.get("energy")
         if start is not None and self.members:
             start = float(start[member])
-        return watch_of(self.columns, start, rises=not self._is_general)
+        return watch_of(self.columns, start, falls=is_damped or not self._is_general)
+
+    def is_driven(self, t: np.ndarray, rows: np.ndarray, member: int = 0) -> bool:
+        """Return whether records show a force that may add to the energy that is watched.
+
+        Damping takes from the energy whichever way the motion goes.
+        """
+        if not self.system.may_only_lose:
+            return False
+        # imported here: few runs raise an energy
+        from liouville.systems._motion import power_of_forces
+
+        n, params = len(self.system.coordinates), self._rows if self.members else self._values[None]
+        own = params[member if len(params) > 1 else 0]
+        rows = rows[:, member] if self.members else rows
+        y, z = rows[:, :n], rows[:, n : 2 * n]
+        power = np.array([power_of_forces(self.system, own, t, y, x) for x in (z, -z)])
+        return not power.max(initial=0.0) <= NOISE * -power.min(initial=0.0)
 
     def resets(self, events: Mapping[str, Points], member: int = 0) -> list[tuple[float, float]]:
         """Return when resets have changed the energy of a member, and by how much, in order."""

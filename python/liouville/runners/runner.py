@@ -172,6 +172,11 @@ class Runner(ABC):
         del member
         return None
 
+    def is_driven(self, t: np.ndarray, rows: np.ndarray, member: int = 0) -> bool:
+        """Return whether records show a force that may add to the energy that is watched."""
+        del t, rows, member
+        return False
+
     def remark(self, t: np.ndarray, rows: np.ndarray, events: Mapping[str, Points]) -> str:
         """Return a sentence on records that cannot be right; empty where there is none."""
         return sentence_of(self._found(t, rows, events), is_ensemble=bool(self.members))
@@ -192,7 +197,8 @@ class Runner(ABC):
             for reset in self.resets(events, member):
                 watch.reset(*reset)
             watch.add(t, rows, member)
-            yield watch.found()
+            found = watch.found()
+            yield None if found and self.is_driven(t, rows, member) else found
 
     def events(self, run: _core.Run) -> tuple[dict[str, Points], dict[int, str]]:
         """Return the events met, by name, and a sentence on each that ended a run, by member."""

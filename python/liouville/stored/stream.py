@@ -56,6 +56,7 @@ class Stream:
         self._first: Columns = {}
         self._last = 0, runner.steps.t0
         self._watch = runner.watch()
+        self._is_driven = False
         self.rows = chunks[TIME]
         self.end = ""
 
@@ -73,6 +74,7 @@ class Stream:
             for reset in self._runner.resets(events):
                 self._watch.reset(*reset)
             self._watch.add(times, rows)
+            self._is_driven = self._is_driven or self._runner.is_driven(times, rows)
         if not self._first and times.size:
             self._first = {"t": times[:1].copy(), "rows": rows[:1].copy()}
         self._append(TIME, {"t": times, "rows": rows})
@@ -85,7 +87,9 @@ class Stream:
 
     def remark(self) -> str:
         """Return a sentence on records that cannot be right; empty where there is none."""
-        return "" if self._watch is None else sentence_of([self._watch.found()], is_ensemble=False)
+        if self._watch is None or self._is_driven:
+            return ""
+        return sentence_of([self._watch.found()], is_ensemble=False)
 
     def recent(self) -> Columns:
         """Return the records that do not fill a chunk yet."""
@@ -135,8 +139,8 @@ class Stream:
             for name, x in _joined(each).items()
         }
         first = {f"first/{name}": x for name, x in self._first.items()}
-        counts = {"written": self._written, "last": self._last, "end": self.end}
-        state = json.dumps({**counts, "stats": dict(stats)})
+        own = {"end": self.end, "is_driven": self._is_driven, "stats": dict(stats)}
+        state = json.dumps({"written": self._written, "last": self._last, **own})
         buffer = io.BytesIO()
         whole: dict[str, Any] = {"memory": memory, "counts": np.array(state), **rest, **first}
         if self._watch is not None:
@@ -149,7 +153,7 @@ class Stream:
         run.restore(state["memory"])
         counts = json.loads(str(state["counts"]))
         self._written, self.end = counts["written"], counts["end"]
-        self._last = tuple(counts["last"])
+        self._last, self._is_driven = tuple(counts["last"]), counts["is_driven"]
         if self._watch is not None:
             self._watch.restore(state["watch"])
         rest: dict[str, Columns] = {axis: {} for axis in (*self._chunks, "first")}

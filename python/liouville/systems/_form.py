@@ -296,6 +296,22 @@ def differ(a: ca.SX, b: ca.SX) -> bool:
     return not ca.is_equal(a, b, 1)
 
 
+def kept_or_lost(s: Symbols, model: Model, power: ca.SX | None) -> tuple[bool, bool]:
+    """Return whether nothing changes the energy, and if not, whether only forces of the state do.
+
+    Constraints on velocities that are not kept at rest, as on a turntable, drive the motion.
+    """
+    if power is None:
+        return False, False
+    k = model.nonholonomic.k
+    at_rest = ca.substitute(k, s.z, ca.SX.zeros(s.z.numel(), 1))
+    if not at_rest.is_zero() or ca.depends_on(k, s.t):
+        return False, False
+    if power.is_zero() and model.linear.damping is None:
+        return True, False
+    return False, not ca.depends_on(power, ca.vertcat(s.t, model.lam))
+
+
 def total_derivative(x: ca.SX, s: Symbols, v: ca.SX) -> ca.SX:
     """x_t + x_y v."""
     return ca.jtimes(x, ca.vertcat(s.t, s.y), ca.vertcat(1, v))

@@ -53,6 +53,17 @@ def power(system: Mechanics) -> _core.Tape:
     return kept(system, "power", lambda: _power(system))
 
 
+def power_of_forces(
+    system: Mechanics, params: np.ndarray, t: np.ndarray, y: np.ndarray, z: np.ndarray
+) -> np.ndarray:
+    """Return the power of forces and damping at k points, shape (k,)."""
+    m = len(system.constraints) - len(system.nonholonomic)
+    free = np.zeros((len(t), m)), np.zeros((len(t), len(system.nonholonomic)))
+    points = [np.ascontiguousarray(x) for x in (t.reshape(-1, 1), y, z, *free)]
+    found: np.ndarray = power(system).map(params, points)[:, [0, 2]].sum(axis=1)
+    return found
+
+
 def rates(system: Mechanics, functions: Mapping[str, Callable[..., Any]]) -> Slopes:
     """Record the derivatives of rates by z at (t, y, z), a row ``rates`` for each function.
 

@@ -13,7 +13,7 @@ from liouville import _casadi as ca
 from liouville import _core
 from liouville.errors import describe, hinted
 from liouville.program import elements
-from liouville.systems import _trace
+from liouville.systems import _motion, _trace
 from liouville.systems._consistent import recorded
 from liouville.systems._expressions import Expressions, Symbols
 from liouville.systems._form import (
@@ -21,6 +21,7 @@ from liouville.systems._form import (
     Nonholonomic,
     compiled,
     is_separable,
+    kept_or_lost,
     observing,
     second_order,
     separable,
@@ -72,9 +73,12 @@ class Mechanics(TracedSystem):
     invariants : tuple of str
         Names of what is recorded along a run, "energy" among them where there is one.
     is_conservative : bool
-        Whether nothing changes the energy: no time, no force without a potential, no damping.
+        Whether nothing changes the energy: no time, no force without a potential, no damping, and
+        no constraint on velocities that asks for motion.
     gains_energy : bool
         Whether something does, of a system whose energy is recorded.
+    may_only_lose : bool
+        Whether that is nothing but forces of the state, which may be damping.
     """
 
     problem: _core.Mechanical
@@ -101,9 +105,7 @@ class Mechanics(TracedSystem):
         columns |= {"k": own.k, "rn": own.rn, **({} if power is None else {"power": power})}
         columns |= {SWITCH + name: x for name, x in (switches or {}).items()}
         self._keep(Expressions(symbols, columns, lam=model.lam, nu=own.nu), invariants)
-        self.is_conservative = (
-            power is not None and power.is_zero() and self._linear.damping is None
-        )
+        self.is_conservative, self.may_only_lose = kept_or_lost(symbols, model, power)
         self.gains_energy = power is not None and not self.is_conservative
         self._recorded: dict[str, Any] = {}
         at = symbols.inputs(z=symbols.z, lam=self._multipliers)
@@ -120,6 +122,8 @@ class Mechanics(TracedSystem):
 
     def _state(self) -> dict[str, Any]:
         self.observer(None)  # every run needs it
+        if self.may_only_lose:
+            _motion.power(self)
         return {name: x for name, x in self.__dict__.items() if name != "_model"}
 
     def __repr__(self) -> str:
@@ -266,12 +270,8 @@ class Mechanics(TracedSystem):
             if found["kind"] == "not finite":
                 found["t"] = t
             sentence, _, _ = describe(found, self.coordinates, names)
-            raise ValueError(
-                hinted(
-                    f"no consistent start is near the one given: {sentence}",
-                    "start nearer to the constraints, or hold less",
-                )
-            )
+            sentence = f"no consistent start is near the one given: {sentence}"
+            raise ValueError(hinted(sentence, "start nearer to the constraints, or hold less"))
         return found
 
     @cached_property

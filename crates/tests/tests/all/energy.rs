@@ -8,8 +8,8 @@ const AT: EnergyColumns = EnergyColumns {
     kinetic: KineticColumns::Recorded(1),
 };
 
-fn watch(rises: bool) -> EnergyWatch {
-    EnergyWatch::new(AT, None, rises)
+fn watch(falls: bool) -> EnergyWatch {
+    EnergyWatch::new(AT, None, falls)
 }
 
 /// Energies of which most follow one that is the same, so that any gap is conspicuous.
@@ -31,14 +31,14 @@ fn energies(seed: u64) -> Vec<f64> {
 }
 
 /// The widest gap between all energies before a record and all after it, found at every record.
-fn widest(energies: &[f64], rises: bool) -> f64 {
+fn widest(energies: &[f64], falls: bool) -> f64 {
     let lowest = |part: &[f64]| part.iter().copied().fold(f64::INFINITY, f64::min);
     let highest = |part: &[f64]| part.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     let gap = |place: usize| {
         let (before, after) = energies.split_at(place);
         let rise = lowest(after) - highest(before);
         let fall = lowest(before) - highest(after);
-        if rises { rise } else { rise.max(fall) }
+        if falls { rise } else { rise.max(fall) }
     };
     highest(&(1..energies.len()).map(gap).collect::<Vec<_>>())
 }
@@ -53,8 +53,8 @@ fn is_at(between: [f64; 2], record: usize) -> bool {
 fn the_widest_gap_is_found_while_records_come_and_after_a_pause() {
     let (mut jumps, mut none) = (0, 0);
     for seed in 0..400 {
-        let (energies, rises) = (energies(seed), seed % 2 == 1);
-        let (mut whole, mut parted) = (watch(rises), watch(rises));
+        let (energies, falls) = (energies(seed), seed % 2 == 1);
+        let (mut whole, mut parted) = (watch(falls), watch(falls));
         for (n, energy) in energies.iter().enumerate() {
             for watch in [&mut whole, &mut parted] {
                 watch.add(n as f64, &[*energy, 100.0]);
@@ -62,14 +62,14 @@ fn the_widest_gap_is_found_while_records_come_and_after_a_pause() {
             if n == 20 {
                 let mut saved = Vec::new();
                 parted.save(0, &mut saved);
-                parted = watch(rises);
+                parted = watch(falls);
                 parted
                     .restore(0, &mut saved.as_slice())
                     .expect("what was saved");
             }
         }
         assert_eq!(whole.found(), parted.found());
-        let (size, gap) = (100.0, widest(&energies, rises));
+        let (size, gap) = (100.0, widest(&energies, falls));
         match whole.found() {
             Some(EnergyChange::Jump { between, part }) => {
                 assert!((part * size - gap).abs() < 1e-15, "{seed}: {part} {gap}");
@@ -101,5 +101,27 @@ fn a_step_among_steps_like_it_is_no_jump_and_one_among_small_ones_is() {
         if let Some(EnergyChange::Jump { between, .. }) = found {
             assert!(is_at(between, 51));
         }
+    }
+}
+
+#[test]
+fn an_energy_that_can_only_fall_may_not_rise_step_by_step_after_a_pause_either() {
+    for falls in [false, true] {
+        let mut watch = watch(falls);
+        for n in 0..=100 {
+            let fallen = f64::from(n - 40).abs() / 100.0;
+            watch.add(f64::from(n), &[1.0 + fallen, 1.0]);
+            if n == 70 {
+                let mut saved = Vec::new();
+                watch.save(0, &mut saved);
+                watch = self::watch(falls);
+                watch.restore(0, &mut saved.as_slice()).expect("its own");
+            }
+        }
+        let rise = EnergyChange::Rise {
+            between: [40.0, 100.0],
+            energies: [1.0, 1.6],
+        };
+        assert_eq!(watch.found(), falls.then_some(rise));
     }
 }
