@@ -497,8 +497,10 @@ def test_a_report_is_one_page_with_picture_command_and_table(liouville, tmp_path
     assert "liouville run pendulum --until 0.5 --stages 2 --report run.html" in page
     (picture,) = re.findall(r'src="data:image/png;base64,([^"]+)"', page)
     assert b64decode(picture).startswith(b"\x89PNG")
-    drift = re.search(r"energy drift, absolute +(\S+)", ran.stdout)[1]
-    assert re.search(rf"energy drift, absolute</td><td[^>]*>{re.escape(drift)}<", page)
+    drift = re.search(r"energy drift, relative to the kinetic +(\S+)", ran.stdout)[1]
+    assert re.search(
+        rf"energy drift, relative to the kinetic</td><td[^>]*>{re.escape(drift)}<", page
+    )
     assert not re.search(r"https?:|<script|<link", page)
 
 

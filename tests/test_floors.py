@@ -55,7 +55,17 @@ PACKAGE_FLOORS = (
     ("_casadi", "_core", "errors"),
     (
         *("_arguments", "_job", "_options", "_scipy", "checksum", "events", "failure", "locks"),
-        *("html", "motions", "points", "program", "progress", "states", "tangents", "tape"),
+        *(
+            "drifts",
+            "html",
+            "motions",
+            "points",
+            "program",
+            "progress",
+            "states",
+            "tangents",
+            "tape",
+        ),
         "terms",
     ),
     ("control", "methods", "parts", "systems"),

@@ -51,7 +51,10 @@ def test_a_solution_shows_shapes_and_ends_of_its_arrays(swinging):
     end = ", ".join(f"{x:.4g}" for x in swinging.q[-1])
     assert rows["q"][:2] == ["(11, 2)", f"(1, 0) \u2192 ({end})"]
     assert rows["|hidden|"][1] == f"at most {np.abs(swinging.residuals['hidden']).max():.1e}"
-    assert rows["drift of energy"][1] == f"at most {swinging.invariant_drift('energy').max():.1e}"
+    assert (
+        rows["drift of energy, relative to the kinetic"][1]
+        == f"at most {swinging.invariant_drift('energy').max():.1e}"
+    )
     assert rows["params"][1] == "m = 1, l = 1, g = 9.81"
 
 

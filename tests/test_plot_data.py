@@ -89,9 +89,12 @@ def check_worst(axes, solution, sizes):
 
 
 def drifts(solution):
-    for values in solution.invariants.values():
+    for name, values in solution.invariants.items():
         start = np.abs(values[0])
-        yield np.abs(values - values[0]) / np.where(start > 1e-12, start, 1.0)
+        if name == "energy" and "p" in solution.states:
+            kinetic = np.abs(np.sum(solution.v * solution.p, axis=-1)).max(axis=0) / 2
+            start = np.where(start > 1e-12 * kinetic, start, kinetic)
+        yield np.abs(values - values[0]) / np.where(start > 0, start, 1.0)
 
 
 def check_trajectories(solution):

@@ -44,8 +44,46 @@ def test_what_is_recorded_cannot_be_edited(solution):
     ids=["relative", "absolute where the start is zero but for roundoff"],
 )
 def test_drift_is_measured_from_the_start(solution, values, drift):
-    changed = replace(solution, invariants={"energy": np.array(values)})
-    np.testing.assert_allclose(changed.invariant_drift("energy"), drift, rtol=1e-15)
+    changed = replace(solution, invariants={"spin": np.array(values)})
+    np.testing.assert_allclose(changed.invariant_drift("spin"), drift, rtol=1e-15)
+
+
+@pytest.mark.parametrize("unit", [1.0, 2.0**-70, 2.0**70])
+def test_drifts_have_no_unit(solution, unit):
+    energy = {"energy": unit * solution.invariants["energy"]}
+    momenta = {"p": unit * solution.p, "v": solution.v}
+    zero = replace(solution, invariants=energy, states=momenta)
+    other = replace(zero, invariants={"energy": energy["energy"] + unit})
+    assert repr(zero) == repr(solution)
+    assert repr(solution).endswith("(energy, relative to the kinetic)>")
+    kinetic = np.abs(np.sum(solution.v * solution.p, axis=1) / 2).max()
+    change = np.abs(solution.invariants["energy"] - solution.invariants["energy"][0])
+    np.testing.assert_allclose(zero.invariant_drift("energy"), change / kinetic, rtol=1e-13)
+    np.testing.assert_allclose(other.invariant_drift("energy"), change, rtol=0, atol=3e-16)
+    # without velocities there is nothing to compare a zero with
+    bare = replace(zero, states={})
+    assert bare.is_drift_absolute("energy")
+    np.testing.assert_array_equal(bare.invariant_drift("energy"), unit * change)
+
+
+def test_the_message_is_printed(solution):
+    ended = replace(solution, message="event 'low' at t = 1\nhint: none")
+    assert repr(ended) == repr(solution)[:-1] + "\n event 'low' at t = 1\n hint: none>"
+    nothing = replace(ended, t=solution.t[:0], status="failed")
+    assert repr(nothing).endswith("\n event 'low' at t = 1\n hint: none>")
+    assert repr(replace(ended, path="run")).endswith("'run'\n event 'low' at t = 1\n hint: none>")
+    many = lv.ensemble(
+        solution.system,
+        lv.Spark(2),
+        t=(0, 1),
+        h=0.1,
+        events={"low": lv.Event(lambda t, q, v, lam, p: q[0] - 0.9, terminal=True)},
+        q=np.tile(solution.q[0], (2, 1)),
+        v=np.zeros((2, 2)),
+    )
+    assert repr(many).endswith("\n events ended 2 of 2 members>")
+    failed = replace(many, message="1 of 2 members failed")
+    assert "\n 1 of 2 members failed\n events ended 2 of 2" in repr(failed)
 
 
 @pytest.fixture(scope="module")
@@ -174,7 +212,9 @@ def test_times_are_selected_as_views_whose_drift_is_from_the_start_of_the_run(so
     np.testing.assert_array_equal(part.lam, solution.lam[rows])
     np.testing.assert_array_equal(part.reaction(), solution.reaction()[rows])
     drift = solution.invariant_drift("energy")
-    np.testing.assert_array_equal(part.invariant_drift("energy"), drift[rows])
+    kinetic = [np.abs(np.sum(x.v * x.p, axis=1)).max() for x in (part, solution)]
+    drift_of_part = part.invariant_drift("energy") * kinetic[0]
+    np.testing.assert_allclose(drift_of_part, drift[rows] * kinetic[1], rtol=1e-14)
     np.testing.assert_allclose(part(0.41).q, solution(0.41).q, rtol=1e-10)
     assert solution.sel(time=slice(0.52, 0.3)).t.tobytes() == part.t.tobytes()
     assert solution.t[35] > 0.7

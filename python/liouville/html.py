@@ -88,7 +88,8 @@ def of_solution(solution: Solution) -> Markup:
     kept = {f"|{name}|": np.abs(x) for name, x in solution.residuals.items() if x.size}
     rows += [(name, _shape(x), f"at most {_most(x)}", sparkline(x)) for name, x in kept.items()]
     drifts = {name: solution.invariant_drift(name) for name in solution.invariants}
-    words = {x: f"{'change' if x in solution.changing else 'drift'} of {x}" for x in drifts}
+    kinds = {x: "change" if x in solution.changing else "drift" for x in drifts}
+    words = {x: f"{kind} of {x}{solution.drift_words(x)}" for x, kind in kinds.items()}
     rows += [(words[name], "", f"at most {_most(x)}", "") for name, x in drifts.items()]
     rows += [(f"event {name}", f"{len(x)}", "", "") for name, x in solution.events.items()]
     rows += [("params", "", _listed(_params(solution)), "")] if solution.params else []

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from liouville import html, parts
-from liouville.errors import check_name, hinted
+from liouville.drifts import Drifts, worst
+from liouville.errors import hinted
 from liouville.failure import Failure
 from liouville.motions import Motions
 from liouville.points import Points, times_within
@@ -24,15 +25,12 @@ if TYPE_CHECKING:
 
 Array = NDArray[Any]
 
-# An invariant that starts below this is a zero with roundoff: its drift is measured absolutely.
-ZERO = 1e-12
-
 #: All residuals that a solution may have, in their order.
 RESIDUALS = ("constraint", "hidden", "nonholonomic")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Solution(States, Motions):
+class Solution(States, Drifts, Motions):
     r"""A run's result: arrays with time as the first axis, and the record of how it went.
 
     Below, k is the number of kept steps, n of coordinates and m of constraints, l of them
@@ -162,23 +160,26 @@ class Solution(States, Motions):
         self.__post_init__()
 
     def __repr__(self) -> str:
-        """Return in two lines how the run went and how well it kept what it should."""
+        """Return how the run went, how well it kept what it should, and its message."""
+        message = [line for line in self.message.split("\n") if line]
+        if self.endings:
+            message.append(f"events ended {len(self.endings)} of {self.members} members")
         if not self.t.size:
-            return f"<Solution {self.status}: nothing computed, {self.method}>"
+            lines = [f"<Solution {self.status}: nothing computed, {self.method}", *message]
+            return "\n ".join(lines) + ">"
         if self.path is not None:
-            return f"<Solution {self.headline}\n its records are in {self.path!r}>"
+            lines = [f"<Solution {self.headline}", f"its records are in {self.path!r}", *message]
+            return "\n ".join(lines) + ">"
         residuals = {name: self._largest(np.abs(r)) for name, r in self.residuals.items() if r.size}
-        absolute = {
-            x: ", absolute" * bool(self.is_drift_absolute(x).all()) for x in self.invariants
-        }
-        drifts = {x + how: self._largest(self.invariant_drift(x)) for x, how in absolute.items()}
-        own = {x + absolute[x] for x in self.changing if x in absolute}
-        changes = {x: drifts.pop(x) for x in own}
-        kept = [*_worst("worst residual", residuals), *_worst("worst drift", drifts)]
-        kept += _worst("largest change", changes)
-        return (
-            "\n ".join([f"<Solution {self.headline}", *([", ".join(kept)] if kept else [])]) + ">"
-        )
+        drifts: dict[str, float] = {}
+        changes: dict[str, float] = {}
+        for name in self.invariants:
+            group = changes if name in self.changing else drifts
+            group[name + self.drift_words(name)] = self._largest(self.invariant_drift(name))
+        kept = [*worst("worst residual", residuals), *worst("worst drift", drifts)]
+        kept += worst("largest change", changes)
+        lines = [f"<Solution {self.headline}", *([", ".join(kept)] if kept else []), *message]
+        return "\n ".join(lines) + ">"
 
     @property
     def headline(self) -> str:
@@ -312,42 +313,6 @@ class Solution(States, Motions):
         """The step size in words: "h = 0.01", or "mean h = 0.01" of controlled steps."""
         return f"{'mean ' if self.tolerances else ''}h = {self.h:.6g}"
 
-    def invariant_drift(self, name: str) -> Array:
-        r"""Measure how far an invariant has moved from its start, :math:`|I(t) - I(0)| / |I(0)|`.
-
-        The start is that of the run, whatever was kept of it.
-
-        Parameters
-        ----------
-        name : str
-            One of ``solution.invariants``.
-
-        Returns
-        -------
-        ndarray, shape (k,) or (k, P)
-            The relative drift; the absolute one if :math:`|I(0)| \le 10^{-12}`.
-
-        Raises
-        ------
-        ValueError
-            The solution has no invariant of that name.
-        """
-        start = self._start(name)
-        unit = np.where(np.abs(start) > ZERO, np.abs(start), 1.0)
-        drift: Array = np.abs(self.invariants[name] - start) / unit
-        return drift
-
-    def is_drift_absolute(self, name: str) -> Array:
-        r"""Say whether a drift is absolute, since :math:`|I(0)| \le 10^{-12}`; shape () or (P,)."""
-        return np.asarray(np.any(np.abs(self._start(name)) <= ZERO, axis=0))
-
-    def _start(self, name: str) -> Array:
-        """Return an invariant at the start of the run, shape (1,) or (1, P)."""
-        check_name(name, self.invariants, "invariant")
-        if name not in self.initial:
-            return self.invariants[name][:1]
-        return np.asarray(self.initial[name], dtype=float)[None]
-
     def reaction(self, constraint: str | int | None = None) -> Array:
         r"""Give the generalised reaction forces :math:`r(t, q, \lambda)` of the constraints.
 
@@ -387,10 +352,3 @@ class Solution(States, Motions):
         from liouville import export
 
         export.save(self, path)
-
-
-def _worst(words: str, sizes: Mapping[str, float]) -> list[str]:
-    if not sizes:
-        return []
-    name = list(sizes)[int(np.argmax(list(sizes.values())))]  # a NaN counts as the largest
-    return [f"{words} {sizes[name]:.1e} ({name})"]

@@ -62,7 +62,7 @@ def kept(
             rows.append((f"{name} residual", f"{_largest(np.abs(values)):.2e}"))
     for name in solution.invariants if is_whole else ():
         word = "drift" if name in conserved else "change"
-        word += ", absolute" if solution.is_drift_absolute(name).all() else ""
+        word += solution.drift_words(name)
         rows.append((f"{name} {word}", f"{_largest(solution.invariant_drift(name)):.2e}"))
     if solution.members is not None:
         return rows

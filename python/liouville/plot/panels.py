@@ -26,7 +26,7 @@ from liouville.plot.observed import observed, scalars
 from liouville.plot.quantum import shown
 from liouville.plot.thinning import POINTS, few, some, thinned
 from liouville.points import STATES
-from liouville.solution import Array, Solution
+from liouville.solution import Solution
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -151,7 +151,8 @@ def invariants(
     -------
     Axes
         Dots are :meth:`~liouville.Solution.invariant_drift`, the largest of an ensemble, lines
-        their maximum so far. The label of the axis, or the name, states where it is absolute.
+        their maximum so far. The label of the axis, or the name, states where it is absolute or
+        relative to the kinetic energy.
 
     Raises
     ------
@@ -169,7 +170,7 @@ def invariants(
         units = {in_unit(solution, name) for name in wanted}
         label = f"${change}$ {units.pop() if len(units) == 1 else UNITS}"
     else:
-        words = {name: _absolutely(each) for name, each in absolute.items()}
+        words = {name: solution.drift_words(name) for name in wanted}
     sizes = {name + words[name]: solution.invariant_drift(name) for name in wanted}
     title = "drift" if set(wanted) - set(solution.changing) or not wanted else "change"
     return draw_sizes(ax, solution, sizes, f"{title} of invariants", label, fan)
@@ -363,10 +364,3 @@ def _labels(solution: Solution, of: str) -> tuple[str, tuple[str, ...]]:
     kind = {"lam": "constraint", "z": "unknown"}.get(of, "coordinate")
     kind = kind if f"{kind}s" in solution.names else "coordinate"
     return kind, solution.names[f"{kind}s"]
-
-
-def _absolutely(flags: Array) -> str:
-    """Say of which members a drift is absolute."""
-    if flags.all():
-        return ", absolute"
-    return f", absolute of {flags.sum()} members" if flags.any() else ""
