@@ -140,16 +140,27 @@ class _Search(ABC):
 
     def __init__(self, point: Point) -> None:
         self.point, self.lam = point, np.zeros(len(point.system.constraints))
-        self.size = float(np.abs(point.y).max()) or 1.0
-        self.scale = 0.0  # of forces
+        self.units, self.rows = point.units
+        self.size = self.length_of(point.y) or 1.0
+        self.scale = 0.0  # of forces, each in that of an energy over the unit of its coordinate
         self._check_driven()
+
+    def length_of(self, change: Array) -> float:
+        """Return the largest of coordinates or changes of them, each in its unit."""
+        return float(np.abs(change / self.units).max())
+
+    @property
+    def missed(self) -> Array:
+        """The values of the holonomic constraints, each in its unit."""
+        return self.point.missed / self.rows
 
     def _check_driven(self) -> None:
         """Refuse constraints that move."""
         point = self.point
         rates = point._at("end")[point.n : point.n + point.m]
-        if point.m and np.abs(rates).max() > DRIVEN * self.size:
-            k = int(np.argmax(np.abs(rates)))
+        moving = np.abs(rates / self.rows)
+        if point.m and moving.max() > DRIVEN * self.size:
+            k = int(np.argmax(moving))
             name = point.system._holonomic[k]
             sentence = (
                 f"constraint '{name}' moves by {rates[k]:.2g} per unit of time: nothing rests"
@@ -173,25 +184,31 @@ class _Search(ABC):
         """Check what is found."""
         point = self.point
         reactions = point.reaction(self.lam)
-        left, missed = point.rates[0] + reactions, point.missed
-        worst = int(np.argmax(np.where(np.isfinite(left), np.abs(left), np.inf)))
+        left, missed = point.rates[0] + reactions, self.missed
+        sizes = np.abs(self.units * left)
+        worst = int(np.argmax(np.where(np.isfinite(sizes), sizes, np.inf)))
         names, wanted = point.system.coordinates, BALANCED * self.scale
         off = float(np.abs(missed).max(initial=0.0))
-        if not (abs(left[worst]) <= wanted and off <= BALANCED * self.size):
+        if not (sizes[worst] <= wanted and off <= BALANCED * self.size):
             name = names[worst]
             sentence = (
                 f"no equilibrium is found near the start: after {iterations} iterations a force of "
-                f"{abs(left[worst]):.2g} is left on '{name}', of forces up to {self.scale:.2g}"
+                f"{abs(left[worst]):.2g} is left on '{name}', of forces up to "
+                f"{self.scale / self.units[worst]:.2g}"
             )
             if off > BALANCED * self.size:
                 k = int(np.argmax(np.abs(missed)))
-                sentence += f", and constraint '{point.system._holonomic[k]}' is off by {off:.2g}"
+                sentence += (
+                    f", and constraint '{point.system._holonomic[k]}' is off by "
+                    f"{abs(point.missed[k]):.2g}"
+                )
             first = point.system.states[0]
             hint = f"start at another {first}, or take any kind with stable=False"
             raise ValueError(hinted(sentence, hint))
         start = dict(zip(point.system.states, (point.y, point.z), strict=True))
+        largest = float(np.abs(left).max())
         return Equilibrium(
-            point.t, start, self.lam, reactions, abs(left[worst]), self.is_stable(), iterations
+            point.t, start, self.lam, reactions, largest, self.is_stable(), iterations
         )
 
 
@@ -208,7 +225,7 @@ class _Dense(_Search):
 
     def _refuse_start(self) -> None:
         """Say which constraint cannot be met near the start."""
-        k, system = int(np.argmax(np.abs(self.point.missed))), self.point.system
+        k, system = int(np.argmax(np.abs(self.missed))), self.point.system
         sentence = (
             f"no state on the constraints is found near the start: '{system._holonomic[k]}' is off "
             f"by {abs(self.point.missed[k]):.2g} at last"
@@ -217,13 +234,13 @@ class _Dense(_Search):
         raise ValueError(hinted(sentence, hint))
 
     def _look(self) -> None:
-        """Compute forces, multipliers, free directions and stiffness at the point."""
-        point, system = self.point, self.point.system
+        """Compute forces, multipliers, free directions and stiffness at the point, in units."""
+        point, system, units = self.point, self.point.system, self.units
         force, _ = point.rates
         gradients = point.blocks("node_blocks", self.lam[: point.m])["g_y"]
-        self.normal = Split.of(gradients)
+        self.normal = Split.of(gradients, units)
         felt = point.reactions(self.lam)
-        split = Split.of(felt.T)
+        split = Split.of(felt.T, units)
         # of nonlinear reactions this is one step of Newton's method
         given = force + point.reaction(self.lam) - felt @ self.lam
         self.lam = -split.inverse.T @ given
@@ -235,9 +252,8 @@ class _Dense(_Search):
         self.stiffness = self.test.T @ self.full @ self.free
         terms = np.abs(self.full) @ np.abs(point.y)
         parts = np.abs(felt) @ np.abs(self.lam)
-        self.scale = max(
-            self.scale, np.abs(force).max(), terms.max(initial=0.0), parts.max(initial=0.0)
-        )
+        sizes = units * np.max([np.abs(force), terms, parts], axis=0)
+        self.scale = max(self.scale, float(sizes.max()))
 
     def _stiffness(self) -> Array:
         """Return the derivative of the forces by coordinates at rest, with the sign of K."""
@@ -258,15 +274,15 @@ class _Dense(_Search):
     def corrected(self) -> float:
         """Make one correction along the free directions, and return to the constraints."""
         along = self.free @ self._along()
-        length = float(np.abs(along).max(initial=0.0))
+        length = self.length_of(along)
         if length > self.stride:
             along *= self.stride / length
-        before, lam, force = self.point, self.lam, self.test @ self.force
+        before, lam, force = self.point, self.lam, self._pull
         try:
             self.move(along)
             is_back = self._returned()
             change = self.point.y - before.y
-            moved = float(np.abs(change).max(initial=0.0))
+            moved = self.length_of(change)
             if is_back:
                 self._look()
         except ValueError:  # the model has no values there
@@ -275,8 +291,8 @@ class _Dense(_Search):
             self.point, self.lam, self.stride = before, lam, min(self.stride, moved) / 2
             self._look()
             return self.stride
-        self.size = max(self.size, float(np.abs(self.point.y).max()))
-        then, now = force @ change, (self.test @ self.force) @ change
+        self.size = max(self.size, self.length_of(self.point.y))
+        then, now = force @ change, self._pull @ change
         if self.stable and moved > 1e-6 * self.size:
             if now < OVERSHOT * abs(then):
                 self.point, self.lam, self.stride = before, lam, moved / 2
@@ -285,18 +301,24 @@ class _Dense(_Search):
                 self.stride = min(2 * self.stride, STRIDE * self.size)
         return moved
 
+    @property
+    def _pull(self) -> Array:
+        """The force along the free directions, by coordinates."""
+        found: Array = (self.test / self.units[:, None] ** 2) @ self.force
+        return found
+
     def _returned(self) -> bool:
         """Move onto the constraints by Gauss-Newton steps; say whether they hold then."""
         before = np.inf
         for _ in range(RETURNS):
-            missed = self.point.missed
+            missed = self.missed
             off = float(np.abs(missed).max(initial=0.0))
             if off <= LAST * self.size or (off >= before and off <= BALANCED * self.size):
                 return True
             before = off
             gradients = self.point.blocks("node_blocks", self.lam[: self.point.m])["g_y"]
-            change = -Split.of(gradients).inverse @ missed
-            length = float(np.abs(change).max())
+            change = -Split.of(gradients, self.units).inverse @ self.point.missed
+            length = self.length_of(change)
             self.move(change * min(1.0, STRIDE * self.size / max(length, 1e-300)))
         return False
 
@@ -352,16 +374,17 @@ class _Sparse(_Search):
         rows = [[slope, gradients.T], [gradients, None]] if self.kept else [[slope]]
         right = np.append(force + point.reaction(self.lam), -point.missed[self.kept])
         terms = abs(slope) @ np.abs(point.y)
-        self.scale = max(self.scale, np.abs(force).max(), terms.max())
+        forces = self.units * np.maximum(np.abs(force), terms)
+        self.scale = max(self.scale, float(forces.max()))
         try:
             found = self.linalg.splu(self.sparse.block_array(rows, format="csc")).solve(right)
         except RuntimeError:
             sentence = "the stiffness is singular: nothing holds the system in some direction"
             raise ValueError(hinted(sentence, "hold it by constraints or springs")) from None
-        length = float(np.abs(found[:n]).max())
+        length = self.length_of(found[:n])
         first = self.point.y.any()
         part = min(1.0, STRIDE * self.size / length) if first and length else 1.0
         self.lam[self.kept] += part * found[n:]
         self.move(part * found[:n])
-        self.size = max(self.size if first else 0.0, float(np.abs(self.point.y).max())) or 1.0
+        self.size = max(self.size if first else 0.0, self.length_of(self.point.y)) or 1.0
         return part * length

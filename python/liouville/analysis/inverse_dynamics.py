@@ -244,10 +244,11 @@ def _solved(
     system, (force, _) = point.system, point.rates
     needed = point.blocks("stage_blocks")["p_z"] @ a - force
     felt = point.reactions(np.zeros(len(system.constraints)))
-    split = Split.of(felt.T)
+    units, _ = point.units
+    split = Split.of(felt.T, units)
     inside, wanted = split.null.T @ slopes.T, split.null.T @ needed
     sizes = np.linalg.svd(inside, compute_uv=False)
-    limit = APART * np.linalg.norm(slopes, axis=1).max()
+    limit = APART * np.linalg.norm(slopes * units, axis=1).max()
     rank = int((sizes > limit).sum())
     if rank < len(names) and not least_squares:
         few = f"{inside.shape[0]} freedoms are left by the constraints"
@@ -255,10 +256,10 @@ def _solved(
         raise ValueError(hinted(sentence, "name fewer, or least_squares=True gives the least"))
     cutoff = limit / max(sizes.max(initial=0.0), 1e-300)
     efforts = np.linalg.lstsq(inside, wanted, rcond=cutoff)[0]
-    left = split.null @ (wanted - inside @ efforts)
-    worst = int(np.argmax(np.abs(left)))
-    scale = np.abs(needed).max() + np.abs(force).max()
-    if abs(left[worst]) > MADE * scale and not least_squares:
+    left = (split.null / units[:, None] ** 2) @ (wanted - inside @ efforts)
+    worst = int(np.argmax(units * np.abs(left)))
+    scale = np.abs(units * needed).max() + np.abs(units * force).max()
+    if units[worst] * abs(left[worst]) > MADE * scale and not least_squares:
         sentence = (
             f"{quoted(names)} cannot make this motion: at t = {point.t:g} a force of "
             f"{abs(left[worst]):.2g} is left on '{system.coordinates[worst]}', with {len(names)} "
@@ -267,7 +268,7 @@ def _solved(
         hint = "name more actuators, or least_squares=True gives the nearest efforts"
         raise ValueError(hinted(sentence, hint))
     lam = split.inverse.T @ (needed - slopes.T @ efforts)
-    return efforts, lam, float(abs(left[worst]))
+    return efforts, lam, float(np.abs(left).max())
 
 
 def _check(point: Point, a: Array) -> None:

@@ -47,7 +47,8 @@ class Linearization:
     state : ndarray, shape (f + r, f + r)
         A, the matrix of the state space.
     basis : ndarray, shape (n, f)
-        N, the free directions, orthonormal unless independent coordinates were asked for.
+        N, the free directions, orthonormal unless independent coordinates were asked for; those of
+        mechanisms of another size than a metre or so with lengths in a unit of that size.
     tangent : ndarray, shape (2 n, f + r)
         Deviations of y, then of z, by s and sigma.
     acceleration : ndarray, shape (n,)
@@ -136,10 +137,11 @@ def linearized_at(point: Point, independent: Sequence[str] | None = None) -> Lin
     system = point.system
     u, lam = point.motion()
     given = point.linearized(u, lam)
-    held = Split.of(point.held())
-    free = Split.of(point.blocks("node_blocks", lam[: point.m])["g_y"]).null
+    units, _ = point.units
+    held = Split.of(point.held(), units)
+    free = Split.of(point.blocks("node_blocks", lam[: point.m])["g_y"], units).null
     rates, back = held.null, held.inverse
-    pick, pick_rates = free.T, rates.T
+    pick, pick_rates = free.T / units**2, rates.T / units**2
     if not free.size:
         _refuse_rigid(system)
     if independent is not None:
@@ -185,7 +187,7 @@ def _tested(point: Point, lam: Array, free: Array) -> Array:
     """Return directions that no reaction acts along: the free ones where reactions are ideal."""
     if point.system._is_ideal and not point.system.nonholonomic:
         return free.T
-    return Split.of(point.reactions(lam).T).null.T
+    return Split.of(point.reactions(lam).T, point.units[0]).null.T
 
 
 def _picked(system: Mechanics, names: Sequence[str], free: Array) -> Array:

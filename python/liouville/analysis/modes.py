@@ -234,18 +234,19 @@ def modes(
 
 def _check_balanced(point: Point, linear: Linearization) -> None:
     """Refuse a state whose forces are not in balance."""
+    units, _ = point.units
     force, _ = point.rates
-    scale = np.abs(force).max() + np.abs(linear.stiffness).max(initial=0.0) * max(
-        np.abs(point.y).max(), np.abs(point.z).max()
+    scale = np.abs(units * force).max() + np.abs(linear.stiffness).max(initial=0.0) * max(
+        np.abs(point.y / units).max(), np.abs(point.z / units).max()
     )
     mass = point.blocks("stage_blocks")["p_z"]
     off = np.abs(mass @ linear.acceleration)
-    worst = int(np.argmax(off))
-    if off[worst] > BALANCED * scale:
+    worst = int(np.argmax(units * off))
+    if units[worst] * off[worst] > BALANCED * scale:
         name = point.system.coordinates[worst]
         sentence = (
             f"the state is no equilibrium: the force left on '{name}' is {off[worst]:.2g}, "
-            f"of forces up to {scale:.2g}"
+            f"of forces up to {scale / units[worst]:.2g}"
         )
         raise ValueError(hinted(sentence, "equilibrium(system, ...) finds one: **found.start"))
 

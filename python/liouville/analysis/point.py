@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from liouville._scipy import scipy
+from liouville.bodies import Mechanism, scales
 from liouville.errors import hinted
 from liouville.systems import Mechanics
 from liouville.systems._linear import Pattern
@@ -56,26 +57,30 @@ class Split:
     Attributes
     ----------
     null : ndarray, shape (n, n - rank)
-        An orthonormal basis of the directions that it maps to zero; all of them if it has no rows.
+        A basis of the directions that it maps to zero, all of them if it has no rows; orthonormal
+        in the units of the columns.
     inverse : ndarray, shape (n, m)
-        The pseudo-inverse.
+        The pseudo-inverse, the least solution in these units.
     """
 
     null: Array
     inverse: Array
 
     @classmethod
-    def of(cls, rows: Array) -> Split:
-        """Split a matrix of shape (m, n), its rows taken with length one."""
+    def of(cls, rows: Array, units: Array | None = None) -> Split:
+        """Split a matrix of shape (m, n), its rows taken with length one, its columns in units."""
         m, n = rows.shape
+        units = np.ones(n) if units is None else units
+        own = units[:, None]
         if not m:
-            return cls(np.eye(n), np.zeros((n, 0)))
+            return cls(own * np.eye(n), np.zeros((n, 0)))
+        rows = rows * units
         lengths = np.linalg.norm(rows, axis=1)
         lengths[lengths == 0] = 1.0
         left, sizes, right = np.linalg.svd(rows / lengths[:, None])
         rank = int((sizes > RANK * sizes.max(initial=0.0)).sum())
         inverse = (right[:rank].T / sizes[:rank]) @ left[:, :rank].T / lengths
-        return cls(right[rank:].T, inverse)
+        return cls(own * right[rank:].T, own * inverse)
 
 
 class Point:
@@ -200,6 +205,20 @@ class Point:
         return found[: self.n], found[self.n : self.n + rows]
 
     @cached_property
+    def units(self) -> tuple[Array, Array]:
+        """The units of coordinates and of holonomic constraints, those of a mechanism's size."""
+        if not isinstance(self.system, Mechanism):
+            return np.ones(self.n), np.ones(self.m)
+        length = scales.length_of(scales.size_of(self.system, self.params))
+        columns = scales.of_coordinates(self.system, length)
+        gradients = self.blocks("node_blocks", np.zeros(self.m))["g_y"]
+        if self._sparse:
+            sizes = abs(gradients.multiply(columns)).max(axis=1).toarray().ravel()
+        else:
+            sizes = np.abs(gradients * columns).max(axis=1, initial=0.0)
+        return columns, scales.of_rows(self.system, length, sizes)
+
+    @cached_property
     def missed(self) -> Array:
         """The values of the holonomic constraints, shape (m,)."""
         return self._at("node", np.zeros(self.m))[: self.m]
@@ -237,13 +256,14 @@ class Point:
         ValueError
             The mass matrix is singular in directions that the constraints leave.
         """
-        held, mass = Split.of(self.held()), self.blocks("stage_blocks")["p_z"]
+        units, _ = self.units
+        held, mass = Split.of(self.held(), units), self.blocks("stage_blocks")["p_z"]
         force, rate = self.rates
         lam = np.zeros(len(self.system.constraints))
         own = -held.inverse @ rate
         for _ in range(MOST):
             felt = self.reactions(lam)
-            split = Split.of(felt.T)
+            split = Split.of(felt.T, units)
             given = force + self.reaction(lam) - felt @ lam
             inside = split.null.T @ mass @ held.null
             try:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from liouville.bodies import turns
+from liouville.bodies import scales, turns
 from liouville.bodies.joints import MOTION, RATES
 from liouville.bodies.model import Place
 from liouville.bodies.tree import Tree
@@ -24,8 +24,6 @@ Array = NDArray[np.float64]
 
 #: Singular values below this part of the largest are zero: of a solution, and of a rank.
 CUTOFF, RANK = 1e-8, 1e-9
-#: Equations below this part of the largest are roundoff.
-ROUNDOFF = 1e-12
 #: Loops are closed where they miss by no more than this part of the mechanism's size.
 CLOSED = 1e-10
 #: The longest way of an angle, and of a slide in the mechanism's size, in one go.
@@ -58,8 +56,11 @@ class Starting:
         layout = system._body_layout
         sizes = points.reshape(-1, 2, 3), pitches, anchors.reshape(-1, 3)
         self.tree = Tree(layout, joints, given, drawn, *sizes)
-        spread = [np.ptp(self.tree.x, axis=1).max(), np.abs(points).max(initial=0.0)]
-        self.size = float(max(spread)) or 1.0
+        self.length = scales.length_of(scales.size_of(system, params))
+        #: the size in units of length, in which all that is searched is measured
+        self.size = scales.size_of(system, params) / self.length
+        self.columns = self.tree.units(self.length)
+        self.coordinates = scales.of_coordinates(system, self.length)
         #: coordinates of joints that count turns
         self.counted = {
             place.first + place.coordinates.index(name)
@@ -74,12 +75,18 @@ class Starting:
         self.open = [k for k, name in enumerate(system._holonomic) if name not in own]
         self.is_driven = any(MOTION in name for name in system._holonomic)
         self.is_tree = not (self.open or system.nonholonomic)
+        changes = np.zeros(len(system._holonomic))
+        if self.open:
+            q, v = self.tree.q(), self.tree.rates()
+            slopes = self.slopes(q, v)[0][: len(self.open)] * self.columns
+            changes[self.open] = np.abs(slopes).max(axis=1, initial=0.0)
+        self.units = scales.of_rows(system, self.length, changes)
 
     def rows(self, q: Array) -> Array:
-        """Return what all constraints miss."""
+        """Return what all constraints miss, in their units."""
         m = len(self.system._holonomic)
         found: Array = self.system._at("node", self.params, self.t, q, np.zeros(m))[:m]
-        return found
+        return found / self.units
 
     def slopes(self, q: Array, v: Array) -> tuple[Array, Array]:
         """Return the rates of open constraints in all moves, and those without any."""
@@ -112,13 +119,13 @@ class Starting:
 
     def close(self, held: list[int], wanted: Array, angles: list[int]) -> float:
         """Solve for places with some coordinates held; returns what is missed at last."""
-        tree = self.tree
+        tree, units = self.tree, self._units_of(held, angles)
         wrapped = [k for k in angles if held[k] not in self.counted]
 
         def missed() -> Array:
             off = self.values()[held] - wanted
             off[wrapped] = (off[wrapped] + 2 * np.pi) % (4 * np.pi) - 2 * np.pi
-            return np.concatenate([self.rows(tree.q())[self.open], off])
+            return np.concatenate([self.rows(tree.q())[self.open], off / units])
 
         off = missed()
         for _ in range(MOST):
@@ -126,14 +133,13 @@ class Starting:
             if norm == 0 or (self.is_tree and not held):
                 break
             q, v = tree.q(), tree.rates()
-            slopes = np.vstack(
-                [self.slopes(q, v)[0][: len(off) - len(held)], self.value_slopes(q, v, held)]
-            )
-            way = -np.linalg.pinv(slopes, CUTOFF) @ off
+            of_rows = self.slopes(q, v)[0][: len(self.open)] / self.units[self.open, None]
+            slopes = np.vstack([of_rows, self.value_slopes(q, v, held) / units[:, None]])
+            way = -np.linalg.pinv(slopes * self.columns, CUTOFF) @ off
             way *= min(1.0, LARGEST / max(np.abs(way).max(initial=0.0), 1e-300))
             before = tree.state
             for damping in (1.0, 0.5, 0.25, 0.125, 1 / 64):
-                tree.move(damping * way)
+                tree.move(damping * self.columns * way)
                 after = missed()
                 if np.linalg.norm(after) < norm:
                     break
@@ -145,6 +151,10 @@ class Starting:
                 break
         return float(np.abs(off).max(initial=0.0))
 
+    def _units_of(self, held: list[int], angles: list[int]) -> Array:
+        """Return the units of coordinates of joints."""
+        return np.array([1.0 if k in angles else self.length for k in range(len(held))])
+
     def assemble(self, held: list[int], wanted: Array, angles: list[int]) -> Array:
         """Close the loops as drawn, then move the coordinates given to where they are wanted."""
         tree = self.tree
@@ -155,8 +165,9 @@ class Starting:
             self._refuse()
         now = self.values()[held]
         way = wanted - now
-        unit = np.array([1.0 if k in angles else self.size for k in range(len(held))])
-        far = float(np.abs(way / unit).max(initial=0.0)) / STRIDE
+        longest = np.array([1.0 if k in angles else self.size for k in range(len(held))])
+        sizes = longest * self._units_of(held, angles)
+        far = float(np.abs(way / sizes).max(initial=0.0)) / STRIDE
         if far > STRIDES:
             sentence = f"a value given is {np.abs(way).max():g} away from the places as drawn"
             hint = "angles are in radians, and slides in the unit of length of the places"
@@ -191,11 +202,13 @@ class Starting:
                 )
             )
         place = self.system.place(worst)
-        if any(MOTION in x and rows[own[x]] == gaps[worst] for x in place.rows if x in own):
+        row = max((x for x in place.rows if x in own), key=lambda x: rows[own[x]])
+        miss = gaps[worst] * self.units[own[row]]
+        if MOTION in row:
             raise ValueError(
                 hinted(
                     f"joint '{worst}' cannot be where its motion= has it at t = {self.t:g}: it "
-                    f"misses by {gaps[worst]:.2g}",
+                    f"misses by {miss:.2g}",
                     "give no values against it, or a motion that the mechanism can follow",
                 )
             )
@@ -204,7 +217,7 @@ class Starting:
         raise ValueError(
             hinted(
                 f"the loop through {quoted(loop)} cannot be closed: joint '{worst}' misses by "
-                f"{gaps[worst]:.2g} at best",
+                f"{miss:.2g} at best",
                 "look at the lengths of its bodies, or give other values",
             )
         )
@@ -218,6 +231,9 @@ class Starting:
         v = self.tree.rates()
         slopes, _ = self.slopes(q, v)
         rows = [self.system._holonomic[k] for k in self.open]
+        slopes[: len(rows)] /= self.units[self.open, None]
+        sizes = np.abs(slopes[len(rows) :] * self.columns).max(axis=1, initial=0.0)
+        slopes[len(rows) :] *= unit(sizes)[:, None]
         motions = [k for k, row in enumerate(rows) if MOTION in row]
         null = self._null(v, np.delete(slopes, motions, axis=0))
         names = [x.name for x in self._all_joints()]
@@ -235,10 +251,12 @@ class Starting:
         raise ValueError(hinted(f"{what}: joints {quoted(shown)} leave nothing to move", hint))
 
     def _null(self, v: Array, slopes: Array) -> Array:
-        """Return moves of bodies that keep all constraints, a column each."""
+        """Return moves of bodies that keep all constraints, a column each, in their units."""
         own = np.eye(v.shape[1])
+        slopes = slopes * self.columns
         if set(self.system._body_layout.kinds) != {"spatial"}:  # some moves may be none of theirs
-            _, sizes, basis = np.linalg.svd(v, full_matrices=False)
+            scaled = v * self.columns / self.coordinates[:, None]
+            _, sizes, basis = np.linalg.svd(scaled, full_matrices=False)
             own = basis[sizes > RANK * sizes.max(initial=0.0)].T
         _, sizes, rows = np.linalg.svd(slopes @ own)
         limit = RANK * max(sizes.max(initial=0.0), min(1.0, self.size))
@@ -248,15 +266,15 @@ class Starting:
     def _moves(self, null: Array) -> bool:
         """Return whether a small move along the freedoms does not return when loops are closed."""
         tree, before = self.tree, self.tree.state
-        q = tree.q()
+        q = tree.q() / self.coordinates
         ways = [*null.T[:3], null @ np.random.default_rng(0).standard_normal(null.shape[1])]
         found = False
         for way in ways:
             tree.state = before
-            tree.move(ASIDE * way / np.abs(way).max())
-            aside = np.linalg.norm(tree.q() - q)
+            tree.move(ASIDE * self.columns * way / np.abs(way).max())
+            aside = np.linalg.norm(tree.q() / self.coordinates - q)
             gap = self.close([], np.empty(0), [])
-            left = np.linalg.norm(tree.q() - q)
+            left = np.linalg.norm(tree.q() / self.coordinates - q)
             found = bool(gap <= CLOSED * self.size and left > RETURNED * aside)
             if found:
                 break
@@ -275,7 +293,7 @@ class Starting:
         # each unknown, and each equation but roundoff, in a unit of its own: lengths or angles
         columns = unit(np.abs(slopes).max(axis=0, initial=0.0))
         sizes = np.abs(slopes * columns).max(axis=1, initial=0.0)
-        rows = unit(np.where(sizes > ROUNDOFF * sizes.max(initial=0.0), sizes, 0.0))
+        rows = unit(np.where(sizes > scales.ROUNDOFF * sizes.max(initial=0.0), sizes, 0.0))
         slopes, right = rows[:, None] * slopes, rows * right
         inverse = columns[:, None] * np.linalg.pinv(slopes * columns, CUTOFF)
         ways = inverse @ right

@@ -220,6 +220,13 @@ class Tree:
                 velocity[:, bodies, j] += slide * axis[:, None]
         return velocity, omega
 
+    def units(self, length: float) -> Array:
+        """Return the units of all moves, lengths of slides."""
+        moves = [move for branch in self.branches for move in branch.moves]
+        own = [length if move.startswith("slide") else 1.0 for move in moves]
+        lone = [x for joint in self.loops for x in joint.axes]
+        return np.array(own + [1.0 if turns else length for turns, _ in lone])
+
     def _slide(self, branch: Branch, move: str) -> float:
         """Return how far a move of one slides."""
         if move.startswith("screw"):
