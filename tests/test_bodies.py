@@ -432,6 +432,9 @@ def test_gears_racks_and_screws_turn_at_their_ratios():
     assert off(solution.joint("A").angle, angle) < 1e-11
     assert off(solution.joint("B").angle, -ratio * angle) < 1e-11
     assert off(solution.joint("C").slide, -0.4 * ratio * angle) < 1e-11
+    with pytest.raises(ValueError, match=r"'AB' is .* no joint\nhint: solution\.reaction\('AB'\)"):
+        solution.joint("AB")
+    assert np.abs(solution.reaction("AB")).max() > 0.1
 
     m = lv.bodies.Assembly(gravity=G)
     m.body("nut", mass=2.0, inertia=(0.1, 0.1, 0.05), at=(0, 0, 0))

@@ -73,7 +73,6 @@ ROWS = [
         TypeError,
         "Composition.*does not step polynomial fields; methods that do: VolumeSplitting, a plan",
     ),
-    ("a class", lambda: run(method=V), TypeError, "is the class VolumeSplitting, wanted an"),
     ("a name", lambda: run(method="BM4"), TypeError, "'BM4' does not step polynomial fields"),
     (
         "a pendulum",
@@ -139,7 +138,11 @@ ROWS = [
     ("plan h NaN", lambda: plan(h=NAN), ValueError, "h is positive and finite, not nan"),
     ("plan h word", lambda: plan(h="0.1"), TypeError, "h is a number, not '0.1'"),
     ("no h", lambda: run(h=None), TypeError, "give either h or steps"),
-    ("h and steps", lambda: cut(steps=3), TypeError, "give either h or steps"),
+    ("h and steps", lambda: cut(steps=3), TypeError, "a section takes either h or steps$"),
+    ("class", lambda: run(method=lv.VolumeSplitting), TypeError, r"write lv\.VolumeSplitting\(\)$"),
+    ("times between", lambda: run()(0.1), ValueError, "in t_eval=$"),
+    ("times", lambda: run(t=[0, 1, 2]), TypeError, r"not 3 times\nhint: .*t_eval="),
+    ("no h of a section", lambda: cut(h=None), TypeError, "a section takes either h or steps$"),
     ("no time", lambda: det(t=(1, 1)), ValueError, "is no interval"),
     ("too much", lambda: many(h=1e-12), MemoryError, r"(?s)states takes .* GiB.*hint: .*every="),
     # starts

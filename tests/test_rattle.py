@@ -214,7 +214,13 @@ FAILURES = [
         "force of coordinate 'y'",
     ),
     (falling(None, rails), 1 / 64, 63, "constraints 'floor' and 'ramp' are redundant"),
-    (spherical_pendulum()[::2], 3.0, 0, "the step is too large for coordinate"),
+    (
+        spherical_pendulum()[::2],
+        3.0,
+        0,
+        r"the step is too large for coordinate .\w+.: its equations have a solution connected "
+        r"with the present state only up to h = \S+\nhint: take h below \S+; solutions",
+    ),
 ]
 
 

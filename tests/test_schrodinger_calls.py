@@ -117,7 +117,7 @@ ROWS = [
         "a class",
         lambda: run(method=lv.Chebyshev),
         TypeError,
-        r"method is the class Chebyshev, wanted an instance of it\nhint: write Chebyshev\(\)",
+        r"Chebyshev is a class: write lv\.Chebyshev\(\)$",
     ),
     (
         "events",
@@ -216,6 +216,13 @@ ROWS = [
     ("steps", lambda: run(method=lv.Chebyshev(), steps=9), TypeError, "takes no steps\nhint"),
     ("rtol", lambda: run(rtol=1e-3), TypeError, "takes no rtol"),
     ("every", lambda: run(every=2), TypeError, "takes no every\nhint: .*linspace"),
+    ("class", lambda: run(method=lv.Magnus), TypeError, r"write lv\.Magnus\(\)$"),
+    (
+        "times between",
+        lambda: run()(0.1),
+        ValueError,
+        "dense output .*\nhint: of a wave give the times of all states to keep in t=$",
+    ),
     ("no h", lambda: run(GRID, lv.SplitOperator(), psi=WAVE), TypeError, "give either h or steps"),
     (
         "tol",

@@ -1,3 +1,4 @@
+import pickle
 from dataclasses import FrozenInstanceError, replace
 
 import casadi as ca
@@ -261,3 +262,22 @@ def test_members_and_times_of_an_ensemble_are_selected_in_either_order():
     drift = other.invariant_drift("energy")
     np.testing.assert_array_equal(one.invariant_drift("energy"), drift)
     assert one.params == other.params == {**pendulum.system.params, "g": 2.0}
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("energy", r"'energy'\nhint: solution\.invariants\['energy'\] has it"),
+        ("hidden", r"'hidden'\nhint: solution\.residuals\['hidden'\] has it"),
+        ("iterations", r"'iterations'\nhint: solution\.stats\['iterations'\] has it"),
+        ("success", r"'success'\nhint: solution\.status is 'done'"),
+        ("nfev", r"'nfev'\nhint: solution\.stats has"),
+        ("y", r"no 'y'\nhint: its states are q, v, p, lam"),
+        ("speed", r"^'Solution' object has no attribute 'speed'$"),
+    ],
+)
+def test_names_of_other_libraries_have_a_hint(solution, name, words):
+    assert not hasattr(solution, name)
+    with pytest.raises(AttributeError, match=words):
+        getattr(solution, name)
+    assert pickle.loads(pickle.dumps(replace(solution, system=None))).t.shape == solution.t.shape

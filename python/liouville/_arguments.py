@@ -42,13 +42,13 @@ def count(name: str, value: Any) -> int:
     return int(value)
 
 
-def interval(t: Any) -> tuple[float, float]:
-    """Return start and end of a finite interval that is not empty."""
+def interval(t: Any, hint: str = "") -> tuple[float, float]:
+    """Return start and end of a finite interval that is not empty; the hint is on more times."""
     if not isinstance(t, (tuple, list, np.ndarray)) or len(t) != 2:
-        sentence = f"t is a pair (start, end), not {t!r}"
-        is_many = isinstance(t, (tuple, list, np.ndarray)) and len(t) > 2
-        hint = "give the times of states to keep as t_eval=, and t=(start, end)"
-        raise TypeError(hinted(sentence, hint) if is_many else sentence)
+        is_many = isinstance(t, (tuple, list, np.ndarray)) and np.ndim(t) == 1 and len(t) > 2
+        shown = f"{len(t)} times" if is_many else repr(t)
+        sentence = f"t is a pair (start, end), not {shown}"
+        raise TypeError(hinted(sentence, hint) if hint and is_many else sentence)
     t0, t1 = (number("t is a pair of numbers", t[0]), number("t is a pair of numbers", t[1]))
     if not math.isfinite(t1 - t0):
         raise ValueError(f"t is a finite interval, not ({t0:g}, {t1:g})")

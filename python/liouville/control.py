@@ -170,7 +170,8 @@ class Steps:
 class Takes:
     """The controls of :data:`CONTROLS` that a method takes, its least tolerance, and a hint.
 
-    `estimators` are methods for the system that estimate their errors.
+    `estimators` are methods for the system that estimate their errors, `times` is the hint on
+    times in the place of a start and an end.
     """
 
     name: str
@@ -178,6 +179,7 @@ class Takes:
     least: float = LEAST_TOLERANCE
     hint: str = "give h or steps, or take a method that controls its steps, such as HHT"
     estimators: str = "Spark or HHT"
+    times: str = "t=(start, end) is the run; t_eval= takes the times whose states you want"
 
 
 def steps_of(
@@ -192,7 +194,7 @@ def steps_of(
     coordinates: Sequence[str] = (),
 ) -> Steps:
     """Return the steps asked for, of a method that takes these controls."""
-    t0, t1 = interval(t)
+    t0, t1 = interval(t, takes.times)
     kind = _kind(rtol, atol, control, takes)
     if kind is None:
         if (h is None) == (steps is None):

@@ -50,7 +50,7 @@ def ensemble(
     All members take the same steps, and each has the same bits as a run of its own by the same
     method, whatever the other members are and however many threads there are. What a
     ``VolumeSplitting`` leaves open is chosen by trial runs from the starts, so from those of all
-    members here and from its own in a run alone: these then differ by what the method errs. One
+    members here and from its own in a run alone: they then differ by the error of the method. One
     plan for all of them, by :func:`plan`, gives the same bits. A member that fails is put down in
     ``failures``, and the others go on.
 

@@ -301,10 +301,9 @@ def _not_converged(size: float) -> Description:
 def _step_too_large(name: str, error: dict[str, Any]) -> Description:
     solved = error["solved"]
     return (
-        f"the step is too large for coordinate '{name}': solutions lead on from the present state "
-        f"up to h = {solved:.3g} only",
-        f"try a smaller h, below {abs(solved):.2g}: what solves the equations of larger steps is "
-        "another motion",
+        f"the step is too large for coordinate '{name}': its equations have a solution connected "
+        f"with the present state only up to h = {solved:.3g}",
+        f"take h below {abs(solved):.2g}; solutions of larger steps belong to another motion",
         name,
     )
 

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from liouville.planner import Plan
 
 #: Tangents are made orthogonal at equal steps alone.
-TAKES = Takes("lyapunov", hint="give h or steps: tangents are of equal steps")
+TAKES = Takes("lyapunov", hint="give h or steps: tangents are of equal steps", times="")
 
 
 #: Directions whose parts across each other are below this are parallel.

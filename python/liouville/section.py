@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from liouville import _core
-from liouville._arguments import MOST_STEPS, check_memory, number
+from liouville._arguments import MOST_STEPS, check_memory, interval, number
 from liouville.errors import IntegrationError, hinted
 from liouville.events import DIRECTIONS, Event
 from liouville.failure import Failure, summary_of
@@ -154,6 +154,9 @@ def section(
     """
     if not isinstance(system, Field):
         raise TypeError(f"sections are those of a field without divergence, not of {system!r}")
+    if (h is None) == (steps is None):
+        raise TypeError("a section takes either h or steps")
+    interval(t)
     from liouville.runners.field import FieldRunner
     from liouville.splitting import to_core
 

@@ -78,10 +78,20 @@ class Solution(States, Drifts, Motions):
     method : str
         The method, as its repr.
     stats : dict
-        Numbers of the run: steps, iterations, evaluations, cold starts, seconds; with ``Spark`` the
-        solver chosen, with the alpha family factorizations and rejected steps; of a wave function
-        ``products``, those :math:`H \psi` that the steps took (two real ones each), and the
-        a-priori ``bound`` of its error.
+        Numbers of the run. Of all: ``steps`` made and ``seconds`` taken. Of mechanical and
+        semi-explicit systems: ``iterations``, the corrections of the equations of a step;
+        ``evaluations`` of the forces, one for each stage; ``cold_starts``, steps whose extrapolated
+        start failed. With ``Spark`` and ``LobattoPair`` the ``solver``, and ``newton_steps``,
+        those by the full simplified Newton iteration; with RATTLE and the alpha family
+        ``factorizations`` of Newton matrices, which may serve several steps. Of controlled steps
+        ``rejected``, those made again, and ``h_smallest``, ``h_largest`` and ``h_next``, the step
+        to go on with. Of fields: ``flows`` of pieces, and how many ``pieces`` there are. Of wave
+        functions: ``products``, those :math:`H \psi` that the steps took (two real ones each),
+        ``widened``, how often bounds of the energies had to be, and ``bound``, that of the error,
+        known before the run: of splittings and Chebyshev series of an H without time, and of
+        series in time that are power series, but of no ``Lanczos``, ``Magnus`` or
+        ``SplitOperator``. An ensemble has the sums of its members, but ``steps`` of one, and
+        ``products`` for each.
     params : dict of str to float or list of float
         Parameters the run used.
     varied : tuple of str
@@ -292,6 +302,10 @@ class Solution(States, Drifts, Motions):
                 "dense output needs the states of all steps of a mechanical or semi-explicit system"
             )
             hint = "integrate with every=1, states=True and without t_eval"
+            if "psi" in self.states:
+                hint = "of a wave give the times of all states to keep in t="
+            elif "x" in self.states:
+                hint = "of a field give the times of the states to keep in t_eval="
             raise ValueError(hinted(sentence, hint))
         times = times_within(t, self.t[0], self.t[-1])
         flat = times.ravel()

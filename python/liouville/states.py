@@ -15,6 +15,18 @@ if TYPE_CHECKING:
 
 Array = NDArray[Any]
 
+#: Groups of arrays by name that names may be meant for which are no attributes.
+GROUPS = ("invariants", "observed", "residuals", "events", "stats", "tangents")
+#: What other libraries call it, and what has it here.
+ELSEWHERE = {
+    "success": "solution.status is 'done'",
+    "nfev": "solution.stats has numbers of evaluations",
+    "njev": "solution.stats has numbers of factorizations",
+    "sol": "solution(t) gives the states between steps",
+    "t_events": "solution.events has the times of each event by name",
+    "y_events": "solution.events has the states at each event by name",
+}
+
 
 class States:
     """A base of :class:`Solution`: what it has of these is known by its system and method."""
@@ -22,6 +34,19 @@ class States:
     states: dict[str, Array]
     balance: dict[str, Array]
     units: dict[str, str]
+
+    if not TYPE_CHECKING:  # whatever has a type is there
+
+        def __getattr__(self, name: str) -> Any:
+            """Say where it is what has another place here."""
+            for group in GROUPS:
+                if name in self.__dict__.get(group, ()):
+                    sentence = f"the solution has no attribute {name!r}"
+                    raise AttributeError(hinted(sentence, f"solution.{group}[{name!r}] has it"))
+            if name in ELSEWHERE:
+                sentence = f"the solution has no attribute {name!r}"
+                raise AttributeError(hinted(sentence, ELSEWHERE[name]))
+            return object.__getattribute__(self, name)  # raises the error of its own
 
     def with_units(self, units: Mapping[str, str]) -> Solution:
         """Return the same solution with units for the axes of figures and the heads of tables.

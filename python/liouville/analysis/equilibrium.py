@@ -99,8 +99,8 @@ def equilibrium(
         Parameters that differ from their defaults.
     **start : array_like
         A guess of the coordinates by the system's name, ``q`` or ``y``, of shape (n,); it need not
-        satisfy the constraints. Its partner may be given too, and of velocities it is not looked
-        at: ``**m.start()`` of an assembly is a guess.
+        satisfy the constraints. Its partner may be given too; velocities may be given and are
+        ignored: ``**m.start()`` of an assembly is a guess.
 
     Returns
     -------

@@ -186,6 +186,11 @@ class Mechanism(Lagrangian):
         """Return a joint by its name."""
         if name not in self._places:
             known = ", ".join(self._places) or "none"
+            if name in self.constraints:
+                sentence = f"{name!r} is a constraint, and no joint"
+                raise ValueError(
+                    hinted(sentence, f"solution.reaction({name!r}) has its generalised force")
+                )
             raise ValueError(hinted(f"there is no joint {name!r}", f"joints are {known}"))
         return self._places[name]
 

@@ -62,6 +62,7 @@ def runner_of(system: System, method: Method | Plan | str, request: Request) -> 
     """
     if not isinstance(system, Mechanics):
         check_system(system)
+    _check_method(method)
     check_options(request.start, "ensemble" if request.is_ensemble else "integrate")
     if not isinstance(request.states, bool):
         raise TypeError(f"states is True or False, not {request.states!r}")
@@ -93,6 +94,15 @@ def check_system(system: Any) -> None:
     )
     is_assembly = hasattr(system, "system")
     raise TypeError(hinted(sentence, "take its system()") if is_assembly else sentence)
+
+
+def _check_method(method: Any) -> None:
+    """Refuse a class of methods, or its name, where one of them is wanted."""
+    classes = [*METHODS.values(), Composition]
+    named = next((cls for cls in classes if method in (cls, cls.__name__)), None)
+    if named is not None:
+        what = f"{named.__name__} is a class" if method is named else f"{method!r} is a word"
+        raise TypeError(f"{what}: write lv.{named.__name__}({'...' * (named is Composition)})")
 
 
 def _of_mechanics(system: Mechanics, method: Any, request: Request) -> Runner:
@@ -155,9 +165,6 @@ def _of_fields(system: Field, method: Any, request: Request) -> Runner:
 
 def no_runner(method: Any, form: str, systems: str) -> TypeError:
     """Return the error of a method that does not step systems of a form."""
-    if isinstance(method, type):
-        sentence = f"method is the class {method.__name__}, wanted an instance of it"
-        return TypeError(hinted(sentence, f"write {method.__name__}(), with its numbers if any"))
     mechanical = ("general", "second order")
     forms = mechanical if form == "mechanical" else (form,)
     known = [cls.__name__ for cls in METHODS.values() if cls.form in forms]

@@ -207,7 +207,10 @@ def _faster(system: Schrodinger, splitting: WavePlan, series: WavePlan, terms: f
         cost, term = series_cost(system, series.products)
         slower = f"a product takes about {cost:g} times as long in a series as in a splitting"
         if terms:
-            slower += f", {terms:.0f} terms are added to outputs in the time of {term:g} each"
+            slower += (
+                f", and adding a term to a state takes {term:g} of a product; there are "
+                f"{terms:.0f} of them"
+            )
         if cost * (series.products + term * terms) < splitting.products:
             other = f"a splitting would take {splitting.products:g} products"
             return replace(series, reasons=(*series.reasons, other, slower))
