@@ -90,8 +90,8 @@ class Solution(States, Drifts, Motions):
         ``widened``, how often bounds of the energies had to be, and ``bound``, that of the error,
         known before the run: of splittings and Chebyshev series of an H without time, and of
         series in time that are power series, but of no ``Lanczos``, ``Magnus`` or
-        ``SplitOperator``. An ensemble has the sums of its members, but ``steps`` of one, and
-        ``products`` for each.
+        ``SplitOperator``. An ensemble of mechanical systems has the sums of its members, but
+        ``steps`` of one.
     params : dict of str to float or list of float
         Parameters the run used.
     varied : tuple of str

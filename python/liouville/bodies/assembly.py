@@ -2,25 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from liouville import _casadi as ca
 from liouville.bodies import rotations as rot
-from liouville.bodies.body import Body, Value, check_mass, column, evaluated, given, numbers, unit
-from liouville.bodies.chaining import Which
-from liouville.bodies.elements import Element, beam_stiffness
-from liouville.bodies.joining import Joining
+from liouville.bodies.acting import Acting
+from liouville.bodies.body import Body, Value, check_mass, evaluated, given, numbers, unit
 from liouville.bodies.mechanism import Mechanism
-from liouville.bodies.registry import Frames, apart, points_of, two_points, with_height
+from liouville.bodies.registry import with_height
 from liouville.errors import hinted, quoted
 from liouville.systems import _trace
 
 
-class Assembly(Joining):
+class Assembly(Acting):
     """Bodies and joints as drawn, in the world's coordinates; a model in the making.
 
     Numbers that may be parameters, such as masses, places and stiffnesses, are taken as functions
@@ -117,7 +114,27 @@ class Assembly(Joining):
         )
 
     def point_mass(self, name: str, *, mass: Value, at: Value) -> Body:
-        """Add a body without extent, which cannot turn."""
+        """Add a body without extent, which cannot turn.
+
+        Parameters
+        ----------
+        name : str
+            Its name.
+        mass : float or callable
+            Its mass.
+        at : array_like, shape (3,), or callable
+            Its place as drawn.
+
+        Returns
+        -------
+        Body
+            For joints and elements.
+
+        Raises
+        ------
+        TypeError, ValueError
+            An argument is wrong, or the name is there already.
+        """
         what = f"body '{name}'"
         mass, at = given(f"mass of {what}", mass, ()), given(f"at= of {what}", at, (3,))
         return self._with(Body(self._new(name), "point", mass, None, at))
@@ -125,10 +142,30 @@ class Assembly(Joining):
     def planar_body(
         self, name: str, *, mass: Value, inertia: Value, at: Value, angle: float = 0.0
     ) -> Body:
-        """Add a body that moves in a plane across z, with the moment of inertia about z.
+        """Add a body that moves in a plane across z.
 
-        `at` has two numbers, or three with the height of its plane; `angle` is that of its own x
-        against the world's as drawn.
+        Parameters
+        ----------
+        name : str
+            Its name.
+        mass : float or callable
+            Its mass.
+        inertia : float or callable
+            Its moment of inertia about z through the centre of mass.
+        at : array_like, shape (2,) or (3,), or callable
+            Its centre of mass as drawn; the third number is the height of its plane.
+        angle : float, default 0
+            That of its own x against the world's as drawn, in radians.
+
+        Returns
+        -------
+        Body
+            For joints and elements.
+
+        Raises
+        ------
+        TypeError, ValueError
+            An argument is wrong, or the name is there already.
         """
         what = f"body '{name}'"
         place: Value
@@ -149,177 +186,6 @@ class Assembly(Joining):
             check_mass(body, None)
         self._bodies[body.name] = body
         return body
-
-    def spring(
-        self,
-        name: str,
-        a: Which,
-        b: Which,
-        *,
-        at: Any,
-        stiffness: Value,
-        rest: Value | None = None,
-        damping: Value = 0.0,
-    ) -> Element:
-        """Add a spring between two points `at=(on a, on b)`, with a damper along it.
-
-        Its length at rest is that as drawn by default. It must not shrink to length zero.
-        """
-        of = f"spring '{name}'"
-        points = two_points(of, at)
-        length = apart(points)
-        if not callable(length) and length == 0:
-            raise ValueError(f"the points of {of} coincide: its direction is not defined")
-        rest = length if rest is None else given(f"rest= of {of}", rest, ())
-        values = {
-            "stiffness": given(f"stiffness= of {of}", stiffness, ()),
-            "rest": rest,
-            "damping": given(f"damping= of {of}", damping, ()),
-        }
-        return self._act("spring", name, (a, b), points, values)
-
-    def damper(self, name: str, a: Which, b: Which, *, at: Any, damping: Value) -> Element:
-        """Add a damper along the line between two points `at=(on a, on b)`."""
-        return self.spring(name, a, b, at=at, stiffness=0.0, damping=damping)
-
-    def bushing(
-        self,
-        name: str,
-        a: Which,
-        b: Which,
-        *,
-        at: Any,
-        stiffness: Value,
-        damping: Value = (0.0,) * 6,
-        axis: ArrayLike = (0.0, 0.0, 1.0),
-    ) -> Element:
-        """Hold b by stiffness in all directions of a frame of a with the third axis `axis`.
-
-        `stiffness` and `damping` have six entries, three of shifts and three of turns, or are
-        matrices of shape (6, 6), such as those of a beam. Turns are measured by twice the vector
-        part of the quaternion: forces are those of a rotation vector up to its third power.
-        """
-        of = f"bushing '{name}'"
-        values = {}
-        for what, value in (("stiffness", stiffness), ("damping", damping)):
-            found = None if callable(value) else _trace.numbers(value)
-            shape = (6, 6) if found is not None and found.ndim == 2 else (6,)
-            values[what] = given(f"{what}= of {of}", value, shape)
-            if found is not None and shape == (6, 6) and not np.allclose(found, found.T):
-                raise ValueError(f"{what}= of {of} is not symmetric")
-        frames = self._frames(of, *self._sides(of, a, b), axis=axis)
-        return self._act("bushing", name, (a, b), points_of(of, at), values, frames)
-
-    def beam(
-        self,
-        name: str,
-        a: Which,
-        b: Which,
-        *,
-        at: Any,
-        axial: Value,
-        bending: Any,
-        torsion: Value,
-        across: ArrayLike | None = None,
-        damping: Value = 0.0,
-    ) -> Element:
-        """Hold b by a straight beam without mass from a, between points `at=(on a, on b)`.
-
-        It is that of Euler and Bernoulli, straight as drawn, for small turns of b against a.
-
-        Parameters
-        ----------
-        name : str
-            Its name.
-        a, b : Body or str
-            Its bodies.
-        at : sequence
-            Both of its ends in the world as drawn.
-        axial, torsion : float or callable
-            Its stiffnesses EA and GJ.
-        bending : float, callable or pair of them
-            EI about any axis, or about `across` and about the third direction.
-        across : array_like, shape (3,), optional
-            A direction across the beam.
-        damping : float or callable, default 0
-            Time that its damping matrix is in times of its stiffness.
-
-        Returns
-        -------
-        Element
-            The beam.
-
-        Raises
-        ------
-        TypeError, ValueError
-            An argument is wrong.
-        """
-        of = f"beam '{name}'"
-        points = two_points(of, at)
-        ends = [numbers(f"at= of {of}", point, (3,)) for point in points]
-        length = float(np.linalg.norm(ends[1] - ends[0]))
-        along = unit(f"the line between the ends of {of}", ends[1] - ends[0])
-        x = None
-        if across is not None:
-            given_x = unit(f"across= of {of}", across)
-            x = unit(f"across= of {of}, beside the beam,", given_x - (given_x @ along) * along)
-        pair = bending if isinstance(bending, Sequence | np.ndarray) else (bending, bending)
-        if len(pair) != 2:
-            raise ValueError(f"bending= of {of} is one stiffness or two, not {bending!r}")
-        names = ("axial", "bending", "bending", "torsion", "damping")
-        sizes = [
-            given(f"{what}= of {of}", value, ())
-            for what, value in zip(names, (axial, *pair, torsion, damping), strict=True)
-        ]
-
-        def stiffness(params: Any) -> ca.SX:
-            own = [column(value, params, 1) for value in sizes[:4]]
-            return beam_stiffness(length, *own)
-
-        values = {
-            "stiffness": stiffness,
-            "damping": lambda params: column(sizes[4], params, 1) * stiffness(params),
-            "length": np.array(length),
-        }
-        frames = self._frames(of, *self._sides(of, a, b), axis=along, x=x)
-        return self._act("beam", name, (a, b), points, values, frames)
-
-    def force(
-        self, name: str, body: Which, force: Callable[..., Any], *, at: Any = None
-    ) -> Element:
-        """Let a force act at a point of a body, its centre of mass by default.
-
-        ``force(t, position, velocity, params)`` has three components in the world, of the point's
-        position and velocity.
-        """
-        own = self._body(body, f"force '{name}'")
-        place = own.at if at is None else given(f"at= of force '{name}'", at, (3,))
-        return self._act("force", name, (self.ground, own), (place, place), {}, function=force)
-
-    def torque(self, name: str, body: Which, torque: Callable[..., Any]) -> Element:
-        """Let a torque ``torque(t, angular_velocity, params)`` act, by components in the world."""
-        own = self._body(body, f"torque '{name}'")
-        place = own.at
-        return self._act("torque", name, (self.ground, own), (place, place), {}, function=torque)
-
-    def _act(
-        self,
-        kind: str,
-        name: str,
-        sides: tuple[Which, Which],
-        points: tuple[Value, Value],
-        values: Mapping[str, Value],
-        frames: Frames | None = None,
-        function: Callable[..., Any] | None = None,
-    ) -> Element:
-        of = f"{kind} '{name}'"
-        if kind in ("force", "torque") and not callable(function):
-            raise TypeError(f"{of} is a function, not {function!r}")
-        a, b = self._sides(of, *sides)
-        own = frames or self._frames(of, a, b)
-        element = Element(self._new(name), kind, a, b, points, own, values, function)
-        self._elements[name] = element
-        return element
 
     def system(self, params: Mapping[str, ArrayLike] | None = None) -> Mechanism:
         """Make the system.

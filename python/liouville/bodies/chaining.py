@@ -149,8 +149,21 @@ class Chaining(Registry):
     def gear(self, name: str, ratios: Mapping[str, Value]) -> None:
         """Keep the sum of factors times rates of joints at zero: a gear, a rack, a differential.
 
-        `ratios` has the factors by joint, ``{"A": 20, "B": 31}`` for two wheels with these numbers
-        of teeth outside each other; of joints with more rates the first is meant.
+        Factors of equal signs make the joints turn opposite ways, as wheels outside each other do.
+
+        Parameters
+        ----------
+        name : str
+            Its name; ``solution.reaction(name)`` has its generalised force.
+        ratios : mapping of str to float or callable
+            Factors by joint, two or more: ``{"A": 20, "B": 31}`` of wheels with these numbers of
+            teeth, or their radii; of joints with more rates the first is meant. A rack takes its
+            wheel's radius and -1, or 1 where it runs the other way.
+
+        Raises
+        ------
+        TypeError, ValueError
+            An argument is wrong, or the name is there already.
         """
         of = f"gear '{name}'"
         if not isinstance(ratios, Mapping) or len(ratios) < 2:

@@ -199,6 +199,40 @@ def check_damping(of: str, damping: Mapping[str, Value]) -> None:
             raise ValueError(f"damping= of {of} is {float(value):g}, and wants not to be negative")
 
 
+def along(
+    of: str, kind: str, damping: Any, effort: Any, spring: Any, rest: Any, motion: Any
+) -> dict[str, Any]:
+    """Return what acts along the coordinates of a joint."""
+    dampers = by_coordinate(of, kind, "damping", damping, 0.0)
+    check_damping(of, dampers)
+    efforts, motions = (
+        functions_of(of, what, by_coordinate(of, kind, what, value, None))
+        for what, value in (("torque= or force", effort), ("motion", motion))
+    )
+    stiffness = by_coordinate(of, kind, "spring", spring, 0.0)
+    rests = by_coordinate(of, kind, "rest", rest, 0.0)
+    springs = {name: (value, rests.get(name, 0.0)) for name, value in stiffness.items()}
+    if kind == "screw" and len(motions) > 1:
+        hint = "a screw turns as it slides: prescribe one of both"
+        raise ValueError(hinted(f"motion= of {of} has two functions", hint))
+    return {"damping": dampers, "springs": springs, "efforts": efforts, "motions": motions}
+
+
+def check_plane(of: str, kind: str, a: Body, b: Body, axis: NDArray[np.float64]) -> None:
+    """Refuse an axis that bodies in a plane cannot turn about, or slide along."""
+    if "planar" not in (a.kind, b.kind) or "spatial" in (a.kind, b.kind):
+        return
+    up = abs(float(axis[2]))
+    fits = {"revolute": up > 1 - 1e-12, "planar": up > 1 - 1e-12, "prismatic": up < 1e-12}
+    if not fits.get(kind, False):
+        raise ValueError(
+            hinted(
+                f"{of} of '{a.name}' and '{b.name}' does not fit how these bodies move",
+                "planar bodies turn about z and slide along directions across it",
+            )
+        )
+
+
 def _is_number(value: Any) -> bool:
     return isinstance(value, int | float | np.number)
 

@@ -64,9 +64,13 @@ class JointMotion:
     """The motion of a joint and the wrench in it, at the k kept steps.
 
     Force and torque are those that keep the joint, and that prescribe its motion; they act on its
-    second body, at its point there, and the opposite ones on the first. What dampers, springs,
-    motors and friction exert along its coordinates is `effort` and not among them, but for compound
-    joints, whose axes transmit it.
+    second body, at its point there, and the opposite ones on the first. What dampers, motors and
+    friction exert along its coordinates is in `efforts` and not among them, and what its springs
+    exert in neither; but for compound joints, whose axes transmit all of it.
+
+    `coordinates` are its `values` with angles continuous over turns. Of the first coordinate
+    `angle` or `slide`, `rate` and `effort` are arrays; `is_determined` says whether force and
+    torque are.
 
     Attributes
     ----------
@@ -79,9 +83,10 @@ class JointMotion:
     values : dict of str to ndarray, shape (k,)
         Angles and slides by name; angles from -2 pi to 2 pi where the system counts no turns.
     rates : dict of str to ndarray, shape (k,)
-        Their rates, and velocities of joints that have no coordinates.
+        Their rates by the same names; of joints without values, such as ball joints, rates alone:
+        ``spin_x`` and so on, about the world's axes.
     efforts : dict of str to ndarray, shape (k,)
-        What dampers, motors and friction exert along each, without springs.
+        What dampers, motors and friction exert along each, on the second body.
     """
 
     name: str

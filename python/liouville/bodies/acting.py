@@ -1,0 +1,303 @@
+"""The methods of an assembly that add springs, beams and forces."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from liouville import _casadi as ca
+from liouville.bodies.body import Value, column, given, numbers, unit
+from liouville.bodies.chaining import Which
+from liouville.bodies.elements import Element, beam_stiffness
+from liouville.bodies.joining import Joining
+from liouville.bodies.registry import Frames, apart, points_of, two_points
+from liouville.systems import _trace
+
+
+class Acting(Joining):
+    """The elements of :class:`Assembly`: what acts between bodies without holding them."""
+
+    def spring(
+        self,
+        name: str,
+        a: Which,
+        b: Which,
+        *,
+        at: Any,
+        stiffness: Value,
+        rest: Value | None = None,
+        damping: Value = 0.0,
+    ) -> Element:
+        """Add a spring between two points, with a damper along it.
+
+        It pulls by stiffness times what it is longer than at rest. It must not shrink to length
+        zero.
+
+        Parameters
+        ----------
+        name : str
+            Its name.
+        a, b : Body or str
+            Its bodies, or their names.
+        at : sequence of two
+            A point on a and one on b, each of shape (3,) or callable, in the world as drawn.
+        stiffness : float or callable
+            In N / m.
+        rest : float or callable, optional
+            Its length without force; that as drawn by default.
+        damping : float or callable, default 0
+            Times the rate of its length a force against it, in N s / m.
+
+        Returns
+        -------
+        Element
+            The spring.
+
+        Raises
+        ------
+        TypeError, ValueError
+            An argument is wrong, or the name is there already.
+        """
+        of = f"spring '{name}'"
+        points = two_points(of, at)
+        length = apart(points)
+        if not callable(length) and length == 0:
+            raise ValueError(f"the points of {of} coincide: its direction is not defined")
+        rest = length if rest is None else given(f"rest= of {of}", rest, ())
+        values = {
+            "stiffness": given(f"stiffness= of {of}", stiffness, ()),
+            "rest": rest,
+            "damping": given(f"damping= of {of}", damping, ()),
+        }
+        return self._act("spring", name, (a, b), points, values)
+
+    def damper(self, name: str, a: Which, b: Which, *, at: Any, damping: Value) -> Element:
+        """Add a damper along the line between two points.
+
+        Parameters
+        ----------
+        name : str
+            Its name.
+        a, b : Body or str
+            Its bodies, or their names.
+        at : sequence of two
+            A point on a and one on b, each of shape (3,) or callable, in the world as drawn.
+        damping : float or callable
+            Times the rate of their distance a force against it, in N s / m.
+
+        Returns
+        -------
+        Element
+            The damper.
+
+        Raises
+        ------
+        TypeError, ValueError
+            An argument is wrong, or the name is there already.
+        """
+        return self.spring(name, a, b, at=at, stiffness=0.0, damping=damping)
+
+    def bushing(
+        self,
+        name: str,
+        a: Which,
+        b: Which,
+        *,
+        at: Any,
+        stiffness: Value,
+        damping: Value = (0.0,) * 6,
+        axis: ArrayLike = (0.0, 0.0, 1.0),
+    ) -> Element:
+        """Hold b by stiffness in all directions of a frame of a with the third axis `axis`.
+
+        Turns are measured by twice the vector part of the quaternion: forces are those of a
+        rotation vector up to its third power.
+
+        Parameters
+        ----------
+        name : str
+            Its name.
+        a, b : Body or str
+            Its bodies, or their names.
+        at : array_like, shape (3,) or (2, 3), or callable
+            The joint's point in the world as drawn, or one on each body where the drawing is open.
+        stiffness, damping : array_like, shape (6,) or (6, 6), or callable
+            Of three shifts, in N / m, and of three turns, in N m / rad; a symmetric matrix such as
+            that of a beam. Damping, zero by default, is the same over a rate.
+        axis : array_like, shape (3,), default (0, 0, 1)
+            The third axis of its frame in the world as drawn.
+
+        Returns
+        -------
+        Element
+            The bushing.
+
+        Raises
+        ------
+        TypeError, ValueError
+            An argument is wrong, or the name is there already.
+        """
+        of = f"bushing '{name}'"
+        values = {}
+        for what, value in (("stiffness", stiffness), ("damping", damping)):
+            found = None if callable(value) else _trace.numbers(value)
+            shape = (6, 6) if found is not None and found.ndim == 2 else (6,)
+            values[what] = given(f"{what}= of {of}", value, shape)
+            if found is not None and shape == (6, 6) and not np.allclose(found, found.T):
+                raise ValueError(f"{what}= of {of} is not symmetric")
+        frames = self._frames(of, *self._sides(of, a, b), axis=axis)
+        return self._act("bushing", name, (a, b), points_of(of, at), values, frames)
+
+    def beam(
+        self,
+        name: str,
+        a: Which,
+        b: Which,
+        *,
+        at: Any,
+        axial: Value,
+        bending: Any,
+        torsion: Value,
+        across: ArrayLike | None = None,
+        damping: Value = 0.0,
+    ) -> Element:
+        """Hold b by a straight beam without mass from a, between points `at=(on a, on b)`.
+
+        It is that of Euler and Bernoulli, straight as drawn, for small turns of b against a.
+
+        Parameters
+        ----------
+        name : str
+            Its name.
+        a, b : Body or str
+            Its bodies.
+        at : sequence
+            Both of its ends in the world as drawn.
+        axial, torsion : float or callable
+            Its stiffnesses EA and GJ.
+        bending : float, callable or pair of them
+            EI about any axis, or about `across` and about the third direction.
+        across : array_like, shape (3,), optional
+            A direction across the beam.
+        damping : float or callable, default 0
+            Time that its damping matrix is in times of its stiffness.
+
+        Returns
+        -------
+        Element
+            The beam.
+
+        Raises
+        ------
+        TypeError, ValueError
+            An argument is wrong.
+        """
+        of = f"beam '{name}'"
+        points = two_points(of, at)
+        ends = [numbers(f"at= of {of}", point, (3,)) for point in points]
+        length = float(np.linalg.norm(ends[1] - ends[0]))
+        along = unit(f"the line between the ends of {of}", ends[1] - ends[0])
+        x = None
+        if across is not None:
+            given_x = unit(f"across= of {of}", across)
+            x = unit(f"across= of {of}, beside the beam,", given_x - (given_x @ along) * along)
+        pair = bending if isinstance(bending, Sequence | np.ndarray) else (bending, bending)
+        if len(pair) != 2:
+            raise ValueError(f"bending= of {of} is one stiffness or two, not {bending!r}")
+        names = ("axial", "bending", "bending", "torsion", "damping")
+        sizes = [
+            given(f"{what}= of {of}", value, ())
+            for what, value in zip(names, (axial, *pair, torsion, damping), strict=True)
+        ]
+
+        def stiffness(params: Any) -> ca.SX:
+            own = [column(value, params, 1) for value in sizes[:4]]
+            return beam_stiffness(length, *own)
+
+        values = {
+            "stiffness": stiffness,
+            "damping": lambda params: column(sizes[4], params, 1) * stiffness(params),
+            "length": np.array(length),
+        }
+        frames = self._frames(of, *self._sides(of, a, b), axis=along, x=x)
+        return self._act("beam", name, (a, b), points, values, frames)
+
+    def force(
+        self, name: str, body: Which, force: Callable[..., Any], *, at: Any = None
+    ) -> Element:
+        """Let a force act at a point of a body.
+
+        Parameters
+        ----------
+        name : str
+            Its name.
+        body : Body or str
+            The body.
+        force : callable
+            ``force(t, position, velocity, params)`` returns three components in the world, of the
+            position and velocity of the point there.
+        at : array_like, shape (3,), or callable, optional
+            The point as drawn, the centre of mass by default.
+
+        Returns
+        -------
+        Element
+            The force.
+
+        Raises
+        ------
+        TypeError, ValueError
+            An argument is wrong, or the name is there already.
+        """
+        own = self._body(body, f"force '{name}'")
+        place = own.at if at is None else given(f"at= of force '{name}'", at, (3,))
+        return self._act("force", name, (self.ground, own), (place, place), {}, function=force)
+
+    def torque(self, name: str, body: Which, torque: Callable[..., Any]) -> Element:
+        """Let a torque act on a body.
+
+        Parameters
+        ----------
+        name : str
+            Its name.
+        body : Body or str
+            The body.
+        torque : callable
+            ``torque(t, angular_velocity, params)`` returns three components in the world, of the
+            angular velocity there.
+
+        Returns
+        -------
+        Element
+            The torque.
+
+        Raises
+        ------
+        TypeError, ValueError
+            An argument is wrong, or the name is there already.
+        """
+        own = self._body(body, f"torque '{name}'")
+        place = own.at
+        return self._act("torque", name, (self.ground, own), (place, place), {}, function=torque)
+
+    def _act(
+        self,
+        kind: str,
+        name: str,
+        sides: tuple[Which, Which],
+        points: tuple[Value, Value],
+        values: Mapping[str, Value],
+        frames: Frames | None = None,
+        function: Callable[..., Any] | None = None,
+    ) -> Element:
+        of = f"{kind} '{name}'"
+        if kind in ("force", "torque") and not callable(function):
+            raise TypeError(f"{of} is a function, not {function!r}")
+        a, b = self._sides(of, *sides)
+        own = frames or self._frames(of, a, b)
+        element = Element(self._new(name), kind, a, b, points, own, values, function)
+        self._elements[name] = element
+        return element
