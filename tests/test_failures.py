@@ -10,6 +10,7 @@ import signal
 import subprocess
 import sys
 import time
+from functools import cache
 
 import casadi as ca
 import numpy as np
@@ -18,7 +19,9 @@ from plain_spark import Plain, gauss
 from registry import printed, top, top_lagrangian
 
 import liouville as lv
-from liouville import problems
+from liouville import convergence, problems
+from liouville.bridges.functions import run_function
+from liouville.runners import Request
 
 MODULE = sys.modules["liouville.runners.execute"]
 
@@ -444,6 +447,88 @@ def test_an_interrupt_returns_what_was_done():
     cut = {name: values[: kept + 1] for name, values in arrays(solution).items()}
     for name, values in arrays(until).items():
         np.testing.assert_array_equal(cut[name], values, err_msg=name)
+
+
+@cache
+def pendulum_data():
+    pendulum = problems.load("pendulum")
+    made = lv.integrate(pendulum.system, lv.Spark(2), t=(0, 1), steps=50, **pendulum.start)
+    return {"t": made.t[::10], "q": made.q[::10] + 0.01}
+
+
+def within(name, method, function, **more):
+    problem = problems.load(name)
+    return function(problem.system, method, t=(0, 1), **more, **problem.start)
+
+
+def study(system, method, *, t, **start):
+    return convergence.study(system, method, t, [0.1, 0.05, 0.02], start)
+
+
+def fit(system, method, *, t, **start):
+    return lv.fit(system, method, pendulum_data(), h=0.02, free=("v",), t0=t[0], **start)
+
+
+def bridge(system, method, *, t, **start):
+    request = Request(t=t, steps=20, start={"q": start["q"]}, has_pullback=True)
+    at = run_function(system, method, ["v"], None, request).at([np.array(start["v"])])
+    return at.pushed([np.ones((1, 2))])
+
+
+def optimum(system, method, *, t, **start):
+    found = lv.optimal_control(
+        system, method, t=t, steps=5, controls=("g",), cost=lambda t, q, v, params: params.g**2,
+        final={"q": [0.0, -1.0]}, **start
+    )  # fmt: skip
+    return found.solution
+
+
+#: Computations made of runs.
+COMPUTATIONS = {
+    "exponents": lambda: within("pendulum", lv.Spark(2), lv.lyapunov, h=0.01, every=20),
+    "exponents of a field": lambda: within(
+        "abc_flow", lv.VolumeSplitting(), lv.lyapunov, h=0.01, every=20
+    ),
+    "fit": lambda: within("pendulum", lv.Spark(2), fit),
+    "study": lambda: within("pendulum", lv.Spark(2), study),
+    "trial runs": lambda: within("abc_flow", lv.VolumeSplitting(), lv.integrate, rtol=1e-6),
+    "optimum": lambda: within("pendulum", lv.Spark(2), optimum),
+    "derivatives for other libraries": lambda: within("pendulum", lv.Spark(2), bridge),
+    "gradient": lambda: within("pendulum", lv.Spark(2), lv.check_gradient, steps=20, wrt=["v"]),
+    "gradient of a field": lambda: within(
+        "abc_flow", lv.VolumeSplitting(), lv.check_gradient, steps=20, wrt=["x"]
+    ),
+    "gradients of waves": lambda: lv.check_gradient(
+        lv.Schrodinger(lv.Lattice(4)), lv.Chebyshev(), t=(0, 1), psi=np.eye(2, 4), wrt=["psi"]
+    ),
+}
+
+
+@pytest.mark.parametrize("name", COMPUTATIONS)
+def test_a_computation_goes_on_from_no_run_that_was_cut_short(name, monkeypatch):
+    """However far it is: it is interrupted as a whole, or returns its own run as such."""
+    advance, calls, last = MODULE.advance_slice, [], [0]
+
+    def advance_slice(*given):
+        calls.append(1)
+        if len(calls) == last[0]:
+            signal.raise_signal(signal.SIGINT)
+        return advance(*given)
+
+    pendulum_data()
+    monkeypatch.setattr(MODULE, "advance_slice", advance_slice)
+    COMPUTATIONS[name]()
+    count, ended = len(calls), 0
+    for last[0] in {1, 2, count // 2, count - 1, count} & set(range(1, count + 1)):
+        calls.clear()
+        try:
+            found = COMPUTATIONS[name]()
+            assert found.status == "interrupted"
+        except lv.IntegrationError as error:
+            assert error.solution.status == "interrupted"  # noqa: PT017
+        except KeyboardInterrupt:
+            ended += 1
+    assert ended
 
 
 CHILD = """

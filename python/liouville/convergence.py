@@ -14,6 +14,7 @@ from liouville.errors import IntegrationError
 from liouville.integrate import integrate
 from liouville.methods import Method, VolumeSplitting
 from liouville.planner import FieldPlan, plan
+from liouville.runners.execute import finished
 from liouville.solution import Array
 from liouville.systems import Field, System
 
@@ -138,8 +139,7 @@ def study(
 
     def end(h: float) -> tuple[float, dict[str, Array]]:
         solution = integrate(system, method, t=t, h=h, every=10**9, params=params, **start)
-        if solution.status == "interrupted":
-            raise KeyboardInterrupt
+        finished(solution)
         return solution.h, {name: getattr(solution, name)[-1] for name in names}
 
     if reference is None:

@@ -20,6 +20,7 @@ from liouville.methods import Method, VolumeSplitting
 from liouville.planner import plan as plan_of
 from liouville.progress import Progress, reported
 from liouville.runners import check_system
+from liouville.runners.execute import finished
 from liouville.systems import Field, Mechanics, System
 
 if TYPE_CHECKING:
@@ -130,6 +131,8 @@ def lyapunov(
         so many exponents.
     IntegrationError
         A step failed.
+    KeyboardInterrupt
+        The run was interrupted: exponents of a part of the time are not those of the whole.
 
     References
     ----------
@@ -213,10 +216,10 @@ class _Flow(ABC):
         """Make steps with all directions."""
         cuts = np.cumsum([len(value) for value in self.state.values()])[:-1]
         rows = map(np.ascontiguousarray, np.split(self.moved.T, cuts, axis=1))
-        run = integrate(
+        run = finished(integrate(
             self.system, self.method, t=t, steps=steps, every=steps, params=self.params,
             tangents=dict(zip(self.state, rows, strict=True)), **self.state,
-        )  # fmt: skip
+        ))  # fmt: skip
         # a direction of all states is the sum of its parts
         found = [
             sum(tangent.states[name][-1] for tangent in run.tangents.values())

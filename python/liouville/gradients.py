@@ -21,7 +21,7 @@ from liouville.methods import Method
 from liouville.progress import Progress
 from liouville.runners import Request, check_system, runner_of
 from liouville.runners.adjoint import EVENTS, Adjoint, Gradients
-from liouville.runners.execute import execute
+from liouville.runners.execute import execute, finished
 from liouville.runners.tangents import ENDS, PARAMS
 from liouville.solution import Solution
 from liouville.systems import Field, Mechanics, Schrodinger, SemiExplicit, members
@@ -284,7 +284,9 @@ def check_gradient(
         As of :func:`vjp`; controlled steps on constraints, which a moved run does not repeat, an
         event that ends moved runs after other numbers of states, or those of members.
     IntegrationError
-        A step of the run, or of a moved one, failed.
+        A step of the run, or of a moved one, failed, or the run was interrupted.
+    KeyboardInterrupt
+        Another run was interrupted.
 
     Examples
     --------
@@ -324,7 +326,8 @@ def check_gradient(
     }
     states = {x: random(solution.states[x].shape, adjoint.is_complex) for x in pullback.states}
     call = ensemble if is_many else integrate
-    found = call(system, method, t=t, params=params, tangents=alike, **run).tangents
+    moving = finished(call(system, method, t=t, params=params, tangents=alike, **run))
+    found = moving.tangents
     parts = {x: _part(solution, tangent) for x, tangent in found.items()}
     directions = {
         x: np.broadcast_to(parts[x] * own, adjoint.directions[x][0]) for x, own in alike.items()

@@ -17,6 +17,7 @@ from liouville.gradients import Pullback, vjp
 from liouville.integrate import integrate
 from liouville.methods import Method
 from liouville.runners import Request
+from liouville.runners.execute import finished
 from liouville.runners.tangents import PARAMS, check_covered
 from liouville.solution import Solution
 from liouville.systems import Field, Mechanics, Schrodinger, SemiExplicit
@@ -146,7 +147,7 @@ class RunFunction(ABC):
         ValueError
             An input is not finite, or no start on the constraints is near.
         IntegrationError
-            A step failed, or a run was interrupted.
+            A step failed, or a run was interrupted; one with tangents raises KeyboardInterrupt.
         """
         types = [self.types[name] for name in self.inputs]
         # libraries use their memory again
@@ -228,7 +229,7 @@ class RunPoint:
         function, system = self.function, self.system
         tangents = self.directions(dict(zip(function.inputs, directions, strict=True)))
         run: dict[str, Any] = {**self.run, **self.start, "tangents": tangents}
-        each = integrate(system, function.method, **run).tangents.values()
+        each = finished(integrate(system, function.method, **run)).tangents.values()
         sums = (sum(tangent.states[name] for tangent in each) for name in function.outputs)
         return [np.moveaxis(np.asarray(x), 1, 0) for x in sums]
 

@@ -17,6 +17,7 @@ from liouville.fitting.measurements import Measurements, System
 from liouville.fitting.result import Fit
 from liouville.integrate import integrate
 from liouville.methods import Method
+from liouville.runners.execute import finished
 from liouville.solution import Solution
 from liouville.systems import Mechanics, SemiExplicit
 
@@ -98,6 +99,8 @@ def fit(
         measurements than unknowns, they do not determine them all, or no fit is found.
     IntegrationError
         The run from the first guess fails.
+    KeyboardInterrupt
+        A run was interrupted.
     ImportError
         SciPy is missing.
 
@@ -267,6 +270,7 @@ class _Problem:
         run = integrate(
             self.system, self.method, params=params, tangents=tangents, **self.data.run, **start
         )
+        finished(run)
         return _Tried(x.copy(), params, start, run)
 
     def _residuals(self, x: Array) -> Array:

@@ -19,6 +19,7 @@ from liouville.optimal.guess import path_of
 from liouville.optimal.nodal import Hamiltonian
 from liouville.optimal.result import OptimalControl
 from liouville.optimal.transcription import Equations, Transcription
+from liouville.runners.execute import finished
 from liouville.systems import Mechanics, _trace
 
 #: IPOPT's words for a solution.
@@ -237,6 +238,7 @@ class Problem:
                 run = integrate(
                     result.driven, self.method, t=t, steps=1, params=result.params, **start
                 )
+                finished(run)
                 off = np.abs(run.states[first][-1] - result.states[first][k + 1]).max()
             except (IntegrationError, ValueError):
                 off = np.inf

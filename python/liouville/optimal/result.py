@@ -13,6 +13,7 @@ from liouville.integrate import integrate
 from liouville.methods import Spark
 from liouville.optimal.arguments import Array, Controls
 from liouville.optimal.driven import driven, polynomials
+from liouville.runners.execute import finished
 from liouville.solution import Solution
 from liouville.systems import Mechanics
 
@@ -128,4 +129,5 @@ class OptimalControl:
         start = {name: self.states[name][0] for name in names}
         t = (float(self.t[0]), float(self.t[-1]))
         steps = len(self.t) - 1
-        return integrate(self.driven, method, t=t, steps=steps, params=self.params, **start)
+        run = integrate(self.driven, method, t=t, steps=steps, params=self.params, **start)
+        return finished(run)  # it is kept

@@ -12,7 +12,7 @@ import numpy as np
 from liouville.errors import IntegrationError, hinted
 from liouville.events import AFTER
 from liouville.runners.adjoint import EVENTS, Adjoint, Gradients
-from liouville.runners.execute import Checkpoints, execute
+from liouville.runners.execute import Checkpoints, execute, finished
 from liouville.runners.runner import Request
 from liouville.runners.tangents import PARAMS, check_wrt, gradients_of, shapes_of
 from liouville.runners.traced import TracedRunner
@@ -151,4 +151,4 @@ class ConstrainedAdjoint(Adjoint):
             request, t=tuple(map(float, ends)), steps=self.runner.steps.count, h=None,
             params=values, start=start, has_pullback=False,
         )  # fmt: skip
-        return execute(type(self.runner)(system, self.runner.choice, moved)).states
+        return finished(execute(type(self.runner)(system, self.runner.choice, moved))).states

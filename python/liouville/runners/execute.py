@@ -125,6 +125,13 @@ def execute(
     return solution
 
 
+def finished(solution: Solution) -> Solution:
+    """Return a run that another computation goes on from; KeyboardInterrupt if it was cut short."""
+    if solution.status == "interrupted":
+        raise KeyboardInterrupt(solution.message)
+    return solution
+
+
 def status_of(
     outcome: Outcome, runner: Runner, stats: dict[str, Any], end: str
 ) -> tuple[str, str, str]:

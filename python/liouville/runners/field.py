@@ -18,7 +18,7 @@ from liouville.errors import Description, describe, hinted
 from liouville.methods import VolumeSplitting
 from liouville.planner import FieldPlan, plan_field
 from liouville.points import Points
-from liouville.runners.execute import execute
+from liouville.runners.execute import execute, finished
 from liouville.runners.runner import Request, Runner, kept, threads_of
 from liouville.runners.trial_steps import RECORDS, trial_steps
 from liouville.runners.watch import Watch, initial_of
@@ -193,7 +193,7 @@ class FieldRunner(Runner):
                 t=(t0, asked.t1), steps=steps, every=steps // RECORDS, start={"x": x},
                 is_ensemble=True,
             )  # fmt: skip
-            return np.asarray(execute(type(self)(self.system, method, request)).x[1:])
+            return np.asarray(finished(execute(type(self)(self.system, method, request))).x[1:])
 
         fewest = ceil(length / self._longest_step(method, rows, t0))
         return trial_steps(run, asked, order, fewest), method

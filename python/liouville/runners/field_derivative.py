@@ -13,7 +13,7 @@ from liouville import _core
 from liouville.errors import IntegrationError, hinted
 from liouville.planner import FieldPlan
 from liouville.runners.adjoint import Adjoint, Gradients
-from liouville.runners.execute import Checkpoints, execute
+from liouville.runners.execute import Checkpoints, execute, finished
 from liouville.runners.runner import Request
 from liouville.runners.tangents import PARAMS, Directions, Place, check_names
 from liouville.solution import Solution
@@ -223,4 +223,4 @@ class FieldAdjoint(Adjoint):
             request, t=tuple(ends), params=values, start={"x": x}, steps=runner.steps.count, h=None,
             rtol=None, atol=None, control=None, has_pullback=False, is_ensemble=False,
         )  # fmt: skip
-        return execute(type(runner)(runner.system, runner.choice, moved)).states
+        return finished(execute(type(runner)(runner.system, runner.choice, moved))).states

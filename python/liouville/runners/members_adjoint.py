@@ -10,7 +10,7 @@ import numpy as np
 
 from liouville.errors import IntegrationError, hinted
 from liouville.runners.adjoint import EVENTS, Adjoint, Gradients
-from liouville.runners.execute import execute
+from liouville.runners.execute import execute, finished
 from liouville.runners.runner import Runner
 from liouville.solution import Solution
 
@@ -106,7 +106,7 @@ class MembersAdjoint(Adjoint):
         def moved(member: int) -> Mapping[str, np.ndarray]:
             adjoint = self._of_member(member)
             if adjoint.holds_run and not self._holds_runs:
-                execute(adjoint.runner)
+                finished(execute(adjoint.runner))
             return adjoint.moved({name: x[member] for name, x in directions.items()}, size)
 
         each = [moved(member) for member in range(self._count)]
