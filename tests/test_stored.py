@@ -170,6 +170,7 @@ def small(monkeypatch):
     monkeypatch.setattr(folder.os, "fsync", lambda _: None)
     monkeypatch.setattr(stream, "BYTES", 1500)
     monkeypatch.setattr(stream, "EVENTS", 2)
+    monkeypatch.setattr(stream, "PAUSE", 0.0)
 
 
 def cutting(every):
@@ -520,10 +521,36 @@ def test_others_read_the_folder_while_it_grows_and_when_it_is_done(small, tmp_pa
         with xarray.open_zarr(path, consolidated=False, decode_times=False) as records:
             assert records.q.dims == ("time", "coordinate")
             assert records.time.size == 201
-    # up to the last whole chunk before the last checkpoint
-    assert all(0 <= done + 1 - length <= 60 for done, length in lengths[:-1])
+    # up to the last checkpoint
+    assert lengths[:-1] == [(done, done // 50 * 50 + 1) for done, _ in lengths[:-1]]
     assert max(length for _, length in lengths) > 100
     assert len(lengths) > 3
+
+
+@pytest.mark.parametrize("kind", ["equal", "events", "wave"])
+def test_a_run_that_was_cut_off_leaves_all_until_its_last_checkpoint(kind, tmp_path, monkeypatch):
+    """Also where no chunk of a usual size is full, and when it is cut off again."""
+    monkeypatch.setattr(stream, "PAUSE", 0.0)
+    monkeypatch.setattr(folder.os, "fsync", lambda _: None)
+    whole, path = lv.integrate(**KINDS[kind]()), tmp_path / "run.zarr"
+    with pytest.raises(CutError):
+        lv.integrate(**KINDS[kind](), store=lv.Store(path, 10), progress=cutting(2))
+    left = lv.load(path)
+    size = left.t.size
+    assert 1 < size < whole.t.size
+    assert left.t.tobytes() == whole.t[:size].tobytes()
+    for group in ("states", "invariants", "observed"):
+        for name, values in getattr(left, group).items():
+            assert values.tobytes() == getattr(whole, group)[name][:size].tobytes()
+    for name, points in left.events.items():
+        assert (
+            points.t.tobytes() == whole.events[name].t[whole.events[name].t <= left.t[-1]].tobytes()
+        )
+    with pytest.raises(CutError):
+        lv.resume(path, progress=cutting(1))
+    assert lv.load(path).t.size >= size
+    lv.resume(path)
+    same(whole, lv.load(path))
 
 
 def test_a_light_solution_says_where_its_records_are(tmp_path):

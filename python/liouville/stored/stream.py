@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import math
+import time
 from collections.abc import Mapping
 from typing import Any
 
@@ -21,6 +22,9 @@ from liouville.stored.folder import Folder
 
 #: Bytes of the records in a chunk, and events in one.
 BYTES, EVENTS = 1 << 23, 4096
+
+#: Seconds from which on readers see more: many small files take longer than a state.
+PAUSE = 1.0
 
 JOB, STATE = "job.pickle", "state.npz"
 
@@ -41,6 +45,8 @@ def chunks_of(runner: Runner, events: Mapping[str, Points]) -> dict[str, int]:
 class Stream:
     """The records and events of a run: whole chunks in the folder, the rest here.
 
+    At a checkpoint readers of the folder see the rest too, in a chunk that is written again later.
+
     Attributes
     ----------
     rows : int
@@ -55,6 +61,7 @@ class Stream:
         self._written = dict.fromkeys(chunks, 0)
         self._first: Columns = {}
         self._last = 0, runner.steps.t0
+        self._shown = -math.inf
         self._watch = runner.watch()
         self._is_driven = False
         self.rows = chunks[TIME]
@@ -128,9 +135,10 @@ class Stream:
         return solution_of(self._runner, times, rows, {"steps": 0}, t0, ("", ""), {})
 
     def save(self, run: _core.Run, stats: Mapping[str, Any]) -> None:
-        """Write the chunks' lengths, and then the state to go on from."""
-        for axis, size in self._chunks.items():
-            self._folder.extend(axis, size * self._written[axis])
+        """Write the records for readers of the folder, and then the state to go on from."""
+        if time.monotonic() - self._shown >= PAUSE:
+            self.finish()
+            self._shown = time.monotonic()
         memory = run.save()
         assert memory is not None, "ensembles are not stored"
         rest = {
@@ -163,13 +171,12 @@ class Stream:
                 rest[axis][name] = values
         self._first = rest.pop("first")
         self._rest = {axis: [columns] for axis, columns in rest.items()}
-        for axis, size in self._chunks.items():
-            self._folder.extend(axis, size * self._written[axis])
+        self.finish()  # what was written after the state may be lost
         stats: dict[str, Any] = counts["stats"]
         return stats
 
     def finish(self) -> None:
-        """Write what does not fill a chunk, for readers of the folder."""
+        """Write what does not fill a chunk too, for readers of the folder."""
         for axis, rest in self._rest.items():
             columns = _joined(rest)
             count = columns["t"].size
