@@ -113,6 +113,43 @@ def test_forces_in_joints_satisfy_newton_and_euler(kind):
     assert max(np.abs(x).max() for x in solution.residuals.values()) < 1e-14
 
 
+@pytest.mark.parametrize("kind", ["spherical", "fixed", "revolute"])
+def test_the_wrench_of_a_joint_is_read_where_all_of_it_is_known(kind):
+    wrenches = []
+    for pair in (("flat", "body"), ("body", "flat")):
+        m = lv.bodies.Assembly(gravity=G)
+        m.planar_body("flat", mass=1.0, inertia=0.1, at=(0, 0))
+        m.body("body", mass=2.0, inertia=CUBE, at=(0.3, 0.2, -0.5))
+        m.revolute("A", m.ground, "flat", at=(0, 0, 0), axis=Z)
+        more = {"axis": Z} if kind == "revolute" else {}
+        getattr(m, kind)("J", *pair, at=(0.3, 0, 0), **more)
+        solution = run(m.system(), m.start(rates={"A": 2.0}), h=0.02, stages=3)
+        joint = solution.joint("J")
+        wrenches.append(np.hstack([joint.force, joint.torque]))
+        assert joint.is_determined
+        assert not solution.joint("A").is_determined  # it bears the weight, and does not know
+        assert off(solution.joint("A").force[:, 2], 0) == 0
+    assert kind == "spherical" or off(wrenches[0][:, 2], 2.0 * 9.81) < 1e-11  # else it swings
+    assert wrenches[0][:, 2].min() > 10
+    assert off(wrenches[1], -wrenches[0]) < 1e-10
+
+
+@pytest.mark.parametrize("kind", ["planar", "spatial"])
+def test_a_point_mass_that_a_torque_does_not_turn_transmits_it(kind):
+    m = lv.bodies.Assembly(gravity=G)
+    if kind == "planar":
+        m.planar_body("arm", mass=1.0, inertia=0.1, at=(0, 0))
+    else:
+        m.body("arm", mass=1.0, inertia=CUBE, at=(0, 0, 0))
+    m.planar("A", m.ground, "arm", at=(0, 0, 0), normal=Z)
+    m.point_mass("bead", mass=2.0, at=(0.5, 0, 0))
+    m.prismatic("J", "arm", "bead", axis=(1, 0, 0))
+    m.torque("T", "arm", lambda t, angular_velocity, params: (0, 0, 3.0))
+    joint = run(m.system(), m.start(), t=0.1).joint("J")
+    assert off(joint.force, (0, 0, 2 * 9.81)) < 1e-12
+    assert off(joint.torque[:, 2], 3.0) < 1e-12
+
+
 def gradients(system, start):
     from liouville.systems._redundant import _gradients
 
@@ -373,6 +410,38 @@ def test_a_ball_on_a_turntable_turns_at_two_sevenths_of_its_rate():
     assert off(solution.residuals["nonholonomic"], 0) < 1e-13
 
 
+@pytest.mark.parametrize("kind", ["planar", "spatial"])
+def test_a_wheel_rolls_down_a_line_in_its_plane(kind):
+    slope, mass, moment, radius = 0.3, 2.0, 0.02, 0.2
+    up = np.array([-np.sin(slope), np.cos(slope), 0])
+    m = lv.bodies.Assembly(gravity=(0, -9.81, 0))
+    if kind == "planar":
+        m.planar_body("wheel", mass=mass, inertia=moment, at=radius * up[:2])
+    else:
+        m.body("wheel", mass=mass, inertia=(moment,) * 3, at=radius * up)
+    m.rolling("R", m.ground, "wheel", radius=radius, normal=up, axis=Z)
+    solution = run(m.system(), m.start())
+    down = -9.81 * np.sin(slope) / (1 + moment / (mass * radius**2))
+    along = np.array([np.cos(slope), np.sin(slope), 0])
+    way = solution.body("wheel").position - radius * up
+    assert off(way, down * solution.t[:, None] ** 2 / 2 * along) < 1e-12
+    held = mass * 9.81 * np.cos(slope) * up + mass * (down + 9.81 * np.sin(slope)) * along
+    assert off(solution.joint("R").force, held) < 1e-11
+
+
+@pytest.mark.parametrize("low", [0.0, 1e-3])
+def test_a_cart_on_two_wheels_rolls_wherever_its_centre_is(low):
+    m = lv.bodies.Assembly(gravity=(3.0, 0, -9.81))
+    m.body("cart", mass=5.0, inertia=(1, 1, 1), at=(0, 0, 0.2 - low))
+    for k, y in enumerate((-0.5, 0.5)):
+        m.body(f"wheel{k}", mass=1.0, inertia=(0.01, 0.02, 0.01), at=(0, y, 0.2))
+        m.revolute(f"A{k}", "cart", f"wheel{k}", at=(0, y, 0.2), axis=(0, 1, 0))
+        m.rolling(f"R{k}", m.ground, f"wheel{k}", radius=0.2, axis=(0, 1, 0))
+    solution = run(m.system(), m.start(), stages=3)
+    wanted = 3.0 * 7 / (7 + 2 * 0.02 / 0.2**2) * solution.t**2 / 2
+    assert off(solution.body("cart").position[:, 0], wanted) < 1e-12 + low**2
+
+
 def test_eulers_disc_stays_where_it_is():
     tilt, radius, mass = 0.6, 0.2, 1.3
     m = lv.bodies.Assembly(gravity=G)
@@ -512,6 +581,20 @@ def test_springs_bushings_and_forces_act_as_in_minimal_coordinates():
 # --- starts -----------------------------------------------------------------------------
 
 
+def test_a_spring_without_length_pulls_through_where_its_points_coincide():
+    m = lv.bodies.Assembly(gravity=G)
+    m.point_mass("bob", mass=0.5, at=(0, 0, 0))
+    m.free("F", "bob")
+    m.spring("K", m.ground, "bob", at=((0, 0, 0), (0, 0, 0)), stiffness=50.0, rest=0)
+    m.spring("L", m.ground, "bob", at=((0, 0, 1), (0, 0, 0)), stiffness=20.0, rest=1.5)
+    solution = run(m.system(), m.start(), stages=6)
+    # m z'' = -m g - 50 z - 20 (z + 1.5 - 1), from rest
+    wanted = -(9.81 + 20) / 140 * (1 - np.cos(np.sqrt(140) * solution.t))
+    assert off(solution.body("bob").position, np.outer(wanted, Z)) < 1e-12
+    with pytest.raises(ValueError, match="of spring 'N' coincide: its direction"):
+        m.spring("N", "ground", "bob", at=((0, 0, 0),) * 2, stiffness=1, rest=0, damping=0.1)
+
+
 def test_a_start_closes_loops_with_what_is_given():
     m = fourbar()
     system = m.system()
@@ -621,6 +704,17 @@ def test_a_ball_joint_with_a_spring_swings_as_its_angle_does():
     )
     assert off(turned, wanted) < 1e-9
     assert solution.invariant_drift("energy").max() < 1e-12
+
+
+def test_controlled_steps_of_a_ball_joint_with_a_spring_end_at_half_a_turn():
+    m = lv.bodies.Assembly()
+    m.body("ball", mass=1.0, inertia=(0.1, 0.2, 0.25), at=(0, 0, 0))
+    m.spherical("S", m.ground, "ball", at=(0, 0, 0), spring=0.1)
+    system, start = m.system(), m.start(rates={"S": (1.0, 2.0, 4.0)})
+    solution = lv.integrate(system, lv.Spark(4), t=(0, 5), rtol=1e-6, **start)
+    turned = solution.body("ball").rotation[:, 0]
+    assert (np.diff(np.sign(turned)) != 0).sum() > 2
+    assert solution.invariant_drift("energy").max() < 1e-7  # 1e-2 without the ends of steps there
 
 
 @pytest.mark.parametrize("revolute", [False, True])

@@ -305,3 +305,24 @@ def test_a_zero_is_looked_for_in_a_shorter_step_where_a_part_cannot_be_made():
     run = lv.integrate(block, lv.Spark(3), t=(0, 0.1), rtol=1e-4, q=[0.0], v=[0.01])
     np.testing.assert_allclose(run.q[-1], 0.01**2 / (2 * force), rtol=1e-4)
     assert run.stats["steps"] < 100
+
+
+@pytest.mark.parametrize("kind", ["prismatic", "planar", "revolute"])
+def test_friction_that_a_force_across_the_plane_presses_is_refused(kind):
+    def start(gravity):
+        m = lv.bodies.Assembly(gravity=gravity)
+        m.planar_body("b", mass=MASS, inertia=0.1, at=(0, 0))
+        friction = Coulomb(mu=MU, v_s=1e-3, radius=RADIUS if kind == "revolute" else None)
+        axis = {"planar": {"normal": (0, 0, 1)}, "prismatic": {"axis": (1, 0, 0)}}
+        more = axis.get(kind, {"axis": (0, 0, 1)})
+        getattr(m, kind)("J", m.ground, "b", **AT, friction=friction, **more)
+        return m.start()
+
+    across, along = (0, 0, -g), (0, -g, 0)
+    if kind == "revolute":  # what acts along a pin does not press it
+        assert start(across)["q"] == pytest.approx(0)
+    else:
+        with pytest.raises(ValueError, match="joint 'J': planar bodies do not know the force"):
+            start(across)
+    if kind == "prismatic":
+        assert start(along)["q"] == pytest.approx(0)

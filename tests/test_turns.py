@@ -75,6 +75,22 @@ def test_both_angles_of_a_universal_joint_count():
     assert np.ptp(solution.invariants["energy"]) < 1e-8
 
 
+def test_angles_of_a_universal_joint_that_counts_no_turns_are_continuous():
+    runs = []
+    for stiffness in (0.0, 1e-12):  # that of a spring counts in coordinates of its own
+        m = lv.bodies.Assembly(gravity=(0, 0, -9.81))
+        m.body("b", mass=1, inertia=(1, 2, 3), at=(0, 0, -0.5))
+        axes = ((1, 0, 0), (0, 1, 0))
+        m.universal("U", m.ground, "b", at=(0, 0, 0), axes=axes, spring=(stiffness,) * 2)
+        start = m.start(rates={"U": (5.0, 12.0)})
+        runs.append(lv.integrate(m.system(), lv.Spark(4), t=(0, 3), h=0.01, **start))
+    found, counted = (x.joint("U").coordinates for x in runs)
+    assert np.ptp(counted["second angle"]) > 20
+    assert np.abs(np.diff(runs[0].joint("U").values["angle"])).max() > 6  # both jump
+    for name, angle in counted.items():
+        assert np.abs(found[name] - angle).max() < 1e-6
+
+
 def test_couplings_of_hinges_hold_over_many_turns():
     m = lv.bodies.Assembly()
     for name, x in (("a", 0), ("b", 1)):

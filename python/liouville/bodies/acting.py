@@ -14,6 +14,7 @@ from liouville.bodies.chaining import Which
 from liouville.bodies.elements import Element, beam_stiffness
 from liouville.bodies.joining import Joining
 from liouville.bodies.registry import Frames, apart, points_of, two_points
+from liouville.errors import hinted
 from liouville.systems import _trace
 
 
@@ -34,7 +35,7 @@ class Acting(Joining):
         """Add a spring between two points, with a damper along it.
 
         It pulls by stiffness times what it is longer than at rest. It must not shrink to length
-        zero.
+        zero, but with ``rest=0`` and no damping, whose force :math:`-k d` needs no direction.
 
         Parameters
         ----------
@@ -64,14 +65,17 @@ class Acting(Joining):
         of = f"spring '{name}'"
         points = two_points(of, at)
         length = apart(points)
-        if not callable(length) and length == 0:
-            raise ValueError(f"the points of {of} coincide: its direction is not defined")
-        rest = length if rest is None else given(f"rest= of {of}", rest, ())
         values = {
             "stiffness": given(f"stiffness= of {of}", stiffness, ()),
-            "rest": rest,
+            "rest": length if rest is None else given(f"rest= of {of}", rest, ()),
             "damping": given(f"damping= of {of}", damping, ()),
         }
+        is_smooth = rest is not None and not any(
+            callable(values[x]) or values[x] for x in ("rest", "damping")
+        )
+        if not callable(length) and length == 0 and not is_smooth:
+            sentence = f"the points of {of} coincide: its direction is not defined"
+            raise ValueError(hinted(sentence, "rest=0 without damping= needs none"))
         return self._act("spring", name, (a, b), points, values)
 
     def damper(self, name: str, a: Which, b: Which, *, at: Any, damping: Value) -> Element:

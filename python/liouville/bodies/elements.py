@@ -84,8 +84,13 @@ def _values(group: Ends, name: str) -> ca.SX:
 def _springs(group: Group) -> tuple[ca.SX, Efforts]:
     """Springs and dampers along the line between two points."""
     stiffness, damping = _values(group, "stiffness"), _values(group, "damping")
-    length = ca.sqrt(rot.dot(group.d, group.d))
-    energy = ca.sum2(stiffness * (length - _values(group, "rest")) ** 2) / 2
+    square, rest = rot.dot(group.d, group.d), _values(group, "rest")
+    length = ca.sqrt(square)
+    # without a rest length the energy is smooth where the points coincide
+    stretched = [
+        square[k] if rest[k].is_zero() else (length[k] - rest[k]) ** 2 for k in range(rest.numel())
+    ]
+    energy = ca.sum2(stiffness * ca.horzcat(*stretched)) / 2
     if damping.is_zero():
         return energy, []
     rate = rot.dot(group.d, group.d_rate) / length

@@ -26,6 +26,7 @@ from liouville import _casadi as ca
 from liouville.bodies.body import Value, column, given
 from liouville.bodies.compound import Compound
 from liouville.bodies.joints import ALONG, AT, SPINS, Group, Joint
+from liouville.bodies.turns import is_planar
 from liouville.errors import hinted
 
 #: Normal forces are rounded off below these parts of a body's weight, and of what turns it on a
@@ -68,6 +69,8 @@ class Coulomb:
     velocity of a slide, of a turn the rate times the radius, of both together in a cylindrical
     joint and along the thread of a screw. A universal and a compound joint slip on each axis by
     itself. Torques that a joint holds add nothing to N.
+    Planar bodies do not know the force across their plane: N is of the part in it. Friction that
+    gravity along z would press, and that of a planar joint between them, is refused.
     A joint does not stick: at rest under a load it creeps, slower than ``v_s``.
 
     Attributes
@@ -266,6 +269,7 @@ def contacts(
 ) -> list[Contact]:
     """Return the slips of joint k of a group, of a system with constraints named `rows`."""
     joint: Joint = group.items[k]
+    _check_plane(joint, gravity)
     params, found = group.params, []
     for names, friction in joint.friction.items():
         slips = _slips(joint, names, coordinates, params)
@@ -281,6 +285,17 @@ def contacts(
         efforts = dict(zip(names, forces, strict=True))
         found.append(Contact(joint.name, efforts, rates, press, least))
     return found
+
+
+def _check_plane(joint: Joint, gravity: ca.SX) -> None:
+    """Refuse friction that a force across the plane of planar bodies presses."""
+    is_pressed = joint.kind == "planar" or (joint.kind != "revolute" and not gravity[2].is_zero())
+    if not (joint.friction and is_planar(joint) and is_pressed):
+        return
+    why = "" if joint.kind == "planar" else ", where gravity has a part along z"
+    what = f"friction= of joint '{joint.name}': planar bodies do not know the force across their "
+    hint = "take spatial bodies, m.body: they slide on what holds them in the plane"
+    raise ValueError(hinted(f"{what}plane, which presses it{why}", hint))
 
 
 def _least(joint: Joint, friction: Coulomb, gravity: ca.SX, params: Any) -> ca.SX:

@@ -70,7 +70,8 @@ class Linking(Chaining):
         damping : float or callable, default 0
             Times the angular velocity of b against a a torque against it, in N m s.
         spring : float or callable, default 0
-            Times the least angle from b as drawn a torque back, with an energy, in N m / rad.
+            Times the least angle from b as drawn a torque back, with an energy, in N m / rad. At
+            half a turn it changes sides: controlled steps end there, equal ones lose their order.
         friction : Coulomb or Stribeck, optional
             Dry friction, pressed by the joint's own reaction.
 
@@ -210,7 +211,8 @@ class Linking(Chaining):
     ) -> Joint:
         """Let b, a ball or with `axis` a wheel with a sharp rim, roll on a plane of a.
 
-        The point of contact does not slip; turning about the normal is free.
+        The point of contact does not slip; turning about the normal is free. Planar bodies roll on
+        a line, with a normal in their plane and the axis along z.
 
         Parameters
         ----------

@@ -19,7 +19,7 @@ from liouville.bodies.friction import contacts, edge, switches
 from liouville.bodies.joints import KINDS, MOTION, Joint, drawn
 from liouville.bodies.normal_forces import multipliers, normal_forces
 from liouville.bodies.poses import Poses, kinetic
-from liouville.bodies.rolling import rolled
+from liouville.bodies.rolling import is_across, rolled
 
 if TYPE_CHECKING:
     from liouville.bodies.chaining import Gear
@@ -145,7 +145,8 @@ class Model:
                 for k, joint in enumerate(group.items):
                     rows = {
                         f"{joint.name}.roll_{axis}": x[k]
-                        for axis, x in zip("xy", slips, strict=True)
+                        for j, (axis, x) in enumerate(zip("xy", slips, strict=True))
+                        if not (turns.is_planar(joint) and is_across(joint, j))
                     }
                     self.rows[joint.name] += tuple(rows)
                     found |= rows
@@ -186,12 +187,14 @@ class Model:
 
     @property
     def switches(self) -> dict[str, Callable[..., ca.SX]]:
-        """Where friction turns, by name: there controlled steps end."""
-        return {
+        """Where friction turns, and springs of ball joints, by name: there controlled steps end."""
+        found = {
             name: self._edge(joint, *own)
             for joint in self.joints
             for name, own in switches(joint).items()
         }
+        balls = [joint for joint in self.joints if "stiffness" in joint.sizes]
+        return found | {f"half a turn of {x.name}": self._half_turn(x) for x in balls}
 
     def _edge(self, joint: Joint, names: tuple[str, ...], k: int) -> Callable[..., ca.SX]:
         def beyond(t: ca.SX, q: ca.SX, v: ca.SX, params: Any) -> ca.SX:
@@ -199,6 +202,14 @@ class Model:
             return edge(joint, names, k, self.coordinates, params)
 
         return beyond
+
+    def _half_turn(self, joint: Joint) -> Callable[..., ca.SX]:
+        def cosine(t: ca.SX, q: ca.SX, v: ca.SX, params: Any) -> ca.SX:
+            del t, q, v, params
+            group = next(x for x in self.groups if joint in x.items)
+            return ca.SX(group.p[0][group.items.index(joint)])
+
+        return cosine
 
     def _pushed(self, v: ca.SX) -> ca.SX:
         """Return the generalised forces of all efforts."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -25,6 +26,12 @@ Array = NDArray[np.float64]
 
 #: Entries of directions that multipliers are free along, below which a multiplier is determined.
 FREE = 1e-8
+#: Kinds of bodies by what they know of a joint's force, and of its torque: a spatial body all, a
+#: point mass no torque, a planar body the part in its plane.
+FORCE, TORQUE = (
+    ("spatial", "point", "planar", "ground"),
+    ("spatial", "planar", "point", "ground"),
+)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -66,7 +73,10 @@ class JointMotion:
     Force and torque are those that keep the joint, and that prescribe its motion; they act on its
     second body, at its point there, and the opposite ones on the first. What dampers, motors and
     friction exert along its coordinates is in `efforts` and not among them, and what its springs
-    exert in neither; but for compound joints, whose axes transmit all of it.
+    exert in neither; but for compound joints, whose axes transmit all of it. Planar bodies do not
+    know what holds them in their plane: between two of them, or one and the ground, force and
+    torque are those of the plane, :math:`(F_x, F_y, 0)` and :math:`(0, 0, M_z)`, and a point mass
+    knows no torque that holds it.
 
     `coordinates` are its `values` with angles continuous over turns. Of the first coordinate
     `angle` or `slide`, `rate` and `effort` are arrays; `is_determined` says whether force and
@@ -81,7 +91,8 @@ class JointMotion:
     force, torque : ndarray, shape (k, 3)
         In the world, or in the frame of the joint in its second body, the third axis along it.
     values : dict of str to ndarray, shape (k,)
-        Angles and slides by name; angles from -2 pi to 2 pi where the system counts no turns.
+        Angles and slides by name; angles from -2 pi to 2 pi where the system counts no turns, the
+        second of a universal joint from -pi to pi.
     rates : dict of str to ndarray, shape (k,)
         Their rates by the same names; of joints without values, such as ball joints, rates alone:
         ``spin_x`` and so on, about the world's axes.
@@ -103,7 +114,8 @@ class JointMotion:
         """Angles, continuous over turns, and slides by name, each of shape (k,).
 
         Planar bodies, compound joints, and joints with a spring, a coupling or a torque by the
-        angle count turns. Those of others are counted from record to record, by the rates there.
+        angle count turns. Those of others are counted from record to record, by the rates there,
+        from the value at the first: a part of a solution, as by `sel`, counts from its own first.
 
         Raises
         ------
@@ -112,30 +124,33 @@ class JointMotion:
         """
         system = _mechanism(self._solution, f"joint '{self.name}'")
         counted = system.counted(self.name)
+        # both angles of a universal joint jump together, by a turn each: the attitude is the same
+        is_universal = system.place(self.name).kind == "universal"
+        period = 2 * np.pi if is_universal else 4 * np.pi
         return {
-            key: x if key not in ANGLES or key in counted else self._continuous(key)
+            key: x if key not in ANGLES or key in counted else self._continuous(key, period)
             for key, x in self.values.items()
         }
 
-    def _continuous(self, name: str) -> Array:
-        """Return an angle that jumps by two turns as a continuous one, by its rate."""
+    def _continuous(self, name: str, period: float) -> Array:
+        """Return an angle that jumps by its period as a continuous one, by its rate."""
         t, angle, rate = self.t, self.values[name], self.rates[name]
         predicted = np.diff(t) * (rate[1:] + rate[:-1]) / 2
         gaps = predicted - np.diff(angle)
-        turns = np.round(gaps / (4 * np.pi))
+        jumps = period * np.round(gaps / period)
         # a rate between those at both ends predicts within the first, and misses by the second
-        unknown = np.abs(np.diff(t) * np.diff(rate)) / 2 >= 2 * np.pi
-        unknown |= np.abs(gaps - 4 * np.pi * turns) > np.pi
+        unknown = np.abs(np.diff(t) * np.diff(rate)) >= period
+        unknown |= np.abs(gaps - jumps) > period / 4
         if unknown.any():
             k = int(np.argmax(unknown))
             sentence = (
                 f"joint '{self.name}' has no continuous {name}: its records at t = {t[k]:.6g} and "
                 f"{t[k + 1]:.6g} are too far apart to count turns"
             )
-            hint = "keep more records, or take the angles up to two turns from its values"
+            hint = "keep more records, or take the angles as they jump from its values"
             raise ValueError(hinted(sentence, hint))
         found = angle.copy()
-        found[1:] += 4 * np.pi * np.cumsum(turns)
+        found[1:] += np.cumsum(jumps)
         return found
 
     @property
@@ -143,10 +158,15 @@ class JointMotion:
         """Whether the motion alone determines force and torque.
 
         In a loop that holds more than it needs, as planar ones of hinges in space do, those given
-        are the least of many that are possible. Computed at the start of the run.
+        are the least of many that are possible. Computed at the start of the run. Between planar
+        bodies it is said of the part in the plane; where gravity across it, a spatial body or a
+        point mass loads them out of the plane, the answer is no.
         """
         system = _mechanism(self._solution, f"joint '{self.name}'")
-        return _is_determined(system, self._solution, system.place(self.name))
+        place = system.place(self.name)
+        if _is_loaded_across(system, self._solution, place):
+            return False
+        return _is_determined(system, self._solution, place)
 
     @property
     def angle(self) -> Array:
@@ -243,17 +263,39 @@ def _wrench(system: Mechanism, solution: Solution, place: Place) -> tuple[Any, A
     own = [names.index(row) for row in place.rows]
     lam[:, own] = solution.lam[:, own]
     reaction = system.reaction(solution.t, q, lam, solution.params, solution.v)
-    ground = len(system.bodies)
-    # the opposite wrench acts on the first body, about the same point
-    side, sign = (1, 1.0) if place.bodies[1] != ground else (0, -1.0)
-    force, torque = system._body_layout.wrench(q, reaction, place.bodies[side])
+    layout = system._body_layout
     points = system.output("points", params, solution.t[:1], q[:1], solution.v[:1])[0]
     points = points.reshape(-1, 2, 3)[system.joints.index(place.name)]
-    x, e = system._body_layout.pose(q, place.bodies[1])
+    x, e = layout.pose(q, place.bodies[1])
     at = rot.plus(x, rot.rotate(e, points[1]))
-    centre, _ = system._body_layout.pose(q, place.bodies[side])
-    about = rot.minus(torque, rot.cross(rot.minus(at, centre), force))
-    return rot.times(sign, force), rot.times(sign, about)
+
+    def on_second(order: Sequence[str]) -> tuple[Any, Any]:
+        """Return both by the body whose kind comes first in an order."""
+        ranks = [order.index(_kind(system, body)) for body in place.bodies]
+        side, sign = (0, -1.0) if ranks[0] < ranks[1] else (1, 1.0)
+        force, torque = layout.wrench(q, reaction, place.bodies[side])
+        centre, _ = layout.pose(q, place.bodies[side])
+        about = rot.minus(torque, rot.cross(rot.minus(at, centre), force))
+        if _kind(system, place.bodies[side]) == "planar":
+            about = (np.zeros(len(q)), np.zeros(len(q)), about[2])
+        # the opposite wrench acts on the first body, about the same point
+        return rot.times(sign, force), rot.times(sign, about)
+
+    return on_second(FORCE)[0], on_second(TORQUE)[1]
+
+
+def _kind(system: Mechanism, body: int) -> str:
+    """Return the kind of a body, the ground last."""
+    return (*system._body_layout.kinds, "ground")[body]
+
+
+def _is_loaded_across(system: Mechanism, solution: Solution, place: Place) -> bool:
+    """Return whether a joint that knows the plane only may hold a force across it."""
+    if {_kind(system, body) for body in place.bodies} - {"planar", "ground"}:
+        return False
+    q, v = (np.zeros((1, len(system.coordinates))) for _ in range(2))
+    gravity = system.output("gravity", system.values(solution.params), 0.0, q, v)[0]
+    return bool(gravity[2]) or set(system._body_layout.kinds) != {"planar"}
 
 
 def _is_determined(system: Mechanism, solution: Solution, place: Place) -> bool:

@@ -8,7 +8,7 @@ from liouville import _casadi as ca
 from liouville.bodies import rotations as rot
 
 if TYPE_CHECKING:
-    from liouville.bodies.joints import Group
+    from liouville.bodies.joints import Group, Joint
 
 
 def height(group: Group) -> Any:
@@ -23,6 +23,11 @@ def _slope(group: Group) -> Any:
         return 1.0
     along = rot.dot(group.axis(0, 2), group.axis(1, 2))
     return ca.sqrt(1 - along**2)
+
+
+def is_across(joint: Joint, axis: int) -> bool:
+    """Return whether an axis of the plane is along z, where planar bodies do not move."""
+    return bool(abs(rot.columns(joint.frames[0])[axis][2]) > 1 - 1e-12)
 
 
 def rolled(group: Group) -> tuple[Any, Any]:

@@ -31,7 +31,7 @@ def counted(
     return [
         (joint.name, name)
         for joint in joints
-        if not joint.axes and not _is_planar(joint)
+        if not joint.axes and not is_planar(joint)
         for name in joint.angles
         if name in joint.springs
         or (joint.name, name) in coupled
@@ -39,7 +39,8 @@ def counted(
     ]
 
 
-def _is_planar(joint: Any) -> bool:
+def is_planar(joint: Any) -> bool:
+    """Return whether a joint is between planar bodies, or one and the ground."""
     return all(body.kind in ("planar", "ground") for body in (joint.a, joint.b))
 
 
@@ -63,7 +64,7 @@ def angles(group: Any, name: str, found: ca.SX) -> ca.SX:
     for k, joint in enumerate(group.items):
         if (joint.name, name) in layout.counted:
             columns[k] = group.poses.q[layout.counted[joint.name, name]]
-        elif name == "angle" and _is_planar(joint):
+        elif name == "angle" and is_planar(joint):
             ways = [
                 group.poses.angles[side[k]] - own_turn(body)
                 for side, body in zip(group.sides, (joint.a, joint.b), strict=True)

@@ -15,6 +15,8 @@ MOST = 300
 #: Coordinates and constraints are measured in units that are powers of this: so large that nothing
 #: changes in a system about one long and wide.
 UNIT = 1024.0
+#: Sizes below this part of the largest are roundoff, and have no unit.
+ROUNDOFF = 1e-12
 
 
 def dense(pattern: Pattern, values: np.ndarray) -> np.ndarray:
@@ -26,8 +28,8 @@ def dense(pattern: Pattern, values: np.ndarray) -> np.ndarray:
 
 
 def unit(size: np.ndarray) -> np.ndarray:
-    """Return the power of `UNIT` that brings each size near one; where nothing is there, one."""
-    known = np.where(size > 0, size, 1.0)
+    """Return the power of `UNIT` that brings each size near one; one where there is roundoff."""
+    known = np.where(size > ROUNDOFF * size.max(initial=0.0), size, 1.0)
     factors: np.ndarray = UNIT ** -np.round(np.log2(known) / np.log2(UNIT))
     return factors
 
