@@ -109,6 +109,9 @@ BAD = {
     "not <Assembly of 1 bodies and 0 joints>\nhint: take its system": lambda m: lv.integrate(
         m, lv.Spark(2), t=(0, 1), h=0.1
     ),
+    "joint 'A' of 'ground' and 'p' does not fit how these bodies move\nhint: planar": lambda m: (
+        m.rolling("A", m.ground, m.planar_body("p", mass=1, inertia=1, at=(0, 0)), radius=1)
+    ),
     "motion= of joint 'A' is a function": lambda m: m.revolute(
         "A", m.ground, "rod", **AT, axis=Z, motion=1.0
     ),

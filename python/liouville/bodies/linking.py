@@ -12,7 +12,7 @@ from liouville.bodies.body import Value, given, unit
 from liouville.bodies.chaining import Chaining, Which
 from liouville.bodies.friction import Coulomb, frictions
 from liouville.bodies.joints import Joint
-from liouville.bodies.registry import along, apart, points_of, two_points
+from liouville.bodies.registry import along, apart, check_plane, points_of, two_points
 from liouville.errors import hinted
 
 
@@ -71,7 +71,7 @@ class Linking(Chaining):
             Times the angular velocity of b against a a torque against it, in N m s.
         spring : float or callable, default 0
             Times the least angle from b as drawn a torque back, with an energy, in N m / rad. At
-            half a turn it changes sides: controlled steps end there, equal ones lose their order.
+            half a turn it changes sides: steps that follow an error end there, others lose order.
         friction : Coulomb or Stribeck, optional
             Dry friction, pressed by the joint's own reaction.
 
@@ -251,6 +251,9 @@ class Linking(Chaining):
         middle = sides[1].at if centre is None else given(f"centre= of {of}", centre, (3,))
         if axis is not None and abs(float(rim @ plane)) > 1 - 1e-12:
             raise ValueError(f"the wheel of {of} lies flat on its plane: it has no lowest point")
+        check_plane(of, "rolling", *sides, plane)
+        if axis is not None:
+            check_plane(of, "revolute", *sides, rim)
         return self._add(
             "rolling ball" if axis is None else "rolling wheel",
             name,

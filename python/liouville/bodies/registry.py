@@ -223,12 +223,13 @@ def check_plane(of: str, kind: str, a: Body, b: Body, axis: NDArray[np.float64])
     if "planar" not in (a.kind, b.kind) or "spatial" in (a.kind, b.kind):
         return
     up = abs(float(axis[2]))
-    fits = {"revolute": up > 1 - 1e-12, "planar": up > 1 - 1e-12, "prismatic": up < 1e-12}
+    fits = {"revolute": up > 1 - 1e-12, "planar": up > 1 - 1e-12}
+    fits |= dict.fromkeys(("prismatic", "rolling"), up < 1e-12)
     if not fits.get(kind, False):
         raise ValueError(
             hinted(
                 f"{of} of '{a.name}' and '{b.name}' does not fit how these bodies move",
-                "planar bodies turn about z and slide along directions across it",
+                "planar bodies turn about z, and slide and roll along directions across it",
             )
         )
 
