@@ -354,3 +354,22 @@ def test_controlled_steps_end_at_the_switches_of_a_system():
         for more in ({}, {"switches": edges})
     ]
     np.testing.assert_array_equal(equal[0].q, equal[1].q)
+
+
+@pytest.mark.parametrize("length", [1.0, 1e-9])
+def test_an_absolute_tolerance_that_outweighs_all_coordinates_gets_a_word(length, tmp_path):
+    pendulum = lv.Lagrangian(
+        lambda t, q, v, p: ca.dot(v, v) / 2 - 9.81 * length * q[1],
+        lambda t, q, p: (ca.sumsqr(q) / length**2 - 1) / 2,
+        q=2,
+    )
+    call = {"t": (0, 1), "rtol": 1e-8, "q": [length, 0], "v": [0, 0]}
+    run = lv.integrate(pendulum, lv.Spark(3), **call)
+    told = "the errors are judged by atol = rtol / 1000 = 1e-11, which is more than rtol times"
+    assert run.message.startswith(told) == (length < 1)
+    assert bool(run.message) == (length < 1)
+    stored = lv.integrate(pendulum, lv.Spark(3), **call, store=tmp_path / "run.zarr")
+    assert stored.message == run.message
+    given = lv.integrate(pendulum, lv.Spark(3), atol=1e-11 * length, **call)
+    assert given.message == ""
+    assert given.stats["steps"] > 20

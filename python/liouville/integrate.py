@@ -72,7 +72,7 @@ def integrate(
         tried. A wave function's tolerance is its method's, ``tol``.
     atol : float or array_like, shape (n,), optional
         Absolute tolerance, for all coordinates or for each, in their own unit; ``rtol / 1000`` by
-        default.
+        default. ``solution.message`` says where that outweighs ``rtol`` times all coordinates.
     control : Adaptive or Reversible, optional
         The control of the steps: by an estimate of their error, as with `rtol` alone, or by a
         monitor of the motion. By default they are equal. ``rtol`` alone gives the alpha family

@@ -178,8 +178,19 @@ class Runner(ABC):
         return False
 
     def remark(self, t: np.ndarray, rows: np.ndarray, events: Mapping[str, Points]) -> str:
-        """Return a sentence on records that cannot be right; empty where there is none."""
-        return sentence_of(self._found(t, rows, events), is_ensemble=bool(self.members))
+        """Return sentences on records that cannot be right; empty where there is none."""
+        said = sentence_of(self._found(t, rows, events), is_ensemble=bool(self.members))
+        return "; ".join(filter(None, [said, self.outweighed(self.largest(rows))]))
+
+    def largest(self, rows: np.ndarray) -> float:
+        """Return the largest coordinate of records, 0 where they have none."""
+        del rows
+        return 0.0
+
+    def outweighed(self, largest: float) -> str:
+        """Return a sentence on a tolerance by default that is too large for all coordinates."""
+        del largest
+        return ""
 
     def resets(self, events: Mapping[str, Points], member: int = 0) -> list[tuple[float, float]]:
         """Return when resets have changed the energy of a member, and by how much, in order."""

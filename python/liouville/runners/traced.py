@@ -59,6 +59,7 @@ class TracedRunner(Runner):
         self.system, self.choice, self.method = system, method, method_repr(method)
         self.constraints = system.constraints
         self.steps = request.steps_of(system, self._controls_taken())
+        self._is_atol_default = request.atol is None
         self._control = None if self.steps.control is None else self.steps.control[0]
         self._monitor = None
         if isinstance(request.control, Reversible):
@@ -82,6 +83,23 @@ class TracedRunner(Runner):
         self._directions: ConstrainedDirections | None = None
         #: Tangents at events, by their names.
         self._moved_events: dict[str, tuple[np.ndarray, np.ndarray | None]] = {}
+
+    def largest(self, rows: np.ndarray) -> float:
+        """Return the largest coordinate of records, 0 where they have none."""
+        y = rows[..., : len(self.system.coordinates) if self._states else 0]
+        return float(np.fmax.reduce(np.abs(y), axis=None, initial=0.0))
+
+    def outweighed(self, largest: float) -> str:
+        """Return a sentence on a tolerance by default that is too large for all coordinates."""
+        if self.steps.control is None or not self._is_atol_default or self._control != "error":
+            return ""
+        _, rtol, atol, *_ = self.steps.control
+        if not 0 < rtol * largest < atol[0]:
+            return ""
+        return (
+            f"the errors are judged by atol = rtol / 1000 = {atol[0]:.3g}, which is more than rtol "
+            f"times the largest coordinate, {largest:.3g}: give atol= in the unit of the coordinates"
+        )
 
     def _controls_taken(self) -> Takes:
         """Return the controls of the steps that the method takes."""

@@ -63,7 +63,7 @@ class Stream:
         self._last = 0, runner.steps.t0
         self._shown = -math.inf
         self._watch = runner.watch()
-        self._is_driven = False
+        self._is_driven, self._largest = False, 0.0
         self.rows = chunks[TIME]
         self.end = ""
 
@@ -74,7 +74,9 @@ class Stream:
         if found:
             times, rows = times[: found[0]], rows[: found[0]]
         if times.size:
+            self._replace(times[0])
             self._last = self._last[0] + times.size, float(times[-1])
+        self._largest = max(self._largest, self._runner.largest(rows))
         events, endings = self._runner.events(run)
         self.end = endings.get(0, "")
         if self._watch is not None:
@@ -94,22 +96,31 @@ class Stream:
 
     def remark(self) -> str:
         """Return a sentence on records that cannot be right; empty where there is none."""
-        if self._watch is None or self._is_driven:
-            return ""
-        return sentence_of([self._watch.found()], is_ensemble=False)
+        said = ""
+        if self._watch is not None and not self._is_driven:
+            said = sentence_of([self._watch.found()], is_ensemble=False)
+        return "; ".join(filter(None, [said, self._runner.outweighed(self._largest)]))
 
     def recent(self) -> Columns:
         """Return the records that do not fill a chunk yet."""
         return _joined(self._rest[TIME])
 
+    def _replace(self, t: float) -> None:
+        """Drop the last record where the next is of the state after a reset at its time."""
+        if self._last[0] and self._last[1] == t:
+            self._last = self._last[0] - 1, t
+            rest = self._rest[TIME] = [_joined(self._rest[TIME])]
+            rest[0] = {name: x[:-1] for name, x in rest[0].items()}
+
     def _append(self, axis: str, columns: Columns) -> None:
         rest, size = self._rest[axis], self._chunks[axis]
         if columns["t"].size or not rest:
             rest.append(columns)
-        if sum(each["t"].size for each in rest) < size:
+        if sum(each["t"].size for each in rest) <= size:
             return
         columns = _joined(rest)
-        while columns["t"].size >= size:
+        # the last may still be replaced
+        while columns["t"].size > size:
             self._put(axis, {name: x[:size] for name, x in columns.items()})
             self._written[axis] += 1
             columns = {name: x[size:] for name, x in columns.items()}
@@ -147,8 +158,9 @@ class Stream:
             for name, x in _joined(each).items()
         }
         first = {f"first/{name}": x for name, x in self._first.items()}
-        own = {"end": self.end, "is_driven": self._is_driven, "stats": dict(stats)}
-        state = json.dumps({"written": self._written, "last": self._last, **own})
+        own = {"end": self.end, "is_driven": self._is_driven, "largest": self._largest}
+        counts = {"written": self._written, "last": self._last, "stats": dict(stats)}
+        state = json.dumps({**counts, **own})
         buffer = io.BytesIO()
         whole: dict[str, Any] = {"memory": memory, "counts": np.array(state), **rest, **first}
         if self._watch is not None:
@@ -161,7 +173,8 @@ class Stream:
         run.restore(state["memory"])
         counts = json.loads(str(state["counts"]))
         self._written, self.end = counts["written"], counts["end"]
-        self._last, self._is_driven = tuple(counts["last"]), counts["is_driven"]
+        self._last = tuple(counts["last"])
+        self._is_driven, self._largest = counts["is_driven"], counts["largest"]
         if self._watch is not None:
             self._watch.restore(state["watch"])
         rest: dict[str, Columns] = {axis: {} for axis in (*self._chunks, "first")}
