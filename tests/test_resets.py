@@ -391,3 +391,43 @@ def test_a_reset_may_give_some_entries_by_coordinate_and_the_balance_names_its_w
     wrong = lv.Event(law.function, reset=lambda t, q, v, lam, params: {"v": {"z": 0.0}})
     with pytest.raises(ValueError, match="'v' has a value for 'z', which is no coordinate"):
         lv.integrate(point, lv.Spark(2), events={"ground": wrong}, **call)
+
+
+FREE = lv.Lagrangian(lambda t, q, v, p: v[0] ** 2 / 2, q=1)
+
+
+@pytest.mark.parametrize("kept", [{}, {"t_eval": [0, 0.5, 1.0]}], ids=["steps", "times"])
+@pytest.mark.parametrize("h", [0.25, 0.3], ids=["at an end of a step", "within one"])
+def test_a_record_at_the_time_of_a_reset_is_of_the_state_after_it(h, kept, tmp_path):
+    def at_one(*args):
+        return args[0] - 1
+
+    double = lv.Event(at_one, reset=lambda t, q, v, lam, p: 2 * v)
+    triple = lv.Event(at_one, reset=lambda t, q, v, lam, p: 3 * v, terminal=True)
+    call = {"t": (0, 2), "h": h, "q": [0], "v": [1], **kept}
+    run = lv.integrate(FREE, lv.Spark(2), events={"double": double, "triple": triple}, **call)
+    assert (run.t[-2] < 1, run.t[-1], run.v[-1, 0]) == (True, 1, 6)
+    assert run.message == "event 'triple' at t = 1"
+    goes_on = lv.integrate(FREE, lv.Spark(2), events={"double": double}, **call)
+    if h == 0.25 or kept:
+        assert goes_on.v[goes_on.t == 1] == 2
+    assert goes_on.message == ""
+    if not kept:
+        store = lv.Store(tmp_path / "run.zarr", checkpoint=1)
+        stored = lv.integrate(FREE, lv.Spark(2), events={"double": double}, store=store, **call)
+        whole = lv.load(tmp_path / "run.zarr")
+        assert np.array_equal(whole.t, goes_on.t)
+        assert np.array_equal(whole.v, goes_on.v)
+        assert stored.message == ""
+
+
+@pytest.mark.parametrize(("direction", "met"), [("down", True), ("both", False), ("up", False)])
+def test_a_ball_that_starts_on_its_ground_needs_a_direction(direction, met):
+    ball = lv.Lagrangian(lambda t, q, v, p: v[0] ** 2 / 2 - q[0], q=1)
+    ground = lv.Event(lambda t, q, v, lam, p: q[0], direction, reset=lv.Impact(0.5))
+    call = {"t": (0, 0.9), "h": 0.1, "q": [0], "v": [-1]}
+    run = lv.integrate(ball, lv.Spark(2), events={"ground": ground}, **call)
+    assert run.events["ground"].t.tolist() == [0.0] * met
+    assert run.v[0, 0] == (0.5 if met else -1)
+    assert (run.q[-1, 0] > 0) == met
+    assert run.message == ""

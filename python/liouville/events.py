@@ -90,7 +90,11 @@ class Event:
         ``function(t, x, params)``.
     direction : {"both", "up", "down"}
         Whether :math:`e` must grow or fall where it changes its sign, in the order of the run:
-        one that goes backwards in time passes it the other way.
+        one that goes backwards in time passes it the other way. A function that is zero where the
+        run starts is not met there, as it is not known from which side it came. An exception is an
+        event with a direction and a reset that turns the motion back, as an :class:`Impact` does,
+        from which the motion would go on in that direction: a ball that starts on its ground needs
+        ``"down"``, and falls through with ``"both"``.
     terminal : bool or int, default False
         Whether the event ends the run, or how many of it do.
     reset : Impact or callable, optional
@@ -100,6 +104,7 @@ class Event:
         ``{"q": ..., "v": ...}``, each whole or some entries by coordinate. This state is moved onto
         the constraints, as ``system.consistent`` moves a start, by impulses in the velocities.
         ``solution.events`` has both states: ``q`` and ``v`` before, ``q_after`` and ``v_after``.
+        A record at the time of a reset is of the state after it, also the first and the last one.
 
     Raises
     ------

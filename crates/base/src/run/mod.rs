@@ -123,6 +123,7 @@ impl<State: Checkpoint> Run<State> {
                     self.control.stepper_mut().forget();
                     self.control.restart(start, &self.state);
                     if start.to_bits() != t.to_bits() {
+                        self.replace_record(start)?;
                         // the rest of the step is still to be made
                         self.n -= 1;
                         return Ok(());
@@ -130,12 +131,20 @@ impl<State: Checkpoint> Run<State> {
                 }
             }
         }
-        // a run that ends at the start of a step is recorded already
-        let is_there = self.end.is_some() && self.end == self.records.last();
-        if self.is_due() && !is_there {
-            self.record()?;
+        match self.end {
+            Some(end) if self.records.last() == Some(end) => self.replace_record(end),
+            _ if self.is_due() => self.record(),
+            _ => Ok(()),
         }
-        Ok(())
+    }
+
+    /// Records a state that a reset has led to at the time of the last record, which is of the state before.
+    fn replace_record(&mut self, t: f64) -> Result<(), StepError> {
+        if self.is_recorded_by_events() || self.records.last() != Some(t) {
+            return Ok(());
+        }
+        self.control.stepper_mut().synchronize(&mut self.state)?;
+        self.records.replace(&mut *self.observer, t, &self.state)
     }
 
     /// Whether the records are those of the event detector.

@@ -49,8 +49,26 @@ impl Records {
         Ok(())
     }
 
+    /// Records a state in the place of that of the same time before a reset, unless that was collected already.
+    ///
+    /// # Errors
+    /// Those of [`Self::push`]; the record before is gone then.
+    pub fn replace<T>(
+        &mut self,
+        observer: &mut dyn Observe<T>,
+        t: f64,
+        state: &T,
+    ) -> Result<(), StepError> {
+        while self.times.last() == Some(&t) {
+            self.rows
+                .truncate(self.rows.len() - self.rows.len() / self.times.len());
+            self.times.pop();
+        }
+        self.push(observer, t, state)
+    }
+
     /// The time of the last record.
-    pub(super) fn last(&self) -> Option<f64> {
+    pub fn last(&self) -> Option<f64> {
         self.last
     }
 

@@ -240,6 +240,11 @@ impl<State: Carried + Checkpoint + Clone, M: Dynamics> DenseDetector<State, M> {
             limit
         });
         self.path.begin(t, state)?;
+        if self.times.is_some() && records.last() == Some(t) {
+            self.path.move_to(t);
+            self.path.move_tangents();
+            records.replace(&mut *self.observer, t, &self.path)?;
+        }
         self.begin_piece((k, near), t, state)?;
         let after = match rates {
             None => 0.0,
