@@ -306,3 +306,11 @@ def test_a_body_that_does_not_fit_is_refused(monkeypatch):
     with pytest.raises(ImportError) as raised:
         fem.Body.elastic(basis, young=1.0, poisson=0.0, density=1.0)
     assert raised.value.__notes__ == ["hint: pip install liouville[fem]"]
+
+
+@pytest.mark.parametrize("sparse", [False, True])
+def test_a_stiffness_of_zeros_leaves_the_masses_free(sparse):
+    zeros = sp.csc_array((2, 2)) if sparse else np.zeros((2, 2))
+    system = lv.Structure([1.0, 2.0], zeros, np.zeros((2, 2)))
+    run = lv.integrate(system, lv.Spark(2), t=(0, 2), h=0.5, q=[0.0, 1.0], v=[1.0, -1.0])
+    np.testing.assert_allclose(run.q[-1], [2.0, -1.0], rtol=1e-14)

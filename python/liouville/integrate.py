@@ -149,6 +149,14 @@ def integrate(
     -----
     Times are :math:`t_0 + n h`, computed and not summed up; those of steps that are not equal are
     sums with compensated rounding.
+
+    Examples
+    --------
+    >>> import liouville as lv
+    >>> system = lv.Lagrangian(lambda t, q, v, params: v[0] ** 2 / 2 - q[0] ** 2 / 2, q=("x",))
+    >>> solution = lv.integrate(system, lv.Spark(3), t=(0, 10), h=0.1, q=[1.0], v=[0.0])
+    >>> f"{solution.q[-1, 0]:.6f}"  # cos 10
+    '-0.839072'
     """
     request = Request(
         t=t, h=h, steps=steps, rtol=rtol, atol=atol, control=control, every=every, t_eval=t_eval,

@@ -125,6 +125,16 @@ class Solution(States, Drifts, Motions):
         The system integrated; None after :func:`liouville.load`.
     path : str or None
         Where all records are, of a run with ``store=``: then only the first and the last are here.
+
+    Examples
+    --------
+    >>> import liouville as lv
+    >>> from liouville.problems import pendulum
+    >>> solution = lv.integrate(pendulum.system, lv.Spark(3), t=(0, 1), h=0.1, **pendulum.start)
+    >>> solution.status, solution.q.shape, solution.names["coordinates"]
+    ('done', (11, 2), ('x', 'y'))
+    >>> solution([0.25, 0.75]).q.shape
+    (2, 2)
     """
 
     t: Array

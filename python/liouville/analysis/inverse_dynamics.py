@@ -107,6 +107,15 @@ def inverse_dynamics(
     References
     ----------
     :cite:t:`jay2007` for the equations.
+
+    Examples
+    --------
+    >>> import liouville as lv
+    >>> spring, mass = lv.Structure([1.0], [[4.0]]), lv.Structure([1.0], [[0.0]])
+    >>> motion = lv.integrate(spring, lv.Spark(3), t=(0, 1), h=0.1, q=[1.0], v=[0.0])
+    >>> found = lv.inverse_dynamics(mass, motion, ["q0"])
+    >>> bool(abs(found.efforts["q0"] + 4.0 * motion.q[:, 0]).max() < 1e-12)
+    True
     """
     system = mechanical(system, "inverse_dynamics")
     if "v_z" in system._patterns or not system._is_ideal:

@@ -123,6 +123,15 @@ def linearize(
     References
     ----------
     :cite:t:`jay2007` for the general form.
+
+    Examples
+    --------
+    >>> import liouville as lv
+    >>> from liouville.problems import pendulum
+    >>> import numpy as np
+    >>> linear = lv.linearize(pendulum.system, q=[0, -1], v=[0, 0])
+    >>> f"{abs(np.linalg.eigvals(linear.state)[0]):.6f}"  # the root of 9.81
+    '3.132092'
     """
     point = Point.given(mechanical(system, "linearize"), start, t, params)
     if point.n > LARGE:

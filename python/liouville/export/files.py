@@ -189,6 +189,15 @@ def load(path: str | os.PathLike[str]) -> Solution:
         does not fit, or an array or a part of one is missing.
     ImportError
         xarray or the package for this kind of file is not installed.
+
+    Examples
+    --------
+    >>> import liouville as lv
+    >>> from liouville.problems import pendulum
+    >>> run = lv.integrate(pendulum.system, lv.Spark(3), t=(0, 1), h=0.1, **pendulum.start)
+    >>> run.save("pendulum.npz")
+    >>> bool((lv.load("pendulum.npz").q == run.q).all())
+    True
     """
     return _read(Path(path))
 

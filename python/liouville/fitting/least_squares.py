@@ -112,6 +112,18 @@ def fit(
     References
     ----------
     :cite:t:`bock1983` for fits through differential-algebraic equations.
+
+    Examples
+    --------
+    >>> import liouville as lv
+    >>> import numpy as np
+    >>> lagrangian = lambda t, q, v, params: (v[0] ** 2 - params.k * q[0] ** 2) / 2
+    >>> system = lv.Lagrangian(lagrangian, q=("x",), params={"k": 1.0})
+    >>> t = np.linspace(0, 2, 21)
+    >>> data = {"t": t, "x": np.cos(2 * t)}
+    >>> found = lv.fit(system, lv.Spark(3), data, h=0.1, params=["k"], q=[1.0], v=[0.0])
+    >>> f"{found.params['k']:.6f}"
+    '4.000000'
     """
     if not isinstance(system, Mechanics | SemiExplicit):
         sentence = (

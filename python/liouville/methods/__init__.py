@@ -6,13 +6,13 @@ from liouville.methods.alpha import GeneralizedAlpha as GeneralizedAlpha
 from liouville.methods.composition import Composition as Composition
 from liouville.methods.lobatto import LobattoPair as LobattoPair
 from liouville.methods.schrodinger import Chebyshev as Chebyshev
-from liouville.methods.schrodinger import GrayManolopoulos as GrayManolopoulos
 from liouville.methods.schrodinger import Lanczos as Lanczos
 from liouville.methods.schrodinger import Magnus as Magnus
 from liouville.methods.schrodinger import SchrodingerSplitting as SchrodingerSplitting
 from liouville.methods.schrodinger import SplitOperator as SplitOperator
-from liouville.methods.schrodinger import StabilitySplitting as StabilitySplitting
-from liouville.methods.schrodinger import shears_of as shears_of
+from liouville.methods.shears import GrayManolopoulos as GrayManolopoulos
+from liouville.methods.shears import StabilitySplitting as StabilitySplitting
+from liouville.methods.shears import shears_of as shears_of
 from liouville.methods.spark import Spark as Spark
 from liouville.methods.volume import VolumeSplitting as VolumeSplitting
 

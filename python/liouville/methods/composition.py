@@ -60,6 +60,12 @@ class Composition:
     References
     ----------
     :cite:t:`hairer2006`, section V.3; see :doc:`/theory/composition`.
+
+    Examples
+    --------
+    >>> import liouville as lv
+    >>> lv.Composition(lv.Spark(1), "SS6s11").order
+    6
     """
 
     base: Spark | LobattoPair

@@ -76,6 +76,14 @@ class LobattoPair:
     References
     ----------
     :cite:t:`jay1996`; see :doc:`/theory/spark`.
+
+    Examples
+    --------
+    >>> import liouville as lv
+    >>> from liouville.problems import pendulum
+    >>> run = lv.integrate(pendulum.system, lv.LobattoPair(), t=(0, 1), h=0.1, **pendulum.start)
+    >>> run.stats["solver"]
+    'rattle'
     """
 
     form: ClassVar[str] = "general"

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from typing import ClassVar
 
-from liouville import _core
 from liouville._arguments import count, number
 from liouville.errors import hinted
 from liouville.methods.composition import SCHEMES, scheme_name
@@ -65,6 +64,16 @@ class SchrodingerSplitting:
     References
     ----------
     :cite:t:`blanes2015`; see :doc:`/theory/schrodinger`.
+
+    Examples
+    --------
+    >>> import liouville as lv
+    >>> import numpy as np
+    >>> chain = lv.Schrodinger(lv.Lattice(100))
+    >>> psi = np.eye(100)[50]
+    >>> run = lv.integrate(chain, lv.SchrodingerSplitting(1e-6), t=(0, 10), psi=psi)
+    >>> f"{abs(run.psi[-1, 50]):.6f}"  # the Bessel function |J0(20)|
+    '0.167025'
     """
 
     form: ClassVar[str] = "wave"
@@ -108,6 +117,16 @@ class Chebyshev:
     References
     ----------
     :cite:t:`talezer1984`.
+
+    Examples
+    --------
+    >>> import liouville as lv
+    >>> import numpy as np
+    >>> chain = lv.Schrodinger(lv.Lattice(100))
+    >>> psi = np.eye(100)[50]
+    >>> run = lv.integrate(chain, lv.Chebyshev(1e-6), t=(0, 10), psi=psi)
+    >>> run.stats["bound"], f"{abs(run.psi[-1, 50]):.6f}"  # the Bessel function |J0(20)|
+    (1e-06, '0.167025')
     """
 
     form: ClassVar[str] = "wave"
@@ -141,6 +160,16 @@ class Lanczos:
     References
     ----------
     :cite:t:`parklight1986`.
+
+    Examples
+    --------
+    >>> import liouville as lv
+    >>> import numpy as np
+    >>> chain = lv.Schrodinger(lv.Lattice(100))
+    >>> psi = np.eye(100)[50]
+    >>> run = lv.integrate(chain, lv.Lanczos(1e-6), t=(0, 10), psi=psi)
+    >>> f"{abs(run.psi[-1, 50]):.6f}"  # the Bessel function |J0(20)|
+    '0.167025'
     """
 
     form: ClassVar[str] = "wave"
@@ -181,6 +210,17 @@ class SplitOperator:
     References
     ----------
     :cite:t:`blanes2002`.
+
+    Examples
+    --------
+    >>> import liouville as lv
+    >>> import numpy as np
+    >>> grid = lv.Grid(-10, 10, 128, potential=lambda t, x, params: x**2 / 2)
+    >>> psi = np.exp(-((grid.points[:, 0] - 1) ** 2) / 2)
+    >>> period = {"t": (0, 2 * np.pi), "steps": 40}
+    >>> run = lv.integrate(lv.Schrodinger(grid), lv.SplitOperator(), psi=psi, **period)
+    >>> bool(abs(run.psi[-1] + psi).max() < 1e-10)  # back, with the opposite sign
+    True
     """
 
     form: ClassVar[str] = "wave"
@@ -239,6 +279,16 @@ class Magnus:
     References
     ----------
     :cite:t:`alvermann2011`; order 8 from :cite:t:`hofstatter2019`.
+
+    Examples
+    --------
+    >>> import casadi as ca
+    >>> import liouville as lv
+    >>> drive = [(lambda t, params: 0.5 * ca.cos(t), [[0, 1], [1, 0]])]
+    >>> qubit = lv.Schrodinger([[0, 0], [0, 1]], drive=drive)
+    >>> run = lv.integrate(qubit, lv.Magnus(6), t=(0, 10), psi=[1, 0])
+    >>> f"{abs(run.psi[-1, 1]) ** 2:.6f}"
+    '0.275872'
     """
 
     form: ClassVar[str] = "wave"
@@ -264,93 +314,3 @@ class Magnus:
     def scheme(self) -> tuple[int, int]:
         """The order and the number of exponentials."""
         return self.order, self.exponentials or MAGNUS[self.order][0]
-
-
-@dataclass(frozen=True)
-class StabilitySplitting:
-    r"""Shears made for the longest stable steps, between a processor and its inverse.
-
-    The cosine of a step of 2m shears is the polynomial in :math:`x^2` of degree m that agrees with
-    :math:`\cos x` to :math:`x^{order}` and stays within :math:`\pm 1` up to the largest
-    :math:`x^*` there is, :math:`x = h (\lambda - \sigma)`. A step K is conjugate to a rotation,
-    :math:`K = P^{-1} R P`; the processor P takes 2d more products for each state that is kept. For
-    coarse runs that stability limits: at a tolerance, :class:`SchrodingerSplitting` takes fewer
-    products.
-
-    Parameters
-    ----------
-    order : {2, 4, 6, 8}
-        Order of the cosine, and with it of R.
-    stages : int
-        m, half the number of shears.
-    processed : bool, default True
-        Whether to begin with the inverse of a processor and look at states through it. Without, a
-        state that is kept is off by as much as P is from 1. Orders 4 and 8 have processors of
-        very high degree, or none, but for few stages.
-
-    Raises
-    ------
-    TypeError, ValueError
-        There is no such method; the message has those there are.
-
-    References
-    ----------
-    :cite:t:`mclachlan1997`, :cite:t:`lopezmarcos1996`.
-    """
-
-    form: ClassVar[str] = "wave"
-    order: int = field(default=2, metadata={"help": "order of its cosine, 2 to 8"})
-    stages: int = field(default=8, metadata={"help": "half the number of shears of a step"})
-    processed: bool = field(default=True, metadata={"help": "between a processor and its inverse"})
-
-    def __post_init__(self) -> None:
-        """Refuse what is not in the table."""
-        shears_of("stability", self.order, self.stages)
-        if not isinstance(self.processed, bool):
-            raise TypeError(f"processed is True or False, not {self.processed!r}")
-
-    @property
-    def limit(self) -> float:
-        """The longest stable step in units of 1/beta, half the width of the spectrum."""
-        return float(shears_of("stability", self.order, self.stages)["limit"])
-
-
-@dataclass(frozen=True)
-class GrayManolopoulos:
-    """Shears of an order in h, as many as the order takes.
-
-    For steps of a size given by something else; at a tolerance, :class:`SchrodingerSplitting`
-    takes fewer products.
-
-    Parameters
-    ----------
-    order : int, default 6
-        Order of a step, from 2 to 6, and half the number of its shears.
-
-    Raises
-    ------
-    TypeError, ValueError
-        There is no such method.
-
-    References
-    ----------
-    :cite:t:`gray1996`.
-    """
-
-    form: ClassVar[str] = "wave"
-    order: int = field(default=6, metadata={"help": "order of a step, 2 to 6"})
-
-    def __post_init__(self) -> None:
-        """Refuse what is not in the table."""
-        shears_of("gray-manolopoulos", self.order, self.order)
-
-
-def shears_of(kind: str, order: Any, stages: Any) -> dict[str, Any]:
-    """Return a method of the core's table; ValueError has those there are."""
-    wanted = count("order", order), count("stages", stages)
-    known = {(m["order"], m["stages"]): m for m in _core.stability() if m["kind"] == kind}
-    if wanted not in known:
-        sentence = f"there is no method of order {order} with {stages} stages"
-        there = ", ".join(f"{a} with {b}" for a, b in known)
-        raise ValueError(hinted(sentence, f"there are {there}"))
-    return known[wanted]

@@ -107,6 +107,16 @@ class Spark:
     References
     ----------
     :cite:t:`jay2007`, and :cite:t:`hairer1996` on Radau IIA; see :doc:`/theory/spark`.
+
+    Examples
+    --------
+    >>> import liouville as lv
+    >>> from liouville.problems import pendulum
+    >>> lv.Spark(3).order, lv.Spark(3, points="radau").order
+    (6, 5)
+    >>> run = lv.integrate(pendulum.system, lv.Spark(3), t=(0, 1), h=0.1, **pendulum.start)
+    >>> bool(abs(run.residuals["constraint"]).max() < 1e-15)
+    True
     """
 
     form: ClassVar[str] = "general"

@@ -62,6 +62,15 @@ class VolumeSplitting:
     References
     ----------
     :cite:t:`mclachlan2008`; see :doc:`/theory/volume`.
+
+    Examples
+    --------
+    >>> import liouville as lv
+    >>> from liouville.problems import euler_top
+    >>> method = lv.VolumeSplitting(composition="BM4")
+    >>> run = lv.integrate(euler_top.system, method, t=(0, 10), h=0.1, **euler_top.start)
+    >>> bool(run.invariant_drift("energy").max() < 1e-8), method.order
+    (True, 4)
     """
 
     form: ClassVar[str] = "field"

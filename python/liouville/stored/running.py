@@ -119,6 +119,15 @@ def resume(
         Another process goes on with it.
     IntegrationError
         A step failed; ``error.solution`` is what was computed before it.
+
+    Examples
+    --------
+    >>> import liouville as lv
+    >>> from liouville.problems import pendulum
+    >>> call = {"t": (0, 1), "h": 0.1, **pendulum.start}
+    >>> run = lv.integrate(pendulum.system, lv.Spark(3), store="pendulum.zarr", **call)
+    >>> lv.resume("pendulum.zarr").status  # it was not cut off
+    'done'
     """
     clock = time.perf_counter()
     check_options(options, "resume")

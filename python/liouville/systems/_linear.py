@@ -67,7 +67,8 @@ class Matrix:
             k = bad[0]
             raise ValueError(f"{name}[{row[k]}, {col[k]}] is {data[k]}")
         places, entry = np.unique(col.astype(np.int64) * n + row, return_inverse=True)
-        values = np.bincount(entry, data.astype(float), places.size)
+        # of no entries bincount returns integers
+        values = np.bincount(entry, data.astype(float), places.size).astype(float)
         return cls(n, places[values != 0], values[values != 0])
 
     @property

@@ -143,6 +143,14 @@ class Hamiltonian(Mechanics):
     ------
     TypeError, ValueError
         As for :class:`Lagrangian`.
+
+    Examples
+    --------
+    >>> import liouville as lv
+    >>> system = lv.Hamiltonian(lambda t, q, p, params: (p[0] ** 2 + q[0] ** 2) / 2, q=("x",))
+    >>> run = lv.integrate(system, lv.Spark(2), t=(0, 10), h=0.1, q=[1.0], p=[0.0])
+    >>> bool(run.invariant_drift("energy").max() < 1e-14)
+    True
     """
 
     def __init__(
@@ -224,6 +232,19 @@ class Mechanical(Mechanics):
     References
     ----------
     :cite:t:`jay2007`.
+
+    Examples
+    --------
+    >>> import liouville as lv
+    >>> system = lv.Mechanical(
+    ...     velocity=lambda t, y, z, params: z,
+    ...     momentum=lambda t, y, z, params: z,
+    ...     force=lambda t, y, z, params: -y,
+    ...     y=("x",),
+    ... )
+    >>> run = lv.integrate(system, lv.Spark(3), t=(0, 10), h=0.1, y=[1.0], z=[0.0])
+    >>> f"{run.y[-1, 0]:.6f}"  # cos 10
+    '-0.839072'
     """
 
     def __init__(
