@@ -615,5 +615,14 @@ def test_the_right_call_is_taken():
     assert set(project()) == {"q", "v"}
 
 
+def test_arrays_without_axes_are_numbers():
+    found = run(t=np.array([0.0, 1.0]), h=np.array(0.1), every=np.array(2))
+    assert found.t.size == 6
+    assert lv.HHT(np.array(-0.1)) == lv.HHT(-0.1)
+    assert lv.Chebyshev(np.array(1e-6)) == lv.Chebyshev(1e-6)
+    with pytest.raises(TypeError, match=r"h is a number, not np\.True_"):
+        run(h=np.array(True))
+
+
 def test_a_slice_longer_than_the_run_keeps_start_and_end():
     np.testing.assert_array_equal(run(every=10**30).t, [0, 1])

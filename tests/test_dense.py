@@ -10,6 +10,7 @@ from registry import ALL
 
 import liouville as lv
 from liouville import problems
+from liouville.cli.models import times_at
 
 wire = problems.load("moving_wire")
 
@@ -232,6 +233,31 @@ def test_wrong_times_are_refused(times, message):
         lv.integrate(
             wire.system, lv.Spark(3), t=(0, 1), h=0.1, t_eval=times, every=every, **wire.start
         )
+
+
+@pytest.mark.parametrize("name", ["moving_wire", "abc_flow"])
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_time_a_rounding_beyond_the_end_is_the_end(name, sign):
+    """As multiples of a step are."""
+    problem = problems.load(name)
+    method = lv.VolumeSplitting() if name == "abc_flow" else lv.Spark(3)
+    times = sign * 0.1 * np.arange(4)
+    end = sign * 0.3
+    assert abs(times[-1]) > 0.3
+    run = {"t": (0, end), "steps": 6, **problem.start}
+    whole = lv.integrate(problem.system, method, **run)
+    found = lv.integrate(problem.system, method, t_eval=times, **run)
+    assert found.t[-1] == end
+    for state, values in found.states.items():
+        np.testing.assert_allclose(values[[0, -1]], whole.states[state][[0, -1]], atol=1e-13)
+    if name == "moving_wire":
+        assert whole(times).t[-1] == end
+    with pytest.raises(ValueError, match="outside"):
+        lv.integrate(problem.system, method, t_eval=times * (1 + 1e-14), **run)
+    back = run | {"t": (end, 0.0)}
+    if name == "abc_flow":  # which begins anywhere
+        assert lv.integrate(problem.system, method, t_eval=times[::-1], **back).t[0] == end
+    assert times_at((0.0, end), times[1:].tolist()) == [*times[:-1], end]
 
 
 def test_members_on_an_executor_have_no_given_times():

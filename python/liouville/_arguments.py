@@ -23,6 +23,7 @@ def number(wanted: str, value: Any) -> float:
     """Return a real number as a float; TypeError has the type wanted."""
     if type(value) is float:
         return value
+    value = _scalar(value)
     if isinstance(value, (bool, np.bool_)) or not isinstance(
         value, (int, float, np.integer, np.floating)
     ):
@@ -33,8 +34,14 @@ def number(wanted: str, value: Any) -> float:
         return math.inf
 
 
+def _scalar(value: Any) -> Any:
+    """Return an array without axes as the number in it, and anything else as it is."""
+    return value[()] if isinstance(value, np.ndarray) and value.ndim == 0 else value
+
+
 def count(name: str, value: Any) -> int:
     """Return an integer that is at least 1."""
+    value = _scalar(value)
     if isinstance(value, (bool, np.bool_)) or not isinstance(value, (int, np.integer)):
         raise TypeError(f"{name} is an integer, not {value!r}")
     if value < 1:

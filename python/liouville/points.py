@@ -11,6 +11,9 @@ from numpy.typing import NDArray
 #: All that a state may be called, in the order of a solution's states.
 STATES = ("x", "psi", "q", "y", "z", "v", "p", "lam", "acceleration", "a")
 
+#: A time beyond an end by so many roundings of it is this end, by so much of the run at most.
+ROUNDINGS, SHORT = 8, 1e-6
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Points:
@@ -68,12 +71,22 @@ class Points:
         return f"<{len(self)} Points{span}: {', '.join(self.states)}>"
 
 
+def with_ends(times: NDArray[np.float64], first: float, last: float) -> NDArray[np.float64]:
+    """Return times in which those that a few roundings put beyond an end of a run are this end."""
+    length = abs(last - first)
+    slack = min(ROUNDINGS * np.finfo(float).eps * max(abs(first), abs(last)), SHORT * length)
+    for end, other in ((first, last), (last, first)):
+        beyond = (end - times) * np.sign(other - end)
+        times = np.where((beyond > 0) & (beyond <= slack), end, times)
+    return times
+
+
 def times_within(t: Any, first: float, last: float) -> NDArray[np.float64]:
     """Return a time or an array of times, each within a run from `first` to `last`."""
     times = np.asarray(t)
     if times.dtype.kind not in "iuf" or times.ndim > 1:
         raise TypeError(f"t is a number or an array of numbers, not {t!r}")
-    found: NDArray[np.float64] = times.astype(float)
+    found = with_ends(times.astype(float), first, last)
     outside = found[~((min(first, last) <= found) & (found <= max(first, last)))]
     if outside.size:
         raise ValueError(

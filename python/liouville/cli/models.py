@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from liouville import problems
+from liouville.points import with_ends
 
 
 def system_of(model: str) -> tuple[ModuleType, Any]:
@@ -75,6 +76,7 @@ def kept_times(interval: tuple[float, float], keep: int) -> list[float]:
 def times_at(interval: tuple[float, float], at: Sequence[float]) -> list[float]:
     """Give the start, these times of wave functions to keep, and the end."""
     first, last = interval
+    at = with_ends(np.array(at, dtype=float), first, last).tolist()
     for t in at:
         if not min(interval) <= t <= max(interval):
             raise ValueError(

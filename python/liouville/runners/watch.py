@@ -11,7 +11,7 @@ import numpy as np
 from liouville import _core, _job
 from liouville.errors import hinted
 from liouville.events import AFTER, DIRECTIONS, Event, Impact, named
-from liouville.points import Points
+from liouville.points import Points, with_ends
 from liouville.systems import Field, Mechanics, SemiExplicit
 from liouville.systems.traced import INVARIANT
 
@@ -192,7 +192,7 @@ def within(times: Any, t0: float, t1: float) -> np.ndarray:
         raise TypeError(f"t_eval is a sequence of numbers, not {times!r}")
     if not array.size:
         raise ValueError("t_eval has no times")
-    array = array.astype(float)
+    array = with_ends(array.astype(float), t0, t1)
     way = np.sign(t1 - t0)
     if not np.isfinite(array).all() or (way * np.diff(array) <= 0).any():
         hint = "np.unique(t_eval) sorts times" + ("" if way > 0 else "; [::-1] turns them around")
