@@ -98,7 +98,7 @@ class TracedRunner(Runner):
             return ""
         return (
             f"the errors are judged by atol = rtol / 1000 = {atol[0]:.3g}, which is more than rtol "
-            f"times the largest coordinate, {largest:.3g}: give atol= in the unit of the coordinates"
+            f"times the largest coordinate, {largest:.3g}: give atol= in the coordinates' unit"
         )
 
     def _controls_taken(self) -> Takes:
