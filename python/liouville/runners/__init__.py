@@ -165,6 +165,7 @@ def _of_fields(system: Field, method: Any, request: Request) -> Runner:
 
 def no_runner(method: Any, form: str, systems: str) -> TypeError:
     """Return the error of a method that does not step systems of a form."""
+    _check_method(method)
     mechanical = ("general", "second order")
     forms = mechanical if form == "mechanical" else (form,)
     known = [cls.__name__ for cls in METHODS.values() if cls.form in forms]
