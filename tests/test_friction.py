@@ -326,3 +326,19 @@ def test_friction_that_a_force_across_the_plane_presses_is_refused(kind):
             start(across)
     if kind == "prismatic":
         assert start(along)["q"] == pytest.approx(0)
+
+
+def test_steps_to_a_loose_tolerance_stick_and_slip_on_a_belt():
+    """Steps that only continuation would solve are shortened; they took minutes each."""
+    m = lv.bodies.Assembly(gravity=(0, 0, -g))
+    m.body("b", mass=1, inertia=(0.1,) * 3, at=(0, 0, 0))
+    m.body("belt", mass=5, inertia=(1,) * 3, at=(0, 0, -0.5))
+    m.prismatic("drive", m.ground, "belt", axis=(1, 0, 0), motion=lambda t, p: 0.2 * t)
+    rough = Stribeck(mu=0.2, mu_static=0.4, v_stribeck=0.05, v_s=1e-3)
+    m.prismatic("rub", "belt", "b", axis=(1, 0, 0), friction=rough)
+    m.spring("s", m.ground, "b", at=((-1, 0, 0), (0, 0, 0)), stiffness=30.0)
+    call = {"t": (0, 2), **m.start(rates={"rub": 0.0})}
+    fine = lv.integrate(m.system(), lv.Spark(2), h=0.002, every=1000, **call)
+    loose = lv.integrate(m.system(), lv.Spark(3), rtol=1e-4, **call)
+    assert loose.stats["steps"] < 60
+    assert np.abs(loose.q[-1] - fine.q[-1]).max() < 1e-3

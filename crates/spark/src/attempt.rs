@@ -128,6 +128,10 @@ impl BranchAttempts for SparkAttempt<'_> {
         kept.map_or((0.0, 0), |kept| stages.distance(&kept.unknowns))
     }
 
+    fn is_shortened(&self) -> bool {
+        self.spark.is_shortened
+    }
+
     fn backoff(&mut self) -> &mut Backoff {
         &mut self.spark.backoff
     }

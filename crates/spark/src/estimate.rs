@@ -14,6 +14,13 @@ impl Spark {
         self
     }
 
+    /// The same, where a step that only continuation might solve is refused, to be made shorter.
+    #[must_use]
+    pub fn shortened(mut self) -> Self {
+        self.is_shortened = true;
+        self
+    }
+
     /// A first step whose acceleration moves the coordinates by about the tolerance.
     ///
     /// # Errors

@@ -107,6 +107,8 @@ pub struct Spark {
     predictor: Predictor,
     /// The error estimate, where steps are controlled by errors.
     estimate: Option<Box<Estimate>>,
+    /// Whether steps are refused that only continuation might solve, as shorter ones are made in their place.
+    is_shortened: bool,
     /// The back-off of node Schur, and of the modified iteration.
     schur_backoff: Backoff,
     backoff: Backoff,
@@ -134,6 +136,7 @@ impl Spark {
             predictor: Predictor::new(&model, &tableau),
             general,
             estimate: None,
+            is_shortened: false,
             schur_backoff: Backoff::default(),
             backoff: Backoff::default(),
             stats: Stats::default(),

@@ -4,7 +4,8 @@
 //! cold start. The solution of a step is the one on the branch that begins at the present state as h grows from 0. A
 //! solution near its start is accepted; any other is confirmed by path following: it is continued to shorter steps,
 //! until one is near its start. Where that fails, the step is solved by full Newton from the uniform start, and, where
-//! the solution is far from there too, by continuation through longer and longer steps.
+//! the solution is far from there too, by continuation through longer and longer steps, unless the step may be
+//! shortened at less cost.
 //! Source: docs/theory/newton.md.
 
 use super::Backoff;
@@ -80,6 +81,11 @@ pub trait BranchAttempts: Attempts {
     /// The largest distance between coordinates of the kept unknowns and of the present ones, of a step of `h`,
     /// relative to their size, and in which coordinate.
     fn distance(&mut self, h: f64, slot: Slot) -> (f64, usize);
+
+    /// Whether a step is refused, and made shorter, where only continuation might solve it.
+    fn is_shortened(&self) -> bool {
+        false
+    }
 
     /// The rest of the modified iteration after steps that only full Newton has solved.
     fn backoff(&mut self) -> &mut Backoff;
@@ -193,6 +199,14 @@ fn full_from_uniform(
 
 /// Solves for a part of the step, and continues from there to the whole step.
 fn by_parts(step: &mut impl BranchAttempts, h: f64) -> Result<(), StepError> {
+    if step.is_shortened() {
+        let (coordinate, solved) = (0, 0.0);
+        return Err(StepError::StepTooLarge {
+            h,
+            coordinate,
+            solved,
+        });
+    }
     if full_from_uniform(step, FIRST_PART * h)?.is_ok() {
         return continuation(step, h, FIRST_PART);
     }

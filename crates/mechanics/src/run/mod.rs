@@ -245,7 +245,17 @@ impl Starter {
         let of = self.member(member);
         match sizes {
             None => self.symmetric((stepper, stages), self.monitor(member), of, state),
-            Some(sizes) => self.adaptive(stepper, sizes, of, state),
+            Some(sizes) => {
+                let detection = self.job.detection.as_ref();
+                let has_switch =
+                    detection.is_some_and(|own| own.events.iter().any(|x| x.is_switch));
+                let stepper = if has_switch {
+                    stepper.shortened()
+                } else {
+                    stepper
+                };
+                self.adaptive(stepper, sizes, of, state)
+            }
         }
     }
 
