@@ -156,6 +156,46 @@ def test_a_member_without_a_solution_fails_alone():
     assert "the equation of a plane was not solved" in str(many.failures[2])
 
 
+def test_steps_that_pass_a_vortex_are_refused_where_no_mixed_derivative_shows_it():
+    """On an axis it is zero, and a member that ended far off its circle was done."""
+    vortex = lv.PotentialField(lambda t, x, params: ca.log(ca.dot(x, x)) / 2, x=("x", "y"))
+    run = {"t": (0, 1), "h": 0.01}
+    for start in ([0, 1e-3], [1e-3, 0], [0, 0.05]):
+        with pytest.raises(
+            ValueError, match=r"a step of 0\.01 is too long for this field and start"
+        ):
+            lv.integrate(vortex, V(), x=start, **run)
+    longest = 0.9 * 0.2**2 / 0.3667132690474256
+    with pytest.raises(ValueError, match=f"up to {longest:.3g}\n"):
+        lv.integrate(vortex, V(), t=(0, 1), h=0.1, x=[0, 0.2])
+    fine = lv.integrate(vortex, V(), x=[0, 0.2], **run)
+    assert np.abs(np.hypot(*fine.x.T) / 0.2 - 1).max() < 1e-4
+    assert fine.message == ""
+    many = lv.ensemble(vortex, V(), x=[[0, 1.0], [0, 1e-3]], **run)
+    assert "steps of member 1 are too long for the field at t = 0" in many.message
+    # along its way it comes to where no step can be taken
+    jump = lv.PotentialField(
+        lambda t, x, params: x[1] + x[1] ** 2 * ca.exp(-((x[0] - 1) ** 2) * 100) * 50, x=2
+    )
+    with pytest.raises(ValueError, match="too long for this field and start"):
+        lv.integrate(jump, V(), t=(0, 2), h=1.0, x=[0.0, 0.01])
+
+
+def test_steps_that_become_too_long_are_said():
+    """Near its middle a vortex turns ever faster, and no equation of a plane shows it."""
+
+    def psi(t, x, params):
+        return ca.exp(t) * ca.sin(x[0]) * ca.sin(x[1])
+
+    field, start = lv.PotentialField(psi, x=("x", "y")), [np.pi / 2 + 1e-3, np.pi / 2]
+    assert lv.integrate(field, V(), t=(0, 3), h=0.1, x=start).message == ""
+    found = lv.integrate(field, V(), t=(0, 4), h=0.1, x=start)
+    assert "steps are too long for the field at t = 3.3, and states from there on" in found.message
+    assert "give h up to 0.0445" in found.message
+    separable = lv.PotentialField(lambda t, x, params: 1e6 * x[0] ** 2 + ca.cosh(x[1]), x=2)
+    assert lv.integrate(separable, V(), t=(0, 1), h=1e-3, x=[1e-3, 0]).message == ""
+
+
 def test_times_events_sections_and_a_tolerance():
     field = space()
     times = [0.05, 1.23, 2.9]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -11,12 +12,15 @@ from liouville.errors import hinted
 from liouville.methods import VolumeSplitting
 from liouville.planner import FieldPlan
 from liouville.planner.fields.planes import (
+    MOST,
     USUAL,
+    longest_stage,
     longest_step,
     order_of,
     plan_planes,
     split_of,
 )
+from liouville.points import Points
 from liouville.runners.field import TAKES, FieldRunner
 from liouville.runners.runner import Request
 from liouville.splitting import Plane, PlaneSplit
@@ -75,6 +79,39 @@ class PlaneRunner(FieldRunner):
         assert isinstance(plan, FieldPlan), "a plan was made for the trial runs"
         system = _planar(self.system)
         return LAST * longest_step(system, plan.method.composition, system.extended(x, t))
+
+    def remark(self, t: np.ndarray, rows: np.ndarray, events: Mapping[str, Points]) -> str:
+        """Return a sentence on records that cannot be right; empty where there is none.
+
+        Those are where steps are longer than any that is taken there.
+        """
+        said = super().remark(t, rows, events)
+        return "; ".join(filter(None, [said, self._too_long(t, rows)]))
+
+    def _too_long(self, t: np.ndarray, rows: np.ndarray) -> str:
+        """Say which record is the first where steps are too long, and how long they may be."""
+        h, n = self.steps.mean(self.steps.t1, self.steps.count), self.columns.get("x", 0)
+        if not n or not len(t):
+            return ""
+        largest = longest_stage(self.choice.method.composition)
+        found = []
+        for k, x in enumerate(np.moveaxis(rows.reshape(len(t), -1, rows.shape[-1]), 1, 0)):
+            system = _planar(self.systems[k % len(self.systems)])
+            states = np.column_stack([x[:, :n], t]) if system.is_driven else x[:, :n]
+            steep = system.steepest_at(states)
+            if steep is None:  # of all states alike, and looked at before
+                return ""
+            large = np.flatnonzero(largest * abs(h) * steep > MOST)
+            if large.size:
+                found.append((t[large[0]], k, MOST / (largest * np.nanmax(steep))))
+        if not found:
+            return ""
+        time, k, _ = min(found, key=lambda each: abs(each[0] - self.steps.t0))
+        of, longest = (f" of member {k}" if self.members else ""), min(each[2] for each in found)
+        return (
+            f"steps{of} are too long for the field at t = {time:.6g}, and states from there on may "
+            f"be wrong: give h up to {0.99 * longest:.3g}"
+        )
 
     def _described(self, error: dict[str, Any]) -> Any:
         if error["kind"] == "outside" and self.system.variables[error["index"]] == "t":

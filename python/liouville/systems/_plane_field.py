@@ -55,8 +55,16 @@ class PlaneField(Field):
         """Hand the planes to the core."""
 
     @abstractmethod
-    def steepness(self, rows: np.ndarray) -> float:
-        """Return a bound of the mixed derivatives of A; `rows` are states with the time, if any."""
+    def steepness(self, rows: np.ndarray, h: float = 0.0) -> float:
+        """Return a bound of the mixed derivatives of A; `rows` are states with the time, if any.
+
+        With a step h also where this takes them, as far as one can see from where they are.
+        """
+
+    def steepest_at(self, rows: np.ndarray) -> np.ndarray | None:
+        """Return what bounds the steps at each of these states, None where it is one for all."""
+        del rows
+        return None
 
     @abstractmethod
     def operations(self, number: int) -> int:

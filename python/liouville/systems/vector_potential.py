@@ -95,8 +95,11 @@ class PotentialField(PlaneField):
     -----
     The scalar equation of a plane is solved by Newton's method to roundoff. It has one solution
     while :math:`|\alpha h\, \partial^2 A_k / \partial x_i \partial x_j| < 1`, with the largest
-    stage :math:`\alpha` of the composition; a step that is too long at the start is refused, and
-    one that becomes so ends the run.
+    stage :math:`\alpha` of the composition. The mixed derivative is zero where others are not, so
+    :math:`(F_{vw}^2 + |F_{vv} F_{ww}|)^{1/2}` is held to the bound of 0.9, with the component
+    :math:`F = A_k` of the plane v, w. A step that is too long at the start, or where the velocity
+    there leads, is refused; ``solution.message`` says where it is so at a record, and a run ends
+    where an equation is not solved.
 
     References
     ----------
@@ -192,11 +195,28 @@ class PotentialField(PlaneField):
         explicit = sum(each.is_separable for each in self._recorded)
         return [f"{explicit} of the flows need no iteration"] if explicit else []
 
-    def steepness(self, rows: np.ndarray) -> float:
-        """Return the largest mixed derivative of A at the state where it is smallest."""
-        found = np.abs(self._steep.map(self._values, [np.ascontiguousarray(rows)]))
-        found = found[np.isfinite(found).all(axis=1)]
-        return float(found.max(axis=1).min()) if len(found) else 0.0
+    def steepness(self, rows: np.ndarray, h: float = 0.0) -> float:
+        """Return the largest rate of the planes at the state where it is smallest.
+
+        With a step h the rate of a state is the largest also half of the step and a step further,
+        by the velocity of the state.
+        """
+        found = self.steepest_at(rows)
+        n = len(self.coordinates)
+        if h and len(rows):
+            way = h * self.velocity(rows[:, :n], rows[0, -1] if self.is_driven else 0.0)
+            for part in (0.5, 1.0):
+                moved = rows.copy()
+                moved[:, :n] += part * way
+                found = np.fmax(found, self.steepest_at(moved))
+        found = found[np.isfinite(found)]
+        return float(found.min()) if len(found) else 0.0
+
+    def steepest_at(self, rows: np.ndarray) -> np.ndarray:
+        """Return the largest rate of the planes at each state, not finite where there is none."""
+        found = self._steep.map(self._values, [np.ascontiguousarray(rows)])
+        sizes: np.ndarray = found.max(axis=1)
+        return np.where(np.isfinite(sizes), sizes, np.nan)
 
     def with_params(self, params: Mapping[str, ArrayLike] | np.ndarray | None) -> Self:
         """Return the field with other numbers, by name or as :meth:`values` gives them.
@@ -244,12 +264,20 @@ def _variables(symbols: Symbols) -> list[ca.SX]:
 
 
 def _steepness(column: ca.SX, symbols: Symbols) -> _core.Tape:
-    """Record the mixed derivatives of all planes, of the variables that are stepped."""
+    """Record the rates of all planes, of the variables that are stepped.
+
+    The rate is sqrt(F_vw^2 + |F_vv F_ww|): another pair of coordinates of the plane turns the one
+    into the other. Where the equations are explicit it is 0.
+    """
     variables = _variables(symbols)
-    found = [
-        ca.densify(ca.jacobian(ca.jacobian(column[number], variables[v]), variables[w]))
-        for number, (_, (v, w)) in enumerate(planes_of(symbols.sizes["x"]))
-    ]
+    found = []
+    for number, (_, (v, w)) in enumerate(planes_of(symbols.sizes["x"])):
+        by_v, by_w = (ca.jacobian(column[number], variables[j]) for j in (v, w))
+        mixed = ca.jacobian(by_v, variables[w])
+        if not ca.simplify(mixed).is_zero():
+            own = ca.jacobian(by_v, variables[v]) * ca.jacobian(by_w, variables[w])
+            found.append(ca.sqrt(mixed**2 + ca.fabs(own)))
+    found = [ca.densify(x) for x in found] or [ca.SX.zeros(1)]
     used = variables if ca.depends_on(column, symbols.t) else variables[:-1]
     inputs = {"x": ca.vertcat(*used), "params": symbols.params.vector}
     return record("potential", inputs, ca.vertcat(*found))

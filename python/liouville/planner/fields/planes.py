@@ -88,15 +88,15 @@ def split_of(system: PlaneField) -> PlaneSplit:
     return PlaneSplit(n, (*shear, *planes))
 
 
-def longest_step(system: PlaneField, scheme: str, rows: np.ndarray) -> float:
-    """Return the longest step that is taken, from these states."""
-    largest, steep = max(abs(float(alpha)) for alpha in _stages(scheme)), system.steepness(rows)
-    return MOST / (largest * steep) if steep else np.inf
+def longest_step(system: PlaneField, scheme: str, rows: np.ndarray, h: float = 0.0) -> float:
+    """Return the longest step that is taken, from these states and where a step h takes them."""
+    steep = system.steepness(rows, h)
+    return MOST / (longest_stage(scheme) * steep) if steep else np.inf
 
 
 def check_step(system: PlaneField, scheme: str, h: float, rows: np.ndarray) -> float:
     """Refuse a step whose equations may have no solution, else return theta."""
-    longest = longest_step(system, scheme, rows)
+    longest = longest_step(system, scheme, rows, h)
     theta = MOST * abs(h) / longest
     if theta >= MOST:
         what, more = ("grid", "; smoother data take longer steps")
@@ -110,8 +110,9 @@ def check_step(system: PlaneField, scheme: str, h: float, rows: np.ndarray) -> f
     return theta
 
 
-def _stages(scheme: str) -> list[float]:
-    return [alpha for _, alpha in SCHEMES[scheme]["flows"]]
+def longest_stage(scheme: str) -> float:
+    """Return the longest flow of a composition, in steps."""
+    return max(abs(float(alpha)) for _, alpha in SCHEMES[scheme]["flows"])
 
 
 def _check_method(method: VolumeSplitting) -> None:

@@ -338,9 +338,9 @@ class GriddedField(PlaneField):
         """Say what there is to know of the field, for plans."""
         return [f"{self.divergence:.1e} of the velocity was taken off, which had a divergence"]
 
-    def steepness(self, rows: np.ndarray) -> float:
+    def steepness(self, rows: np.ndarray, h: float = 0.0) -> float:
         """Return a bound of the mixed derivatives of A, the same at all states."""
-        del rows
+        del rows, h
         return self.steepest
 
     def with_params(self, params: Mapping[str, ArrayLike] | np.ndarray | None) -> Self:
