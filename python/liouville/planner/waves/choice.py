@@ -3,24 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from liouville import _core
 from liouville._arguments import memory
 from liouville.errors import hinted
 from liouville.methods import Chebyshev, Lanczos, Magnus, SchrodingerSplitting
-from liouville.methods.schrodinger import LEAST_TOLERANCE
 from liouville.planner.waves.driven import Planned, driving, exponentials, magnus_cost
-from liouville.planner.waves.ladder import ROUNDOFF, Choice, cheapest
+from liouville.planner.waves.ladder import Choice, cheapest
 from liouville.planner.waves.plan import WavePlan
 from liouville.planner.waves.propagators import Driven, Krylov, MagnusSteps, Series, Shears
+from liouville.planner.waves.span import Span
 from liouville.planner.waves.speed import series_cost
 from liouville.planner.waves.windows import SERIES, Windows, windows_of
 from liouville.systems import Schrodinger
-from liouville.systems.schrodinger.bounds import Spectrum
 from liouville.systems.schrodinger.foreign import check_sampled
 
 #: The method that "auto" stands for; messages use that word.
@@ -35,68 +33,8 @@ def name_of(method: Planned) -> str:
 #: Beyond so many steps a stable method is taken.
 MANY = 50
 
-#: Roundings of an energy count so many times in the phase.
-PHASE = 4.0
-
-#: The longest time that double precision has room for.
-LONGEST = 1e200
-
 #: The norm may be off by ten times what method and roundoff promise, and by so much in any case.
 TIMES, LEAST = 10.0, 1e-10
-
-#: Where energies are so many times as large as half their width, a constant may be taken off them.
-SHIFTED = 10.0
-
-
-@dataclass(frozen=True)
-class Span:
-    """The start of a plan, the times of the states that are kept, and the spectrum."""
-
-    t0: float
-    times: tuple[float, ...]
-    spectrum: Spectrum
-
-    @property
-    def bounds(self) -> tuple[float, float]:
-        """Bounds of the spectrum."""
-        return self.spectrum.bounds
-
-    @property
-    def beta(self) -> float:
-        """Half the width of the spectrum."""
-        return 0.5 * (self.bounds[1] - self.bounds[0])
-
-    @property
-    def sigma(self) -> float:
-        """The middle of the spectrum."""
-        return 0.5 * (self.bounds[1] + self.bounds[0])
-
-    @property
-    def roundoff(self) -> float:
-        """The error of the phase by roundoff of the energies, for any method."""
-        low, high = self.bounds
-        return PHASE * ROUNDOFF * max(abs(low), abs(high)) * float(self.intervals.sum())
-
-    @property
-    def least(self) -> float:
-        """The least tolerance that the roundoff leaves within reach."""
-        return max(LEAST_TOLERANCE, 2 * self.roundoff)
-
-    @property
-    def intervals(self) -> NDArray[np.float64]:
-        """Lengths of the intervals between the states that are kept."""
-        lengths: NDArray[np.float64] = np.abs(np.diff([self.t0, *self.times]))
-        return lengths
-
-    @property
-    def thetas(self) -> NDArray[np.float64]:
-        """The same in units of 1/beta."""
-        thetas: NDArray[np.float64] = self.beta * self.intervals
-        return thetas
-
-    def stops(self, steps: Sequence[float] | NDArray[np.float64]) -> tuple[tuple[float, int], ...]:
-        """Return the times with the steps to each."""
-        return tuple((t, int(n)) for t, n in zip(self.times, steps, strict=True))
 
 
 def plan_wave(
@@ -118,7 +56,7 @@ def plan_wave(
         return _driven(system, method, times)
     spectrum = system.spectrum(float(np.abs(np.diff(times)).sum()))
     span = Span(times[0], tuple(times[1:]), spectrum)
-    _check_reach(span, method.tol)
+    span.check_reach(method.tol)
     if isinstance(method, Lanczos):
         return _lanczos(span, method, system)
     if isinstance(method, Chebyshev) or (method.mode == "auto" and not system.is_real):
@@ -218,29 +156,6 @@ def _faster(system: Schrodinger, splitting: WavePlan, series: WavePlan, terms: f
     return replace(splitting, reasons=(*splitting.reasons, *why))
 
 
-def _check_reach(span: Span, tol: float) -> None:
-    """Refuse a tolerance below what roundings of the spectrum leave, and times without end."""
-    if span.intervals.max() > LONGEST:
-        hint = "choose units in which H / hbar is of order 1"
-        raise ValueError(hinted(f"t spans {span.intervals.max():.1e}, out of range", hint))
-    if tol < 2 * span.roundoff:
-        turns = span.roundoff / (PHASE * ROUNDOFF)
-        least = 10 ** np.ceil(np.log10(2 * span.roundoff))
-        hint = f"give tol of {least:g} or more, or a shorter interval"
-        if abs(span.sigma) > SHIFTED * span.beta:
-            hint += (
-                f"; energies are about {span.sigma:.6g} hbar and differ by {2 * span.beta:.3g} at "
-                "most: a constant taken off H changes the phase of psi alone"
-            )
-        raise ValueError(
-            hinted(
-                f"tol = {tol:g} is out of reach: a phase of {turns:.3g} has an error of "
-                f"{span.roundoff:.1e} in double precision",
-                hint,
-            )
-        )
-
-
 def _splitting(span: Span, method: SchrodingerSplitting) -> Choice | None:
     tol = method.tol - span.roundoff
     found = cheapest(span.thetas, tol, method.mode == "stable")
@@ -326,7 +241,7 @@ def _driven(system: Schrodinger, method: Planned, times: Sequence[float]) -> Wav
         return replace(_magnus(system, without[0], times, without[1]), method=method)
     found = driving(system, times, method.tol)
     span = Span(times[0], tuple(times[1:]), found.spectrum)
-    _check_reach(span, method.tol)
+    span.check_reach(method.tol)
     rate = (method.tol - span.roundoff) / float(span.intervals.sum())
     core = Driven(found.parts, rate, max(TIMES * method.tol, LEAST), 0)
     hamiltonian, why = system.hamiltonian, []
@@ -366,7 +281,7 @@ def _magnus(system: Schrodinger, method: Magnus, times: Sequence[float], why: st
     """Exponentials with steps chosen while running; the plan has as many as there may be."""
     found = driving(system, times)
     span = Span(times[0], tuple(times[1:]), found.spectrum)
-    _check_reach(span, method.tol)
+    span.check_reach(method.tol)
     rate = (method.tol - span.roundoff) / float(span.intervals.sum())
     norm = max(TIMES * method.tol, LEAST)
     core = MagnusSteps(method.scheme, rate, method.tol, norm, found.parts)

@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from liouville import _core
-from liouville.errors import hinted
 from liouville.systems import _trace
 from liouville.systems.schrodinger import foreign, forms, graph, observed, time_functions
 from liouville.systems.schrodinger.bounded import Bounded
@@ -394,9 +393,7 @@ class Schrodinger(Bounded):
 
     def _at_points(self, name: str, function: Callable[..., Any]) -> np.ndarray:
         if self.grid is None:
-            sentence = f"observable '{name}' is a function, and there is no grid to take it on"
-            hint = "give a matrix A for <psi|A|psi>, its diagonal, or a state phi for <phi|psi>"
-            raise TypeError(hinted(sentence, hint))
+            raise TypeError(observed.without_grid(name))
         traced = TimeFunction(f"observable '{name}'", function, self._params, len(self.grid.shape))
         if traced.is_driven:
             raise ValueError(f"observable '{name}' depends on time, which none may")

@@ -22,6 +22,13 @@ from liouville.systems.schrodinger.products import Product
 Observable = tuple[str, int, list[tuple[Any, ...]]]
 
 
+def without_grid(name: str) -> str:
+    """Return the sentence on a function of positions where there are none."""
+    sentence = f"observable '{name}' is a function, and there is no grid to take it on"
+    hint = "give a matrix A for <psi|A|psi>, its diagonal, or a state phi for <phi|psi>"
+    return hinted(sentence, hint)
+
+
 def checked(psi: Any, shapes: Sequence[tuple[int, ...]], is_ensemble: bool) -> np.ndarray:
     """Return a state as a flat complex array, or states as its rows."""
     array = numbers("psi", psi)
