@@ -97,6 +97,24 @@ def test_the_pendulum_that_starts_level_and_at_rest_keeps_its_energy(stages):
     assert np.abs(naive.invariants["energy"] - naive.invariants["energy"][0])[-1] > 40 * 9.81 * rtol
 
 
+@pytest.mark.parametrize("power", [1, 1.5])
+@pytest.mark.parametrize("stages", [2, 3, 5, 8])
+def test_a_step_does_not_end_deep_in_a_contact_that_no_stage_meets(stages, power):
+    """A ball falls on a stiff spring, which multiplied its energy by six at any tolerance."""
+    stiff = 1e5 if power == 1 else 1e6
+    ball = lv.Lagrangian(
+        lambda t, q, v, params: v[0] ** 2 / 2 - 9.81 * q[0],
+        force=lambda t, q, v, params: stiff * ca.fmax(0, -q[0]) ** power,
+        q=("height",),
+    )
+    for rtol in 10.0 ** -np.arange(4, 11):
+        found = lv.integrate(ball, lv.Spark(stages), t=(0, 2), rtol=rtol, q=[1.0], v=[0.0])
+        pressed = np.maximum(0, -found.q[:, 0]) ** (power + 1)
+        energy = found.v[:, 0] ** 2 / 2 + 9.81 * found.q[:, 0] + stiff * pressed / (power + 1)
+        assert np.abs(energy / 9.81 - 1).max() < 20 * np.sqrt(rtol)
+        assert found.stats["steps"] + found.stats["rejected"] < 600
+
+
 @pytest.mark.parametrize("rtol", [1e-7, 1e-9])
 def test_a_rejected_step_is_undone(rtol):
     """A kick that comes from nowhere costs rejections and leaves the error where it was."""
@@ -338,7 +356,7 @@ def test_controlled_steps_end_at_the_switches_of_a_system():
     exact = lv.integrate(block(), lv.Spark(4), steps=6000, every=6000, **call).q[-1, 0]
     blind = lv.integrate(block(), lv.Spark(3), rtol=1e-6, **call)
     seeing = lv.integrate(block(switches=edges), lv.Spark(3), rtol=1e-6, **call)
-    assert abs(blind.q[-1, 0] - exact) > 1e-3
+    assert abs(blind.q[-1, 0] - exact) > 1e-4
     assert abs(seeing.q[-1, 0] - exact) < 5e-7
     assert seeing.stats["steps"] < 120
     assert not seeing.events

@@ -29,7 +29,11 @@ pub struct Estimate<S = State> {
     order: f64,
     /// The state before the step, once there is one.
     before: Option<S>,
+    /// The larger of ‖e0‖/h and ‖e1‖/h.
+    off: f64,
     error: f64,
+    /// The power of h of an error that was raised.
+    raised: Option<f64>,
 }
 
 /// c_s. Errors of methods of few stages pass zeros at other places than e does, and those of Lobatto
@@ -63,7 +67,9 @@ impl<S: Carried + Clone> Estimate<S> {
             order: order + 1.0,
             before: None,
             tolerance,
+            off: f64::INFINITY,
             error: f64::INFINITY,
+            raised: None,
         }
     }
 
@@ -90,6 +96,7 @@ impl<S: Carried + Clone> Estimate<S> {
                 .weigh(ends, velocities.row(i).iter().copied())
         });
         let speed = speeds.fold(0.0, f64::max);
+        (self.off, self.raised) = (off, None);
         self.error = if off == 0.0 {
             0.0
         } else {
@@ -107,7 +114,24 @@ impl<S: Carried + Clone> Estimate<S> {
 
     /// The power of h with which it falls.
     pub fn order(&self) -> f64 {
-        self.order
+        self.raised.unwrap_or(self.order)
+    }
+
+    /// Takes another estimate of the error, which falls with this power of h, where it is larger.
+    pub fn raise(&mut self, error: f64, order: f64) {
+        if error > self.error {
+            (self.error, self.raised) = (error, Some(order));
+        }
+    }
+
+    /// The larger defect of the velocities at the ends, in units of the tolerance.
+    pub fn off(&self) -> f64 {
+        self.off
+    }
+
+    /// The state before the step to `state`.
+    pub fn before<'a>(&'a self, state: &'a S) -> &'a S {
+        self.before.as_ref().unwrap_or(state)
     }
 
     /// Puts a state back to where it was before the step.

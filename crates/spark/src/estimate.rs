@@ -1,6 +1,7 @@
 //! Errors of the steps, in units of a tolerance.
 
 use super::Spark;
+use super::kinks::{self, Kinks};
 use liouville_base::error::StepError;
 use liouville_base::method::{Estimating, Tolerance};
 use liouville_problem::{Estimate, State};
@@ -11,6 +12,7 @@ impl Spark {
     pub fn estimating(mut self, tolerance: Tolerance) -> Self {
         let estimate = Estimate::new(&self.tableau, tolerance);
         self.estimate = Some(Box::new(estimate));
+        self.kinks = Kinks::new(&self.model, &self.tableau);
         self
     }
 
@@ -19,6 +21,27 @@ impl Spark {
     pub fn shortened(mut self) -> Self {
         self.is_shortened = true;
         self
+    }
+
+    /// Estimates the error of the step from t that led to `state`, if there is an estimate.
+    pub(super) fn measure(&mut self, (t, h): (f64, f64), state: &State) {
+        let Some(estimate) = &mut self.estimate else {
+            return;
+        };
+        estimate.measure(self.predictor.velocities(), h, state);
+        self.kinks.begin();
+        if estimate.error() > 1.0 {
+            return;
+        }
+        let (ends, off) = ([estimate.before(state), state], estimate.off());
+        let solved_by = (&mut self.model, &mut self.predictor);
+        let unseen = self
+            .kinks
+            .error(solved_by, (t, h), ends, (off, &estimate.tolerance));
+        // below the tolerance a kink leaves the steps as they are
+        if unseen > 1.0 {
+            estimate.raise(unseen, kinks::ORDER);
+        }
     }
 
     /// A first step whose acceleration moves the coordinates by about the tolerance.
@@ -50,6 +73,7 @@ impl Estimating for Spark {
         if let Some(estimate) = &self.estimate {
             estimate.undo(state);
             self.predictor.undo();
+            self.kinks.undo();
         }
     }
 }

@@ -21,6 +21,7 @@ mod equations;
 mod estimate;
 mod full_newton;
 mod general;
+mod kinks;
 mod lanes;
 mod node_schur;
 mod predictor;
@@ -34,6 +35,7 @@ mod update;
 mod yardstick;
 
 use general::General;
+use kinks::Kinks;
 pub use lanes::{SparkBatch, supports_batch};
 use liouville_base::error::StepError;
 use liouville_base::linalg::choice::{CHEAP_NEWTON, SCHUR_ITERATIONS};
@@ -109,6 +111,7 @@ pub struct Spark {
     estimate: Option<Box<Estimate>>,
     /// Whether steps are refused that only continuation might solve, as shorter ones are made in their place.
     is_shortened: bool,
+    kinks: Kinks,
     /// The back-off of node Schur, and of the modified iteration.
     schur_backoff: Backoff,
     backoff: Backoff,
@@ -137,6 +140,7 @@ impl Spark {
             general,
             estimate: None,
             is_shortened: false,
+            kinks: Kinks::default(),
             schur_backoff: Backoff::default(),
             backoff: Backoff::default(),
             stats: Stats::default(),
@@ -243,14 +247,13 @@ impl Stepper for Spark {
             (_, Some(general)) => general.update.commit(state),
             _ => {}
         }
-        if let Some(estimate) = &mut self.estimate {
-            estimate.measure(self.predictor.velocities(), h, state);
-        }
+        self.measure((t, h), state);
         Ok(())
     }
 
     fn forget(&mut self) {
         self.predictor.forget();
+        self.kinks.forget();
     }
 
     fn stats(&self) -> Stats {
@@ -265,9 +268,11 @@ impl Stepper for Spark {
 
 impl Symmetric for Spark {}
 
-// The extrapolated polynomials, and the back-off of node Schur and of the modified iteration.
+// The extrapolated polynomials, the accelerations at the end of the last step, where errors control the steps, and the
+// back-off of node Schur and of the modified iteration.
 liouville_base::checkpoint!(Spark {
     predictor,
+    kinks,
     schur_backoff,
     backoff
 });

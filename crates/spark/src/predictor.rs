@@ -13,7 +13,7 @@ use liouville_base::newton::{self, Polynomial};
 use liouville_base::real::Real;
 use liouville_base::simd::{dispatch_simd, dispatch_simd_long};
 use liouville_base::tableau;
-use liouville_problem::{Acceleration, Model, State, Step};
+use liouville_problem::{Acceleration, Dynamics, Model, State, Step};
 use liouville_small::{LAM, Z};
 
 /// Start values of the next step.
@@ -229,6 +229,27 @@ impl<R: Real> Predictor<R> {
     /// Lets the next step begin where the one held began, which was rejected.
     pub(super) fn undo(&mut self) {
         self.held.undo();
+    }
+}
+
+impl Predictor {
+    /// Writes v' at a state, with memory of its own for the multipliers and for v.
+    pub(super) fn rate(
+        &mut self,
+        model: &mut Model,
+        (t, State { y, z, .. }): (f64, &State),
+        (lam, v): (&mut Vec<f64>, &mut [f64]),
+        out: &mut [f64],
+    ) -> Result<(), StepError> {
+        let solver = &mut self.acceleration;
+        std::mem::swap(lam, &mut solver.lam);
+        let solved = solver.solve(model, t, y, z);
+        let found = solved.and_then(|()| model.derivatives(solver, t, (y, z), [v, out]));
+        if found.is_err() {
+            solver.lam.fill(0.0);
+        }
+        std::mem::swap(lam, &mut solver.lam);
+        found
     }
 }
 

@@ -1,0 +1,187 @@
+//! Steps within which a force jumps or bends where no stage sees it.
+//!
+//! The polynomial Q through v0 at 0, V_i at c_i and v1 at 1 misses the accelerations at both ends by
+//!
+//!     D_k = Q'(k) − h v'_k,     k = 0, 1,
+//!
+//! where v' is that of the index-1 form. For a smooth motion of frequency ω that is ωh times the defect e of the
+//! velocities, a quarter of a period apart from it; from step to step e grows as h^s, and D as h^(s+1). A force that
+//! begins after the last stage or ends before the first changes D alone, by h Δf; one that begins between makes e grow
+//! by powers of ten. Either changes the velocity by about c_1 max(D, e), for as long as the time scale |y|/|v|.
+
+use super::predictor::Predictor;
+use liouville_base::checkpoint;
+use liouville_base::linalg::{Matrix, copy};
+use liouville_base::method::Tolerance;
+use liouville_base::tableau;
+use liouville_problem::{Model, State};
+
+/// D of a smooth motion is at most so many times what e and the step before let expect.
+const SMOOTH: f64 = 20.0;
+/// An error of the velocity is held against the positions for at most so many steps.
+const LONGEST: f64 = 1000.0;
+/// The power of h with which the error of a bend falls.
+pub(super) const ORDER: f64 = 2.0;
+
+/// What is known of the accelerations at the ends of a step.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Kinks {
+    /// Q' at 0 and at 1; none where stages lie at the ends.
+    slopes: [Vec<f64>; 2],
+    /// c_1.
+    part: f64,
+    /// v' at the ends of the last step.
+    ends: [Vec<f64>; 2],
+    lam: Vec<f64>,
+    rate: Vec<f64>,
+    /// Which end of the last step the next one begins at, one of those below; e, D and h of the last step.
+    memory: Vec<f64>,
+    /// e, D and h of the step before that, to undo the last one; and whether they were replaced.
+    before: [f64; 3],
+    is_judged: bool,
+}
+
+/// At neither, at its start, or at its end.
+const NONE: f64 = 0.0;
+const START: f64 = 1.0;
+const END: f64 = 2.0;
+
+impl Kinks {
+    /// Memory for the steps of this method.
+    pub(super) fn new(model: &Model, tableau: &tableau::Spark) -> Self {
+        let c = &tableau.c;
+        let (Some(first), Some(last)) = (c.first(), c.last()) else {
+            return Self::default();
+        };
+        if *first <= 0.0 || *last >= 1.0 {
+            return Self::default();
+        }
+        let nodes = [&[0.0], &c[..], &[1.0]].concat();
+        let zeros = vec![0.0; model.problem.n];
+        Self {
+            slopes: [0, nodes.len() - 1].map(|end| slopes(&nodes, end)),
+            part: *first,
+            ends: [zeros.clone(), zeros.clone()],
+            lam: vec![0.0; model.problem.multipliers()],
+            rate: zeros,
+            memory: vec![NONE; 4],
+            before: [0.0; 3],
+            is_judged: false,
+        }
+    }
+
+    /// Forgets the step before.
+    pub(super) fn forget(&mut self) {
+        self.memory.fill(NONE);
+    }
+
+    /// Begins to estimate the error of a step.
+    pub(super) fn begin(&mut self) {
+        self.is_judged = false;
+    }
+
+    /// Lets the next step begin where the last one began.
+    pub(super) fn undo(&mut self) {
+        if std::mem::take(&mut self.is_judged) {
+            self.memory[0] = START;
+            self.memory[1..].copy_from_slice(&self.before);
+        }
+    }
+
+    /// The error of the step from `before` at t to `after` that the defect `off` of the velocities does not show, in
+    /// units of the tolerance; zero where the motion is smooth or the accelerations cannot be solved for.
+    pub(super) fn error(
+        &mut self,
+        (model, predictor): (&mut Model, &mut Predictor),
+        (t, h): (f64, f64),
+        [before, after]: [&State; 2],
+        (off, tolerance): (f64, &Tolerance),
+    ) -> f64 {
+        let Some(held) = self.memory.first().copied() else {
+            return 0.0;
+        };
+        let [first, last] = &mut self.ends;
+        let mut at = |t, state, out: &mut Vec<f64>| {
+            let memory = (&mut self.lam, &mut self.rate[..]);
+            predictor.rate(model, (t, state), memory, out)
+        };
+        let is_known = if held == END {
+            copy(first, last);
+            true
+        } else {
+            held == START || at(t, before, first).is_ok()
+        };
+        self.memory[0] = NONE;
+        if !is_known || at(t + h, after, last).is_err() {
+            return 0.0;
+        }
+        (self.memory[0], self.is_judged) = (END, true);
+        self.judge(
+            predictor.velocities(),
+            h,
+            [&before.y, &after.y],
+            (off, tolerance),
+        )
+    }
+
+    /// The error from what the accelerations are off.
+    fn judge(
+        &mut self,
+        velocities: &Matrix,
+        h: f64,
+        y: [&[f64]; 2],
+        (off, tolerance): (f64, &Tolerance),
+    ) -> f64 {
+        let (rows, n) = (velocities.rows(), velocities.cols());
+        let defect = |end: usize| {
+            let of = |k: usize| {
+                let slope: f64 = (0..rows)
+                    .map(|i| self.slopes[end][i] * velocities[(i, k)])
+                    .sum();
+                slope - h * self.ends[end][k]
+            };
+            tolerance.weigh(y, (0..n).map(of))
+        };
+        let defect = defect(0).max(defect(1));
+        let [_, e, d, length] = self.memory[..] else {
+            return 0.0;
+        };
+        let order = (rows - 2) as f64;
+        let expected = |ratio: f64| (e * ratio.powf(order)).max(d * ratio.powf(order + 1.0));
+        // of the first step there is none before
+        let ratio = if length > 0.0 { h.abs() / length } else { 0.0 };
+        let is_sudden = length > 0.0 && off > 10_f64.powf(order.max(3.0) - 1.0) * expected(ratio);
+        // a bend that was met does not allow more in a longer step
+        let is_smooth = !is_sudden && defect <= SMOOTH * off.max(expected(ratio.min(1.0)));
+        self.before.copy_from_slice(&self.memory[1..]);
+        self.memory[1..].copy_from_slice(&[off, defect, h.abs()]);
+        if is_smooth {
+            return 0.0;
+        }
+        let speeds = (0..rows).map(|i| tolerance.weigh(y, velocities.row(i).iter().copied()));
+        let speed = speeds.fold(f64::MIN_POSITIVE, f64::max);
+        let time_scale = tolerance.weigh(y, y[1].iter().copied()) / speed;
+        self.part * defect.max(off) * time_scale.clamp(h.abs(), LONGEST * h.abs())
+    }
+}
+
+/// The derivatives at a node of the Lagrange basis on all nodes.
+fn slopes(nodes: &[f64], at: usize) -> Vec<f64> {
+    let x = nodes[at];
+    let others = |k: usize| (0..nodes.len()).filter(move |l| *l != k);
+    (0..nodes.len())
+        .map(|k| {
+            if k == at {
+                return others(k).map(|l| 1.0 / (x - nodes[l])).sum();
+            }
+            let product: f64 = others(k)
+                .filter(|l| *l != at)
+                .map(|l| (x - nodes[l]) / (nodes[k] - nodes[l]))
+                .product();
+            product / (nodes[k] - x)
+        })
+        .collect()
+}
+
+// Empty where errors do not control the steps.
+checkpoint!(Kinks { ends, lam, memory });
