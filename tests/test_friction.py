@@ -246,7 +246,29 @@ def test_controlled_steps_end_where_two_slips_reverse_together():
     two, one = runs
     assert two.stats["steps"] == one.stats["steps"]
     assert np.abs(two.q[-1] - one.q[-1]).max() < 1e-7  # 4e-5 without switches
-    assert sorted(flat.system().switch_tapes) == [f"slip {k} v_s of J" for k in (1, 3, 8)]
+    slips = [f"slip {k} v_s of J" for k in (1, 3, 8)]
+    assert sorted(flat.system().switch_tapes) == ["normal force of J.slide_x", *slips]
+
+
+@pytest.mark.parametrize("is_planar", [True, False])
+def test_controlled_steps_end_where_a_normal_force_turns(is_planar):
+    """A pendulum that swings over lifts its cart: the size of N has a kink at zero."""
+    m = lv.bodies.Assembly(gravity=(0, -g, 0))
+    if is_planar:
+        m.planar_body("cart", mass=1.0, inertia=0.1, at=(0, 0))
+        m.planar_body("bob", mass=2.0, inertia=0.02, at=(0, -0.5))
+    else:
+        m.body("cart", mass=1.0, inertia=(0.1, 0.1, 0.1), at=(0, 0, 0))
+        m.body("bob", mass=2.0, inertia=(0.01, 0.01, 0.02), at=(0, -0.5, 0))
+    m.prismatic("J", m.ground, "cart", axis=(1, 0, 0), friction=Coulomb(mu=0.3, v_s=1e-2))
+    m.revolute("P", "cart", "bob", at=(0, 0, 0), axis=(0, 0, 1))
+    system, start = m.system(), m.start(rates={"J": 0.5, "P": 14.0})
+    fine = lv.integrate(system, lv.Spark(4), t=(0, 1), h=5e-5, every=20000, **start)
+    found = lv.integrate(system, lv.Spark(3), t=(0, 1), rtol=1e-9, **start)
+    sides = np.sign(found.joint("J").force[:, 1])
+    assert sides.min() < 0 < sides.max()
+    assert np.abs(found.q[-1] - fine.q[-1]).max() < 1e-7  # 5e-5 without that switch
+    assert "normal force of J.slide" in system.switch_tapes
 
 
 @pytest.mark.parametrize(("mass", "length", "time"), [(1e-9, 1.0, 1.0), (1e6, 1e3, 10.0)])

@@ -16,7 +16,7 @@ constraints.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -37,6 +37,9 @@ ROUNDED = 1e-4
 
 #: Controlled steps end where a slip passes so many v_s, the flanks of a reversal.
 EDGES = (1, 3, 8)
+
+#: Several normal forces turn together where their size is below so many of what rounds it off.
+WIDTH = 10
 
 #: The coordinates that make up each slip, by kind of joint; those of compound joints slip alone.
 SLIPS: dict[str, tuple[tuple[str, ...], ...]] = {
@@ -233,6 +236,18 @@ def edge(
     if len(slips) == 1:
         return slips[0] - k * v_s
     return ca.SX(sum(x**2 for x in slips) / v_s**2 - k**2)
+
+
+def reversal(contact: Contact, n: ca.SX) -> dict[str, Callable[..., ca.SX]]:
+    """Return where controlled steps end as what presses a contact turns, where |n| has a kink.
+
+    A single direction passes zero; several together are measured by their size, whose least value
+    on the way through zero the search for events follows.
+    """
+    one = [k for k in range(n.numel()) if contact.press[k, :].nnz()]
+    own = n[one[0]] if len(one) == 1 else ca.dot(n, n) / contact.least - WIDTH**2
+    of = f"{contact.name}.{next(iter(contact.forces))}"
+    return {f"normal force of {of}": lambda *_: own}
 
 
 @dataclass(frozen=True)

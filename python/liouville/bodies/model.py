@@ -15,7 +15,7 @@ from liouville.bodies.body import Body, Layout, Value, column, inertia_matrix, r
 from liouville.bodies.chaining import Coupling
 from liouville.bodies.compound import grouped, rotors
 from liouville.bodies.elements import Efforts, Element, of_elements, of_joints
-from liouville.bodies.friction import contacts, edge, switches
+from liouville.bodies.friction import contacts, edge, reversal, switches
 from liouville.bodies.joints import KINDS, MOTION, Joint, drawn
 from liouville.bodies.normal_forces import multipliers, normal_forces
 from liouville.bodies.poses import Poses, kinetic
@@ -78,6 +78,15 @@ class Model:
         self.gravity, self.layout = gravity, layout
         self.indices = {body.name: k for k, body in enumerate(bodies)} | {"ground": len(bodies)}
         self.is_nonholonomic = bool(self.gears) or any("rolling" in x.kind for x in joints)
+        #: Where friction turns, and springs of ball joints, by name: there controlled steps end.
+        #: Forces add those of normal forces, which they find.
+        self.switches: dict[str, Callable[..., ca.SX]] = {
+            name: self._edge(joint, *own)
+            for joint in joints
+            for name, own in switches(joint).items()
+        }
+        balls = [joint for joint in joints if "stiffness" in joint.sizes]
+        self.switches |= {f"half a turn of {x.name}": self._half_turn(x) for x in balls}
 
     def _compute(self, t: ca.SX, q: ca.SX, v: ca.SX, params: Any) -> None:
         """Make the expressions that all functions are parts of."""
@@ -179,22 +188,12 @@ class Model:
             for j in range(len(group.items))
             for own in contacts(group, j, [*holonomic, *rolling], self.coordinates, gravity)
         ]
-        normal = normal_forces(slips, mass, rest, slopes, gamma, v)
-        for x, N in zip(slips, normal, strict=True):
+        normal, pressing = normal_forces(slips, mass, rest, slopes, gamma, v)
+        for x, N, n in zip(slips, normal, pressing, strict=True):
+            self.switches |= reversal(x, n)
             for name, unit in x.forces.items():
                 value, rate, effort = self.coordinates[x.name, name]
                 self.coordinates[x.name, name] = value, rate, effort + N * unit
-
-    @property
-    def switches(self) -> dict[str, Callable[..., ca.SX]]:
-        """Where friction turns, and springs of ball joints, by name: there controlled steps end."""
-        found = {
-            name: self._edge(joint, *own)
-            for joint in self.joints
-            for name, own in switches(joint).items()
-        }
-        balls = [joint for joint in self.joints if "stiffness" in joint.sizes]
-        return found | {f"half a turn of {x.name}": self._half_turn(x) for x in balls}
 
     def _edge(self, joint: Joint, names: tuple[str, ...], k: int) -> Callable[..., ca.SX]:
         def beyond(t: ca.SX, q: ca.SX, v: ca.SX, params: Any) -> ca.SX:

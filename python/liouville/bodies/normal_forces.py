@@ -24,11 +24,12 @@ def normal_forces(
     slopes: ca.SX,
     gamma: ca.SX,
     v: ca.SX,
-) -> list[ca.SX]:
+) -> tuple[list[ca.SX], list[ca.SX]]:
     r"""Return the normal forces of contacts, of M a + G^T lam = F + friction and G a = -gamma.
 
     With S = G M^-1 G^T the multipliers are :math:`\lambda_0 + \sum_j N_j \Lambda_j`, where
-    :math:`S \lambda_0 = G M^{-1} F + \gamma` and :math:`S \Lambda_j = G M^{-1} d_j`.
+    :math:`S \lambda_0 = G M^{-1} F + \gamma` and :math:`S \Lambda_j = G M^{-1} d_j`. What presses
+    each contact, of which they are the sizes, comes second.
     """
     pushes = [
         ca.jtimes(ca.vertcat(*x.rates), v, ca.vertcat(*x.forces.values()), True) for x in contacts
@@ -47,7 +48,19 @@ def normal_forces(
                 N * way for j, (N, way) in enumerate(zip(found, more[k], strict=True)) if j != k
             ]
             found[k] = _root(sum(others, pressed[k]), more[k][k], x.least)
-    return found if len(contacts) == 1 else _corrected(found, contacts, pressed, more)
+    if len(contacts) > 1:
+        found = _corrected(found, contacts, pressed, more)
+    return found, _pressing(found, pressed, more)
+
+
+def _pressing(
+    found: Sequence[ca.SX], pressed: Sequence[ca.SX], more: Sequence[Sequence[ca.SX]]
+) -> list[ca.SX]:
+    """Return what presses each contact under these normal forces."""
+    return [
+        sum((N * way for N, way in zip(found, ways, strict=True)), own)
+        for own, ways in zip(pressed, more, strict=True)
+    ]
 
 
 def _root(pressed: ca.SX, more: ca.SX, least: ca.SX) -> ca.SX:
@@ -67,10 +80,7 @@ def _corrected(
     """Return normal forces by Newton's method, nan where it finds none: there friction jams."""
 
     def pressing() -> tuple[list[ca.SX], list[ca.SX]]:
-        all_of = [
-            sum((N * way for N, way in zip(found, ways, strict=True)), own)
-            for own, ways in zip(pressed, more, strict=True)
-        ]
+        all_of = _pressing(found, pressed, more)
         sizes = [
             ca.sqrt(ca.dot(own, own) + x.least) for own, x in zip(all_of, contacts, strict=True)
         ]
