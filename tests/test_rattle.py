@@ -219,7 +219,7 @@ FAILURES = [
         3.0,
         0,
         r"the step is too large for coordinate .\w+.: its equations have a solution connected "
-        r"with the present state only up to h = \S+\nhint: take h below \S+; solutions",
+        r"with the present state only up to h = \S+\nhint: take h below \S+, and well",
     ),
 ]
 

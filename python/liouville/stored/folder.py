@@ -48,7 +48,9 @@ class Folder:
 
     def put(self, name: str, place: int, values: np.ndarray) -> None:
         """Write chunk `place` of an array, which `values` may fill in part."""
-        meta = self.arrays[name]
+        meta = self.arrays.get(name)
+        if meta is None:
+            raise ValueError(f"{str(self.path / name / META)!r} is missing")
         shape = meta["chunk_grid"]["configuration"]["chunk_shape"]
         if not values.size:
             return
