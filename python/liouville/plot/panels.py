@@ -150,7 +150,7 @@ def invariants(
     Returns
     -------
     Axes
-        Dots are :meth:`~liouville.Solution.invariant_drift`, the largest of an ensemble, lines
+        Dots are :meth:`~liouville.drifts.Drifts.invariant_drift`, the largest of an ensemble, lines
         their maximum so far. The label of the axis, or the name, states where it is absolute or
         relative to the kinetic energy.
 
