@@ -8,8 +8,9 @@ each state, as hexadecimal floats, its components or, of more than three, the fi
 the correctly rounded sum, of an ensemble that alone.
 
 The file begins with what is written by hand: ``resolved``, patterns of the cases whose solver was
-replaced, and ``machine``, patterns of those whose bits depend on the processor (Fourier transforms
-and LAPACK choose instructions by it); both have the tolerances that hold instead.
+replaced, and ``machine``, patterns of those whose bits depend on the processor (Fourier transforms,
+LAPACK and dense panels of sparse LU choose instructions by it); both have the tolerances that hold
+instead.
 """
 
 # ruff: noqa: T201
