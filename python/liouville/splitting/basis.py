@@ -9,6 +9,7 @@ from fractions import Fraction
 import numpy as np
 
 from liouville.errors import hinted
+from liouville.splitting.elimination import NOISE
 from liouville.terms import Terms, exact
 
 #: Tensors of more entries are not formed.
@@ -53,15 +54,25 @@ def _by_degree(terms: Terms, outward: np.ndarray, inward: np.ndarray) -> Iterato
         tensor = np.zeros((n,) * (m + 1), dtype=kind)
         factors = part.variables[:, part.variables.shape[1] - m :]
         np.add.at(tensor, (part.component, *factors.T), coefficients[is_part])
-        tensor = np.tensordot(outward, tensor, axes=1)
-        for _ in range(m):  # each contraction puts the axis it has done last
-            tensor = np.tensordot(tensor, inward, axes=(1, 0))
+        sizes = np.abs(tensor)
+        tensor = _contracted(tensor, outward, inward)
+        if not terms.is_exact:
+            sizes = _contracted(sizes, np.abs(outward), np.abs(inward))
+            tensor[np.abs(tensor) <= NOISE * sizes] = 0.0
         rows = np.array(np.nonzero(tensor)).T
         coefficient = tensor[tuple(rows.T)]
         if terms.is_exact:
             scale = below_outward * below * below_inward**m
             coefficient = exact(Fraction(x, scale) for x in coefficient)
-        yield Terms(n, rows[:, 0], coefficient, rows[:, 1:]).merged()
+        yield Terms(n, rows[:, 0], coefficient, rows[:, 1:]).merged(NOISE)
+
+
+def _contracted(tensor: np.ndarray, outward: np.ndarray, inward: np.ndarray) -> np.ndarray:
+    """Apply one matrix to the first axis of a tensor, and another to each of the rest."""
+    tensor = np.tensordot(outward, tensor, axes=1)
+    for _ in range(tensor.ndim - 1):  # each contraction puts the axis it has done last
+        tensor = np.tensordot(tensor, inward, axes=(1, 0))
+    return tensor
 
 
 def _integers(numbers: np.ndarray) -> tuple[np.ndarray, int]:

@@ -6,6 +6,10 @@ from fractions import Fraction
 
 import numpy as np
 
+#: What roundoff makes of a coefficient that is zero is below this, relative to what it is made of.
+#: Matrices of high degrees have conditions of some thousands.
+NOISE = 1e-12
+
 
 class SingularError(ValueError):
     """The columns of a matrix are dependent."""

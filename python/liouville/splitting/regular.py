@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from liouville.errors import hinted
+from liouville.splitting.elimination import NOISE
 from liouville.splitting.pieces import Shear, one_component
 from liouville.terms import Terms, exact
 
@@ -66,7 +67,7 @@ def regular(terms: Terms) -> tuple[list[Shear], Terms]:
     is_dense = len(terms) >= SPARSE * terms.n * (terms.n + 1) * (terms.n + 2) / 2
     groups = [np.arange(terms.n)] if is_dense else _groups(terms, squares.component)
     pieces = [_shear(terms.n, group, s[group], terms.is_exact) for group in groups]
-    rest = terms.joined(*(piece.field().scaled(-1) for piece in pieces)).merged()
+    rest = terms.joined(*(piece.field().scaled(-1) for piece in pieces)).merged(NOISE)
     has_square = (rest.variables == rest.component[:, None]).sum(axis=1) == 2
     return pieces, rest.selected(~has_square)  # of squares only roundoff is left
 
@@ -88,6 +89,8 @@ def _shear(n: int, group: np.ndarray, s: np.ndarray, is_exact: bool) -> Shear:
     first, second = np.triu_indices(m, 1)
     whole = s.sum()
     w = (s[first] + s[second] - whole / (m - 1)) / (m - 2)
+    if not is_exact:
+        w[np.abs(w) <= NOISE * np.abs(s).sum()] = 0.0
     i, k = group[first], group[second]
     squares = [(w, np.column_stack([i, i])), (w, np.column_stack([k, k]))]
     g = one_component(n, [*squares, (-2 * w, np.column_stack([i, k]))], is_exact)

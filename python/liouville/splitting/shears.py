@@ -9,7 +9,7 @@ import numpy as np
 
 from liouville.errors import hinted
 from liouville.splitting.directions import along
-from liouville.splitting.elimination import SingularError, solved
+from liouville.splitting.elimination import NOISE, SingularError, solved
 from liouville.splitting.pieces import Shear, one_component, same_kind
 from liouville.terms import Terms
 
@@ -73,7 +73,7 @@ def _directions(terms: Terms, d: int, given: np.ndarray | None) -> np.ndarray:
 
 def _rest(terms: Terms, pieces: list[Shear]) -> Terms:
     """Return the field without the shears; without its diagonal terms, which are roundoff."""
-    rest = terms.joined(*(piece.field().scaled(-1) for piece in pieces)).merged()
+    rest = terms.joined(*(piece.field().scaled(-1) for piece in pieces)).merged(NOISE)
     left = np.abs(rest.diagonal().coefficient).max(initial=0)
     largest = max([np.abs(terms.coefficient).max(initial=0), *_sizes(pieces)])
     if left > (0 if terms.is_exact else LEFT_OVER * largest):
@@ -101,7 +101,8 @@ class _Degree:
 
     For the monomials of which exactly the variables of a set S occur, and j likewise, the unknowns
     outside are of larger sets, and what is left has full column rank. Monomials of a set are given
-    by their exponents, which are positive.
+    by their exponents, which are positive. In floating point a gamma is zero that is noise against
+    the largest of its set, and against those of larger sets that it follows from.
     """
 
     def __init__(self, terms: Terms, b: np.ndarray, m: int) -> None:
@@ -127,13 +128,19 @@ class _Degree:
         """Yield rows of variables, and their coefficients in g_1, ..., g_m."""
         wanted = self._wanted()
         known = [self._zeros(size, self.lower[size], self.m) for size in range(self.m + 1)]
+        largest = [np.zeros(len(sets)) for sets in self.sets]
         for size in range(self.m, 0, -1):
             if not self.sets[size]:
                 continue
             sets = np.array(self.sets[size])
             gamma = self._solved(sets, wanted[size], known[size])
+            if not self.terms.is_exact:
+                np.maximum(largest[size], np.abs(gamma).max(axis=(1, 2)), out=largest[size])
+                gamma[np.abs(gamma) <= NOISE * largest[size][:, None, None]] = 0.0
             if size > 1:
                 self._add_known(known[size - 1], sets, gamma)
+                for p in range(size):
+                    np.maximum.at(largest[size - 1], self._without(sets, p), largest[size])
             for at, powers in enumerate(self.exponents[size]):
                 yield np.repeat(sets, powers, axis=1), gamma[:, at]
 
@@ -185,12 +192,15 @@ class _Degree:
         size = sets.shape[1]
         place = {e: k for k, e in enumerate(self.lower[size - 1])}
         for p in range(size):
-            fewer = np.delete(sets, p, axis=1).tolist()
-            number = np.array([self.number[tuple(each)] for each in fewer])
+            number = self._without(sets, p)
             for at, powers in enumerate(self.exponents[size]):
                 if powers[p] == 1:
                     row = place[powers[:p] + powers[p + 1 :]]
                     np.add.at(known[:, row], number, self.b[sets[:, p]] * gamma[:, at])
+
+    def _without(self, sets: np.ndarray, p: int) -> np.ndarray:
+        """Return the numbers of sets without their variable p."""
+        return np.array([self.number[tuple(s)] for s in np.delete(sets, p, axis=1).tolist()])
 
 
 def _compositions(total: int, parts: int) -> list[tuple[int, ...]]:
