@@ -393,6 +393,20 @@ def test_a_reset_may_give_some_entries_by_coordinate_and_the_balance_names_its_w
         lv.integrate(point, lv.Spark(2), events={"ground": wrong}, **call)
 
 
+@pytest.mark.parametrize("h", [0.05, 0.4])
+def test_the_balance_parts_steps_at_resets(h):
+    rubbed = lv.Lagrangian(
+        lambda t, q, v, params: v[0] ** 2 / 2 - 9.81 * q[0],
+        q=("height",),
+        force=lambda t, q, v, params: -0.1 * v,
+    )
+    ground = lv.Event(height, "down", reset=lv.Impact(0.5))
+    call = {"t": (0, 0.8), "h": h, "q": [1.0], "v": [0.0]}
+    run = lv.integrate(rubbed, lv.Spark(5), events={"ground": ground}, **call)
+    assert len(run.events["ground"].t) == 1
+    assert np.abs(lv.power_balance(run).defect).max() < 1e-10
+
+
 FREE = lv.Lagrangian(lambda t, q, v, p: v[0] ** 2 / 2, q=1)
 
 

@@ -63,7 +63,8 @@ def power_balance(solution: Solution) -> PowerBalance:
     .. math:: E' = Q^T v + E_t + r^T v - v^T C v
 
     The powers are evaluated at the points of Gauss's quadrature of every step, where states and
-    multipliers are interpolated; the work has their order.
+    multipliers are interpolated; the work has their order. A step with a reset is taken in the
+    parts before and after it.
 
     Parameters
     ----------
@@ -93,18 +94,20 @@ def power_balance(solution: Solution) -> PowerBalance:
         raise ValueError(hinted(sentence, "integrate with every=1, states=True, without t_eval"))
     if len(solution.t) < 2:
         raise ValueError("a balance of power needs a step at least")
+    resets, jumps = _jumps(system, values, solution)
+    knots = _knots(solution.t, resets)
     places, weights = np.polynomial.legendre.leggauss(NODES)
-    steps = np.diff(solution.t)
-    times = (solution.t[:-1, None] + steps[:, None] * (1 + places) / 2).ravel()
+    parts = np.diff(knots)
+    times = (knots[:-1, None] + parts[:, None] * (1 + places) / 2).ravel()
     inner = solution(times).states
     at_steps = _powers(system, values, solution.t, solution.states)
     between = _powers(system, values, times, inner)
+    ends = np.isin(knots, solution.t)
     work = {
-        name: np.append(0.0, np.cumsum(x.reshape(-1, NODES) @ weights * steps / 2))
+        name: np.append(0.0, np.cumsum(x.reshape(-1, NODES) @ weights * parts / 2))[ends]
         for name, x in between.items()
     }
     energy = solution.invariants["energy"]
-    jumps = _jumps(system, values, solution)
     kept = {name for name, x in between.items() if x.any() or at_steps[name].any()}
     if jumps is not None:
         work["impacts"] = jumps
@@ -119,8 +122,20 @@ def power_balance(solution: Solution) -> PowerBalance:
     )
 
 
-def _jumps(system: Mechanics, values: Array, solution: Solution) -> Array | None:
-    """Return what resets have changed the energy by until each step; None if there are none."""
+def _knots(t: Array, resets: Array) -> Array:
+    """Return the times of the steps and those of the resets between them, in the order of the run.
+
+    Powers are smooth on each side of a reset and jump at it.
+    """
+    knots = np.union1d(t, resets)
+    return knots if t[-1] >= t[0] else knots[::-1]
+
+
+def _jumps(system: Mechanics, values: Array, solution: Solution) -> tuple[Array, Array | None]:
+    """Return the times of resets, and what they have changed the energy by until each step.
+
+    The latter is None if no event has resets.
+    """
     observer, widths = system.observer(None, states=False)
     place = sum([*widths.values()][: [*widths].index("invariant energy")])
     times, changes = [np.empty(0)], [np.empty(0)]
@@ -141,12 +156,12 @@ def _jumps(system: Mechanics, values: Array, solution: Solution) -> Array | None
         times.append(points.t)
         changes.append(after - before)
     if len(times) == 1:
-        return None
+        return times[0], None
     at, change = np.concatenate(times), np.concatenate(changes)
     way = np.sign(solution.t[-1] - solution.t[0])
     # a record at the time of an event is that after its reset
     found: Array = (way * (solution.t[:, None] - at) >= 0) @ change
-    return found
+    return at, found
 
 
 def _powers(
