@@ -15,13 +15,13 @@ def rod(t, q, params):
     return {"rod": (ca.sumsqr(q[2:] - q[:2]) - params.l**2) / 2}
 
 
-def two_masses():
+def two_masses(length=1.0):
     """Return two masses in the plane, one heavy and one light, at the ends of a rod."""
     return lv.Lagrangian(
         lambda t, q, v, params: params.a / 2 * ca.sumsqr(v[:2]) + params.b / 2 * ca.sumsqr(v[2:]),
         rod,
         q=NAMES,
-        params={"a": 1e4, "b": 1.0, "l": 1.0},
+        params={"a": 1e4, "b": 1.0, "l": length},
     )
 
 
@@ -115,6 +115,23 @@ def test_with_velocities_held_linear_constraints_move_positions_only():
     np.testing.assert_allclose(moved["q"], [0.1, 1, 0.01], rtol=0, atol=1e-15)
     with pytest.raises(ValueError, match=r"(?s)hidden constraint 'plane'.*without hold='v'"):
         tilted.consistent(hold="v", q=[0, 1, 1.01], v=[1, 2, 3])
+
+
+@pytest.mark.parametrize("unit", [1.0, 1e-9])
+def test_a_start_at_rest_is_held_at_rest(unit):
+    rods = two_masses(unit)
+    moved = rods.consistent(hold="v", q=unit * np.array(APART["q"]), v=np.zeros(4))
+    np.testing.assert_array_equal(moved["v"], 0)
+    np.testing.assert_allclose(
+        moved["q"], rods.consistent(q=unit * np.array(APART["q"]), v=np.zeros(4))["q"], rtol=1e-14
+    )
+    grows = lv.Lagrangian(
+        lambda t, q, v, params: ca.dot(v, v) / 2,
+        lambda t, q, params: {"rod": ca.dot(q, q) - (1 + t) ** 2},
+        q=2,
+    )
+    with pytest.raises(ValueError, match=r"no consistent start.*'hidden rod' vanishes"):
+        grows.consistent(hold="v", q=[0.8, -0.5], v=[0, 0])
 
 
 def test_the_heavy_mass_hardly_moves():

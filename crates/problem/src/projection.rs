@@ -204,6 +204,10 @@ impl<'a> ConstraintEquations<'a> {
             *c_x *= of_x[j];
             of_c[i] = c_x.abs().max(of_c[i]);
         }
+        // an equation that nothing moves, as a hidden one at rest, has no unit of its own
+        of_c.iter_mut()
+            .filter(|unit| **unit == 0.0)
+            .for_each(|unit| *unit = 1.0);
         for (&(i, _), c_x) in at_c.entries().iter().zip(&mut *scaled) {
             *c_x /= of_c[i];
         }
