@@ -108,6 +108,32 @@ MOVING = (
 )
 
 
+@pytest.mark.parametrize("length", [1.0, 1e-9, 1e11])
+def test_equilibria_hold_their_constraints_in_any_unit(length):
+    system, rough = hanging(2, length=length), length * np.array([0.5, -0.8, 0.3, -1.5])
+    rest = lv.equilibrium(system, q=rough)
+    np.testing.assert_allclose(rest.start["q"] / length, [0, -1, 0, -2], rtol=0, atol=1e-12)
+    over = lv.equilibrium(system, q=length * np.array([0.05, 0.99, 0.1, 1.9]), stable=False)
+    np.testing.assert_allclose(over.start["q"] / length, [0, 1, 0, 2], rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("length", [1.0, 1e-9])
+def test_equilibria_hold_lengths_far_below_angles(length):
+    rod = lv.Lagrangian(
+        lambda t, q, v, params: (
+            ca.sumsqr(v[:2]) / 2
+            + (length * v[2]) ** 2 / 2
+            - G * q[1]
+            - G * length / 4 * (q[2] - 1) ** 2
+        ),
+        lambda t, q, params: [q[0] - length * ca.sin(q[2]), q[1] + length * ca.cos(q[2])],
+        q=("x", "y", "angle"),
+    )
+    x, y, angle = lv.equilibrium(rod, q=[0.3 * length, -0.7 * length, 0.5]).start["q"]
+    assert np.sin(angle) + (angle - 1) / 2 == pytest.approx(0, abs=1e-12)
+    assert [x / length, y / length] == pytest.approx([np.sin(angle), -np.cos(angle)], abs=1e-15)
+
+
 @pytest.mark.parametrize("name", MOVING)
 def test_a_linearisation_is_the_difference_of_motions_nearby(name):
     problem = problems.load(name)

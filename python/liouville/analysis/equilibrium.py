@@ -22,6 +22,8 @@ MOST, STRIDE = 300, 0.3
 RETURNS = 50
 #: Corrections below this part of the size are roundoff, and forces left below this part balance.
 LAST, BALANCED = 1e-12, 1e-9
+#: A constraint is met where it is no more than this part of its terms.
+ROUNDINGS = 4 * float(np.finfo(float).eps)
 #: Of the largest curvature, a smaller one is taken as this part.
 FLAT = 1e-8
 #: A step that overshoots by this part of the force it began with is made again, half as long.
@@ -140,7 +142,7 @@ class _Search(ABC):
 
     def __init__(self, point: Point) -> None:
         self.point, self.lam = point, np.zeros(len(point.system.constraints))
-        self.units, self.rows = point.units
+        self.units = point.units
         self.size = self.length_of(point.y) or 1.0
         self.scale = 0.0  # of forces, each in that of an energy over the unit of its coordinate
         self._check_driven()
@@ -152,13 +154,13 @@ class _Search(ABC):
     @property
     def missed(self) -> Array:
         """The values of the holonomic constraints, each in its unit."""
-        return self.point.missed / self.rows
+        return self.point.missed / self.point.row_units
 
     def _check_driven(self) -> None:
         """Refuse constraints that move."""
         point = self.point
         rates = point._at("end")[point.n : point.n + point.m]
-        moving = np.abs(rates / self.rows)
+        moving = np.abs(rates / point.row_units)
         if point.m and moving.max() > DRIVEN * self.size:
             k = int(np.argmax(moving))
             name = point.system._holonomic[k]
@@ -308,15 +310,18 @@ class _Dense(_Search):
         return found
 
     def _returned(self) -> bool:
-        """Move onto the constraints by Gauss-Newton steps; say whether they hold then."""
+        """Move onto the constraints by Gauss-Newton steps, to roundoff; say whether they hold."""
         before = np.inf
         for _ in range(RETURNS):
-            missed = self.missed
-            off = float(np.abs(missed).max(initial=0.0))
-            if off <= LAST * self.size or (off >= before and off <= BALANCED * self.size):
+            gradients = self.point.blocks("node_blocks", self.lam[: self.point.m])["g_y"]
+            terms = np.abs(gradients) @ np.abs(self.point.y)
+            off = float(np.abs(self.missed).max(initial=0.0))
+            # lengths may be small beside angles: below LAST corrections go on while they help
+            is_last = off <= LAST * self.size and off > before / 2
+            is_stuck = before <= off <= BALANCED * self.size
+            if is_last or is_stuck or np.all(np.abs(self.point.missed) <= ROUNDINGS * terms):
                 return True
             before = off
-            gradients = self.point.blocks("node_blocks", self.lam[: self.point.m])["g_y"]
             change = -Split.of(gradients, self.units).inverse @ self.point.missed
             length = self.length_of(change)
             self.move(change * min(1.0, STRIDE * self.size / max(length, 1e-300)))

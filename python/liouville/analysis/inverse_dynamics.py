@@ -253,7 +253,7 @@ def _solved(
     system, (force, _) = point.system, point.rates
     needed = point.blocks("stage_blocks")["p_z"] @ a - force
     felt = point.reactions(np.zeros(len(system.constraints)))
-    units, _ = point.units
+    units = point.units
     split = Split.of(felt.T, units)
     inside, wanted = split.null.T @ slopes.T, split.null.T @ needed
     sizes = np.linalg.svd(inside, compute_uv=False)

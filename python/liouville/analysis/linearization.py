@@ -146,7 +146,7 @@ def linearized_at(point: Point, independent: Sequence[str] | None = None) -> Lin
     system = point.system
     u, lam = point.motion()
     given = point.linearized(u, lam)
-    units, _ = point.units
+    units = point.units
     held = Split.of(point.held(), units)
     free = Split.of(point.blocks("node_blocks", lam[: point.m])["g_y"], units).null
     rates, back = held.null, held.inverse
@@ -196,7 +196,7 @@ def _tested(point: Point, lam: Array, free: Array) -> Array:
     """Return directions that no reaction acts along: the free ones where reactions are ideal."""
     if point.system._is_ideal and not point.system.nonholonomic:
         return free.T
-    return Split.of(point.reactions(lam).T, point.units[0]).null.T
+    return Split.of(point.reactions(lam).T, point.units).null.T
 
 
 def _picked(system: Mechanics, names: Sequence[str], free: Array) -> Array:

@@ -234,7 +234,7 @@ def modes(
 
 def _check_balanced(point: Point, linear: Linearization) -> None:
     """Refuse a state whose forces are not in balance."""
-    units, _ = point.units
+    units = point.units
     force, _ = point.rates
     scale = np.abs(units * force).max() + np.abs(linear.stiffness).max(initial=0.0) * max(
         np.abs(point.y / units).max(), np.abs(point.z / units).max()

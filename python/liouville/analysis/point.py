@@ -16,7 +16,7 @@ from liouville.errors import hinted
 from liouville.systems import Mechanics
 from liouville.systems._linear import Pattern
 from liouville.systems._motion import linearized
-from liouville.systems._singular import dense
+from liouville.systems._singular import dense, unit
 from liouville.systems.traced import finite_time
 
 Array = NDArray[np.float64]
@@ -205,18 +205,34 @@ class Point:
         return found[: self.n], found[self.n : self.n + rows]
 
     @cached_property
-    def units(self) -> tuple[Array, Array]:
-        """The units of coordinates and of holonomic constraints, those of a mechanism's size."""
+    def _length(self) -> float:
+        """The unit of length of a mechanism, by its size."""
+        assert isinstance(self.system, Mechanism), "other systems have no size"
+        return scales.length_of(scales.size_of(self.system, self.params))
+
+    @cached_property
+    def units(self) -> Array:
+        """The units of coordinates, those of a mechanism's size."""
         if not isinstance(self.system, Mechanism):
-            return np.ones(self.n), np.ones(self.m)
-        length = scales.length_of(scales.size_of(self.system, self.params))
-        columns = scales.of_coordinates(self.system, length)
+            return np.ones(self.n)
+        return scales.of_coordinates(self.system, self._length)
+
+    @cached_property
+    def row_units(self) -> Array:
+        """The units of holonomic constraints: how much they change by coordinates, each in its own.
+
+        Of a mechanism those that are lengths or angles have the units of these.
+        """
+        if not self.m:
+            return np.ones(0)
         gradients = self.blocks("node_blocks", np.zeros(self.m))["g_y"]
         if self._sparse:
-            sizes = abs(gradients.multiply(columns)).max(axis=1).toarray().ravel()
+            sizes = abs(gradients.multiply(self.units)).max(axis=1).toarray().ravel()
         else:
-            sizes = np.abs(gradients * columns).max(axis=1, initial=0.0)
-        return columns, scales.of_rows(self.system, length, sizes)
+            sizes = np.abs(gradients * self.units).max(axis=1)
+        if isinstance(self.system, Mechanism):
+            return scales.of_rows(self.system, self._length, sizes)
+        return np.array([1 / unit(size) for size in sizes])
 
     @cached_property
     def missed(self) -> Array:
@@ -256,7 +272,7 @@ class Point:
         ValueError
             The mass matrix is singular in directions that the constraints leave.
         """
-        units, _ = self.units
+        units = self.units
         held, mass = Split.of(self.held(), units), self.blocks("stage_blocks")["p_z"]
         force, rate = self.rates
         lam = np.zeros(len(self.system.constraints))
