@@ -20,7 +20,11 @@ def henon_heiles():
 
 
 def variational(x, v, intervals, length):
-    """Return the same exponents by DOP853, in the same orthonormal bases."""
+    """Return the same exponents by DOP853, in the same orthonormal bases.
+
+    The largest stiffness at the start is 1.2, so that lengths are those of (1.2 ** 0.5 dy, dp).
+    """
+    unit = 1.2 ** np.array([[0.25], [0.25], [-0.25], [-0.25]])
 
     def rates(t, w):
         q, d = w[:2], w[4:].reshape(4, 4)
@@ -32,9 +36,9 @@ def variational(x, v, intervals, length):
 
     state, basis, total = np.array([*x, *v]), np.eye(4)[:, [0, 1, 3, 2]], np.zeros(4)
     for _ in range(intervals):
-        start = np.concatenate([state, basis.ravel()])
+        start = np.concatenate([state, (basis / unit).ravel()])
         end = solve_ivp(rates, (0, length), start, method="DOP853", rtol=1e-12, atol=1e-13).y[:, -1]
-        state, (basis, upper) = end[:4], np.linalg.qr(end[4:].reshape(4, 4))
+        state, (basis, upper) = end[:4], np.linalg.qr(unit * end[4:].reshape(4, 4))
         total += np.log(np.abs(np.diagonal(upper)))
     return total / (intervals * length)
 
@@ -60,6 +64,24 @@ def test_pairs_on_constraints(name):
     found = lv.lyapunov(system, lv.Spark(2), t=(0, 1), h=0.02, every=5, **problem.start)
     assert len(found.exponents) == 2 * (len(system.coordinates) - len(system.constraints))
     np.testing.assert_allclose(found.pairs, 0.0, atol=1e-11)
+
+
+@pytest.mark.parametrize("units", [(1e-10, 1e-15, 1e-27), (1e11, 3e7, 1e30), (1e3, 1, 1e-3)])
+def test_units_of_the_model_change_nothing(units):
+    def exponents(length, time, mass):
+        g = 9.81 * length / time**2
+        spherical = lv.Lagrangian(
+            lambda t, q, v, params: mass * (ca.dot(v, v) / 2 - g * q[2]),
+            lambda t, q, params: {"rod": ca.dot(q, q) - length**2},
+            q=3,
+        )
+        start = spherical.consistent(
+            q=length * np.array([0.6, 0.1, -0.8]), v=length / time * np.array([0.3, 0.7, 0.2])
+        )
+        run = {"t": (0, 5 * time), "h": 0.05 * time}
+        return time * lv.lyapunov(spherical, lv.Spark(4), **run, **start).exponents
+
+    np.testing.assert_allclose(exponents(*units), exponents(1, 1, 1), rtol=0, atol=1e-9)
 
 
 def test_friction_shifts_all_pairs():

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from liouville._arguments import count
 from liouville.analysis.linearization import linearized_at
 from liouville.analysis.point import Array, Point, Split
-from liouville.control import Takes, steps_of
+from liouville.control import Steps, Takes, steps_of
 from liouville.errors import hinted
 from liouville.integrate import integrate
 from liouville.methods import Method, VolumeSplitting
@@ -99,6 +99,8 @@ def lyapunov(
     (dy, dp) with dp the part of the momentum's change that is tangential to the constraints. In
     these coordinates the step of a Hamiltonian system is symplectic, the directions begin as an
     orthogonal symplectic basis, and exponents come in pairs of opposite sign whatever the time. The
+    unit of dy, whose inverse is that of dp, is the one in which the two drive each other alike at
+    the start: no result depends on the units of the model. The
     exponents of a divergence-free field sum to zero. The first n - m directions begin as changes of
     positions alone: with :math:`H = z \cdot F(y)` and z = 0 their exponents are those of
     :math:`y' = F(y)`, whatever that is.
@@ -154,7 +156,7 @@ def lyapunov(
         raise ValueError(hinted("t runs backwards", "exponents are those of the time ahead"))
     segment = min(count("every", every), plan.count)
     flow = _flow_of(system, method, plan.mean(plan.t1, plan.count), params)
-    flow.begin(plan.t0, start)
+    flow.begin(plan, start)
     most = flow.moved.shape[1]
     wanted = most if exponents is None else count("exponents", exponents)
     if wanted > most:
@@ -205,7 +207,7 @@ class _Flow(ABC):
         self.system, self.method, self.params = system, method, params
 
     @abstractmethod
-    def begin(self, t: float, start: Mapping[str, ArrayLike]) -> None:
+    def begin(self, plan: Steps, start: Mapping[str, ArrayLike]) -> None:
         """Take a start, and directions that are orthonormal in the coordinates of the exponents."""
 
     @abstractmethod
@@ -255,8 +257,9 @@ class _Field(_Flow):
         super().__init__(system, method, params)
         self.h = h
 
-    def begin(self, t: float, start: Mapping[str, ArrayLike]) -> None:
+    def begin(self, plan: Steps, start: Mapping[str, ArrayLike]) -> None:
         """Take a start, with the directions of the axes."""
+        t = plan.t0
         x = self.system.start(start, False)
         if isinstance(self.method, VolumeSplitting):  # planned once, not for each run
             self.method = plan_of(self.system, self.method, h=self.h, x=x, t=t, params=self.params)
@@ -272,30 +275,39 @@ class _Mechanical(_Flow):
     """A mechanical system: its directions are (dy, dz), their coordinates (dy, tangential dp)."""
 
     system: Mechanics
+    unit: float
 
-    def begin(self, t: float, start: Mapping[str, ArrayLike]) -> None:
+    def begin(self, plan: Steps, start: Mapping[str, ArrayLike]) -> None:
         """Take a start, with an orthogonal symplectic basis of directions."""
         y, z = self.system.start(start)
         self.state = dict(zip(self.system.states, (y, z), strict=True))
-        point = self._point(t)
+        point = self._point(plan.t0)
         point.check()
-        self.moved = linearized_at(point).tangent
+        linear = linearized_at(point)
+        self.moved, self.unit = linear.tangent, 1.0
         null = self._free(point)
         n, k = null.shape
         basis = np.zeros((2 * n, 2 * k))
-        basis[:n, :k], basis[n:, k:] = null, null[:, ::-1]
-        self.moved = self.moved @ np.linalg.lstsq(self.coordinates(t), basis)[0]
+        basis[:n, :k], basis[n:, k:] = null, null
+        own = basis.T @ self.coordinates(plan.t0)
+        sizes = np.abs(own).max(axis=1)
+        back = np.linalg.inv(own / sizes[:, None]) / sizes  # momenta are in another unit
+        self.unit = _unit_of(own @ linear.state @ back, plan.t1 - plan.t0)
+        back[:, :k] *= self.unit
+        back[:, k:] /= self.unit
+        order = [*range(k), *reversed(range(k, 2 * k))]
+        self.moved = (linear.tangent @ back)[:, order]
 
     def coordinates(self, t: float) -> Array:
-        """Return the changes of positions, and of the momenta along the constraints."""
+        """Return the changes of positions, and of the momenta along the constraints, in units."""
         point, n = self._point(t), len(self.system.coordinates)
         dy, dz = self.moved[:n], self.moved[n:]
         dp = point.blocks("stage_blocks")["p_z"] @ dz
         by_position = point.blocks("stage_jacobian").get("p_y")
         if by_position is not None:
             dp = dp + by_position @ dy
-        null = self._free(point)
-        return np.vstack([dy, null @ (null.T @ dp)])
+        null, units = self._free(point), point.units[:, None]
+        return np.vstack([dy / units / self.unit, self.unit * (null @ (null.T @ (units * dp)))])
 
     def _point(self, t: float) -> Point:
         y, z = self.state.values()
@@ -303,4 +315,22 @@ class _Mechanical(_Flow):
 
     @staticmethod
     def _free(point: Point) -> Array:
-        return Split.of(point.blocks("node_blocks", np.zeros(point.m))["g_y"]).null
+        """Return an orthonormal basis of the free directions, coordinates in their units."""
+        gradients = point.blocks("node_blocks", np.zeros(point.m))["g_y"]
+        return Split.of(gradients * point.units).null
+
+
+def _unit_of(rates: Array, span: float) -> float:
+    """Return the unit of dy, its inverse that of dp, in which the two drive each other alike.
+
+    So exponents until a given time are the same in all units of length, mass and time. Of the
+    matrix of (dy, dp)' those two blocks count; slower motion than one over the span does not.
+    """
+    half = len(rates) // 2
+    by_momentum, by_position = (
+        float(np.linalg.norm(block, 2)) for block in (rates[:half, half:], rates[half:, :half])
+    )
+    rate = max(np.sqrt(by_momentum * by_position), 1 / span)
+    if by_momentum > 0:
+        return float(np.sqrt(by_momentum / rate))
+    return float(np.sqrt(rate / by_position)) if by_position > 0 else 1.0
