@@ -219,3 +219,37 @@ def test_units_do_not_matter(length, stiffness):
     np.testing.assert_allclose(found.covariance, given.covariance, rtol=1e-6)
     assert found.sigma / length == pytest.approx(np.std(noise), rel=0.05)
     assert np.std(found.residuals) / length == pytest.approx(np.std(noise), rel=0.05)
+
+
+@pytest.mark.parametrize("free", [("v",), ("q", "v")])
+@pytest.mark.parametrize("units", [(1, 1e-9, 1), (1e-10, 1e-15, 1e-27), (1e11, 3e7, 1e30)])
+def test_units_of_length_time_and_mass_change_nothing(units, free):
+    """Velocities are not measured, begin at zero, and are far from positions in size."""
+
+    def fitted(length, time, mass):
+        def pendulum(g, c):
+            return lv.Lagrangian(
+                lambda t, q, v, params: mass * (ca.dot(v, v) / 2 - params.g * q[1]),
+                lambda t, q, params: {"rod": ca.dot(q, q) - length**2},
+                q=("x", "y"),
+                force=lambda t, q, v, params: -params.c * mass / time * v,
+                params={"g": g * length / time**2, "c": c},
+            )
+
+        run = {"t": (0, 2 * time), "h": 0.1 * time}
+        start = {"q": [length, 0.0], "v": [0.0, 0.3 * length / time]}
+        seen = lv.integrate(pendulum(9.7, 0.13), lv.Spark(3), **run, **start)
+        noise = np.random.default_rng(0).normal(size=seen.q.shape) * 1e-3 * length
+        found = lv.fit(
+            pendulum(9.81, 0.1),
+            lv.Spark(3),
+            {"t": seen.t, "q": seen.q + noise},
+            h=run["h"],
+            params=["g", "c"],
+            free=free,
+            q=start["q"],
+            v=[0.0, 0.0],
+        )
+        return [found.params["g"] * time**2 / length, found.params["c"]]
+
+    assert fitted(*units) == pytest.approx(fitted(1, 1, 1), rel=1e-7)

@@ -48,14 +48,15 @@ def free_directions(
         _, sizes, right = np.linalg.svd(rows)
         rank = int((sizes > RANK * sizes.max(initial=0.0)).sum())
         basis = basis @ right[rank:].T
+        moved = basis[first.size * (1 - held[0]) : first.size * (2 - held[0])]
+        basis = basis @ np.linalg.inv(np.linalg.qr(moved)[1])  # orthonormal in the unit of its own
     if not basis.shape[1]:
         sentence = f"constraints leave no freedom to {quoted(free)}"
         if not held:
             raise ValueError(hinted(sentence, "fit parameters alone"))
         hint = f"write free={tuple(system.states)!r}"
         raise ValueError(hinted(f"{sentence} while the other state is held", hint))
-    found: Array = np.linalg.qr(basis)[0]
-    return found
+    return basis
 
 
 def values_of(

@@ -327,14 +327,27 @@ class _Problem:
     def _scales(self, jacobian: Array) -> Array:
         """Return the sizes of derivatives; ValueError where one is nothing but roundoff."""
         scales: Array = np.linalg.norm(jacobian, axis=0)
-        states = self._of(self.last.run.states) / self.data.weights
+        states = (self._of(self.last.run.states) / self.data.weights)[self.data.is_there]
         typical = np.abs(self._theta())
         typical[typical == 0] = 1.0
-        along = np.full(len(scales) - len(typical), max(map(np.linalg.norm, self.start.values())))
-        nothing = scales * np.concatenate([typical, along]) <= NOTHING * np.linalg.norm(states)
+        own = np.concatenate([1 / typical, self._along()])
+        nothing = scales <= NOTHING * np.linalg.norm(states) * own
         if nothing.any():
             self._undetermined(nothing)
         return scales
+
+    def _along(self) -> Array:
+        """Return how much each direction changes the start, as parts of the largest of its states.
+
+        Positions and velocities have units of their own, and one may begin at zero.
+        """
+        parts = np.split(self.basis, np.cumsum([len(x) for x in self.start.values()])[:-1])
+        found = np.zeros(self.basis.shape[1])
+        for name, part in zip(self.start, parts, strict=True):
+            largest = np.abs(self.last.run.states[name]).max()
+            if part.size and largest > 0:
+                found += np.linalg.norm(part, axis=0) / largest
+        return found
 
     def _undetermined(self, unknowns: np.ndarray) -> None:
         names = self._names()
