@@ -70,3 +70,26 @@ def test_a_short_pulse_is_not_stepped_over(width, rtol):
     found = lv.integrate(field, lv.VolumeSplitting(), rtol=rtol, **run)
     wanted = lv.integrate(field, lv.VolumeSplitting(composition="BM6"), steps=20_000, **run)
     np.testing.assert_allclose(found.x[-1], wanted.x[-1], rtol=rtol, atol=rtol)
+
+
+@pytest.mark.parametrize("kind", [lv.PolynomialField, lv.PotentialField])
+def test_an_absolute_tolerance_that_outweighs_all_coordinates_gets_a_word(kind):
+    unit = 1e-9
+
+    def cells(t, x, params):
+        return unit**2 * ca.sin(x[0] / unit) * ca.sin(x[1] / unit)
+
+    def velocity(t, x, params):
+        return [
+            unit * ca.sin(x[0] / unit) * ca.cos(x[1] / unit),
+            -unit * ca.cos(x[0] / unit) * ca.sin(x[1] / unit),
+        ]
+
+    field = kind(cells if kind is lv.PotentialField else velocity, x=2)
+    call = {"t": (0, 2), "rtol": 1e-6, "x": [0.3 * unit, 0.4 * unit]}
+    told = "judged by atol = rtol / 1000 = 1e-09, which is more than rtol times"
+    assert told in lv.integrate(field, lv.VolumeSplitting(), **call).message
+    fine = lv.integrate(field, lv.VolumeSplitting(), atol=1e-9 * unit, **call)
+    assert "judged" not in fine.message
+    finer = lv.integrate(field, lv.VolumeSplitting(), t=(0, 2), h=1e-3, x=call["x"])
+    np.testing.assert_allclose(fine.x[-1], finer.x[-1], rtol=2e-6)

@@ -140,9 +140,14 @@ class Steps:
         return f" of {self.count}" if self.control is None else ""
 
     @property
+    def asked(self) -> tuple[Any, ...] | None:
+        """The control of the steps, or that which equal ones were found for."""
+        return self.control if self.trial is None else self.trial[0]
+
+    @property
     def tolerances(self) -> dict[str, float | list[float]]:
         """Return what controls the steps, if anything does."""
-        control = self.control if self.trial is None else self.trial[0]
+        control = self.asked
         if control is None:
             return {}
         if control[0] == "reversible":

@@ -61,7 +61,7 @@ class FieldRunner(Runner):
     def __init__(
         self, system: Field, method: VolumeSplitting | FieldPlan, request: Request
     ) -> None:
-        self.base, self._given = system, method
+        self.base, self._given, self._is_atol_default = system, method, request.atol is None
         self.systems, x = self._with_params(system, request)
         if request.tangents is not None and not self.varied:
             self.systems = [self._changing(request.tangents)]

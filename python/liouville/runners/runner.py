@@ -104,6 +104,8 @@ class Runner(ABC):
     constraints: tuple[str, ...] = ()
     members: tuple[int, ...] = ()
     varied: tuple[str, ...] = ()
+    #: Whether the absolute tolerance is the one by default, which knows no unit.
+    _is_atol_default = False
 
     system: System
     choice: Method | Plan
@@ -183,14 +185,22 @@ class Runner(ABC):
         return "; ".join(filter(None, [said, self.outweighed(self.largest(rows))]))
 
     def largest(self, rows: np.ndarray) -> float:
-        """Return the largest coordinate of records, 0 where they have none."""
-        del rows
-        return 0.0
+        """Return the largest coordinate of records, 0 where none is asked for."""
+        width = self.columns.get(self.system.states[0], 0) if self._is_atol_default else 0
+        return float(np.fmax.reduce(np.abs(rows[..., :width]), axis=None, initial=0.0))
 
     def outweighed(self, largest: float) -> str:
         """Return a sentence on a tolerance by default that is too large for all coordinates."""
-        del largest
-        return ""
+        control = self.steps.asked
+        if control is None or control[0] == "reversible" or not self._is_atol_default:
+            return ""
+        _, rtol, atol, *_ = control
+        if not 0 < rtol * largest < atol[0]:
+            return ""
+        return (
+            f"the errors are judged by atol = rtol / 1000 = {atol[0]:.3g}, which is more than rtol "
+            f"times the largest coordinate, {largest:.3g}: give atol= in the coordinates' unit"
+        )
 
     def resets(self, events: Mapping[str, Points], member: int = 0) -> list[tuple[float, float]]:
         """Return when resets have changed the energy of a member, and by how much, in order."""

@@ -84,23 +84,6 @@ class TracedRunner(Runner):
         #: Tangents at events, by their names.
         self._moved_events: dict[str, tuple[np.ndarray, np.ndarray | None]] = {}
 
-    def largest(self, rows: np.ndarray) -> float:
-        """Return the largest coordinate of records, 0 where they have none."""
-        y = rows[..., : len(self.system.coordinates) if self._states else 0]
-        return float(np.fmax.reduce(np.abs(y), axis=None, initial=0.0))
-
-    def outweighed(self, largest: float) -> str:
-        """Return a sentence on a tolerance by default that is too large for all coordinates."""
-        if self.steps.control is None or not self._is_atol_default or self._control != "error":
-            return ""
-        _, rtol, atol, *_ = self.steps.control
-        if not 0 < rtol * largest < atol[0]:
-            return ""
-        return (
-            f"the errors are judged by atol = rtol / 1000 = {atol[0]:.3g}, which is more than rtol "
-            f"times the largest coordinate, {largest:.3g}: give atol= in the coordinates' unit"
-        )
-
     def _controls_taken(self) -> Takes:
         """Return the controls of the steps that the method takes."""
         return takes_of(self.choice, self.estimators)
