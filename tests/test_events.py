@@ -333,3 +333,22 @@ def test_wrong_events_are_refused():
     ):
         with pytest.raises((TypeError, ValueError), match=message):
             swing(lv.Spark(2), (0, 1), events)
+
+
+@pytest.mark.parametrize("every", [1, 7, 1000])
+@pytest.mark.parametrize("t", [(0.0, 3.0), (1e6, 1e6 + 3.0), (3.0, 0.0)])
+def test_members_that_an_event_ended_have_made_the_steps_of_runs_alone(t, every):
+    """So has the ensemble, the most of them, where it ended all."""
+    oscillator = lv.Lagrangian(
+        lambda t, q, v, params: (v[0] ** 2 - params.k * q[0] ** 2) / 2, q=1, params={"k": 1.0}
+    )
+    ends = {"low": lv.Event(lambda t, q, v, lam, params: q[0], terminal=True)}
+    call = {"t": t, "h": 0.1, "every": every, "events": ends, "q": [1.0], "v": [0.0]}
+    stiffness = [0.5, 2.0, 1.0]
+    many = lv.ensemble(oscillator, lv.Spark(3), params={"k": stiffness}, **call)
+    alone = [
+        lv.integrate(oscillator, lv.Spark(3), params={"k": k}, **call).stats["steps"]
+        for k in stiffness
+    ]
+    assert [member.stats["steps"] for member in many] == alone
+    assert many.stats["steps"] == max(alone) < 30

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import math
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -45,8 +46,13 @@ def member_of(solution: Solution, member: int) -> Solution:
     status, steps = "done", solution.stats.get("steps")
     if failure is not None:
         status, steps = "failed", failure.step
+    elif k in solution.endings:
+        # where no record is kept of the start its time is not known
+        steps = (
+            None if solution.initial else steps_made(solution.events, k, solution.t[0], solution.h)
+        )
     elif rows < len(solution.t):
-        status, steps = ("done" if k in solution.endings else "interrupted"), None
+        status, steps = "interrupted", None
     params = solution.params
     return replace(
         solution,
@@ -63,6 +69,15 @@ def member_of(solution: Solution, member: int) -> Solution:
         members=None,
         failures={},
     )
+
+
+def steps_made(events: Mapping[str, Points], member: int, t0: float, h: float) -> int:
+    """Return how many equal steps a member made until an event ended it, the last in part."""
+    ends = np.concatenate(
+        [points.t[points.states["member"] == member] for points in events.values()]
+    )
+    slack = ROUNDINGS * float(np.spacing(np.abs([t0, *ends]).max()))
+    return math.ceil(float(np.max((ends - t0) / h)) - slack / abs(h))
 
 
 def part_of(solution: Solution, time: slice | None, coordinate: Sequence[str] | None) -> Solution:

@@ -16,6 +16,7 @@ from liouville._arguments import memory
 from liouville.control import Steps
 from liouville.errors import IntegrationError, hinted
 from liouville.failure import Failure, ending_of, summary_of
+from liouville.parts import steps_made
 from liouville.points import STATES, Points
 from liouville.progress import Progress, Report, reported
 from liouville.runners.runner import Runner
@@ -106,9 +107,8 @@ def execute(
         failures = failures_of(run, runner)
         message = _of_members(run, runner, outcome, message, failures)
         if outcome == "done":
-            status, stats["steps"] = ending_of(failures, runner.members[0]), runner.steps.count
-            if status == "failed":
-                stats["steps"] = max(failure.step for failure in failures.values())
+            status = ending_of(failures, runner.members[0])
+            stats["steps"] = _most_steps(runner, events, endings, failures)
     if status != "failed":
         message = "; ".join(filter(None, [message, runner.remark(times, rows, events)]))
     ended = status, message
@@ -157,6 +157,21 @@ def _of_members(
     if outcome == "interrupted":
         message = f"interrupted when {run.over} of {runner.members[0]} members were over"
     return "; ".join(filter(None, [message, summary_of(failures, runner.members[0])]))
+
+
+def _most_steps(
+    runner: Runner,
+    events: Mapping[str, Points],
+    endings: Mapping[int, str],
+    failures: Mapping[int, Failure],
+) -> int:
+    """Return how many steps the member made that came farthest."""
+    steps = runner.steps
+    if len(endings) + len(failures) < runner.members[0]:
+        return steps.count
+    h = steps.mean(steps.t1, steps.count)
+    ended = [steps_made(events, member, steps.t0, h) for member in endings]
+    return max([*ended, *(failure.step for failure in failures.values())])
 
 
 def error_of(
