@@ -5,8 +5,10 @@ import warnings
 
 import numpy as np
 import pytest
+from scipy.interpolate import make_interp_spline
 
 import liouville as lv
+from liouville.systems.gridded.interpolation import Interpolation
 
 V = lv.VolumeSplitting
 PERIOD = 2 * np.pi
@@ -329,3 +331,15 @@ def small(**more):
 def test_what_makes_no_field_or_run_is_refused(call, error, sentence):
     with pytest.raises(error, match=sentence):
         call()
+
+
+@pytest.mark.parametrize("p", [1, 2, 3, 4, 5])
+def test_splines_are_those_of_scipy(p):
+    """Through uneven nodes, few and many, along with other data; knots included."""
+    rng = np.random.default_rng(p)
+    for n in (p + 1, p + 2, 40, 3000):
+        nodes, values = np.cumsum(rng.uniform(0.5, 1.5, n)), rng.standard_normal((n, 2, 3))
+        found = Interpolation(nodes, p).spline(values)
+        wanted = make_interp_spline(nodes, values, k=p)
+        np.testing.assert_array_equal(found.t, wanted.t)
+        np.testing.assert_allclose(found.c, wanted.c, rtol=0, atol=1e-13 * abs(wanted.c).max())

@@ -15,14 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from liouville._scipy import scipy
+from liouville.systems.gridded.interpolation import WHAT as WHAT
+from liouville.systems.gridded.interpolation import Array as Array
+from liouville.systems.gridded.interpolation import Interpolation
 
-Array = NDArray[np.float64]
 Waves = NDArray[np.complex128]
 Bounds = Literal["periodic", "wall", "open"]
 Kind = Literal["B", "D"]
-
-#: The use of SciPy, for messages.
-WHAT = "a gridded field"
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,12 +162,18 @@ class Axis:
         """Return coefficients B of values at the nodes."""
         if self.is_periodic:
             return self._filtered(values, k, 1.0 / self._symbol)
-        interpolate = scipy("interpolate", WHAT)
-        inner = interpolate.make_interp_spline(self.edges, values, k=self.p, axis=k)
+        inner = self._through_nodes.spline(np.moveaxis(values, k, 0))
         # the knots left out by "not a knot" are put in
-        sites = self.greville
-        full = interpolate.make_interp_spline(sites, inner(sites), k=self.p, t=self.knots, axis=k)
-        return np.moveaxis(np.asarray(full.c), 0, k)
+        full = self._with_all_knots.coefficients(inner(self.greville))
+        return np.moveaxis(full, 0, k)
+
+    @cached_property
+    def _through_nodes(self) -> Interpolation:
+        return Interpolation(self.edges, self.p)
+
+    @cached_property
+    def _with_all_knots(self) -> Interpolation:
+        return Interpolation(self.greville, self.p, self.knots)
 
     def histopolated(self, integrals: Array, k: int) -> Array:
         """Return coefficients D of integrals over cells."""
@@ -185,9 +190,8 @@ class Axis:
             powers = 1.0 / np.arange(1, self.p + 2)
             cell = self.length / self.n * (powers @ self._periodic)
             return self._filtered(values, k, self._transfer(cell) / self._symbol**2)
-        interpolate = scipy("interpolate", WHAT)
-        spline = interpolate.make_interp_spline(self.edges, values, k=self.p, axis=k)
-        sums = spline.antiderivative()(self.edges)
+        spline = self._through_nodes.spline(np.moveaxis(values, k, 0))
+        sums = np.moveaxis(spline.antiderivative()(self.edges), 0, k)
         return np.diff(self.interpolated(sums, k), axis=k)
 
     def difference(self, coefficients: Array, k: int) -> Array:

@@ -53,7 +53,8 @@ def axes_of(
         if points.size - 1 < least:
             what = "edges" if is_of_faces else "nodes"
             sentence = f"'{name}' has {np.size(given)} {what}: splines of degree {degree} want more"
-            raise ValueError(hinted(sentence, f"give {least + 1} at least, or degree=3"))
+            other = ", or degree=3" if degree > DEGREES[0] else ""
+            raise ValueError(hinted(sentence, f"give {least + 1} at least{other}"))
         axes.append(Axis(name, points, degree, bounds))
         reversed_.append(is_reversed)
     return axes, reversed_
