@@ -1,5 +1,6 @@
 import csv
 import json
+import shutil
 import sys
 from dataclasses import replace
 
@@ -299,3 +300,51 @@ def test_a_damaged_or_foreign_file_of_numpy_is_refused(swinging, tmp_path):
         ValueError, match=r"holds no liouville solution\nhint: liouville\.load reads"
     ):
         lv.load(path)
+
+
+@pytest.mark.parametrize("suffix", [".nc", ".zarr", ".npz"])
+def test_tangents_come_back_bit_for_bit(tmp_path, suffix):
+    pendulum = lv.Lagrangian(
+        lambda t, q, v, params: ca.dot(v, v) / 2 - params.g * q[1],
+        lambda t, q, params: {"rod": ca.dot(q, q) - 1},
+        q=("x", "y"),
+        params={"g": 9.81},
+    )
+    wall = lv.Event(lambda t, q, v, lam, params: q[0], "down", reset=lv.Impact(0.8))
+    call = {"t": (0, 2), "h": 0.05, "events": {"a/wall": wall}}
+    one = lv.integrate(
+        pendulum,
+        lv.Spark(2),
+        q=[1.0, 0.0],
+        v=[0.0, 0.0],
+        tangents={"params.g": 1.0, "v": np.eye(2)},
+        **call,
+    )
+    many = lv.ensemble(
+        pendulum,
+        lv.Spark(2),
+        q=[[1.0, 0.0], [0.6, -0.8]],
+        v=np.zeros(2),
+        tangents={"params.g": 1.0},
+        **call,
+    )
+    qubit = lv.Schrodinger(
+        [np.diag([1.0, -1.0]), [np.array([[0, 1.0], [1, 0]]), lambda t, w: ca.cos(w * t)]],
+        params={"w": 1.9},
+    )
+    wave = lv.integrate(qubit, "auto", t=[0, 1, 2], psi=[1, 0], tangents={"params.w": 1.0})
+    for run in (one, many, wave):
+        run.save(tmp_path / f"run{suffix}")
+        again = lv.load(tmp_path / f"run{suffix}")
+        shutil.rmtree(tmp_path / "run.zarr", ignore_errors=True)
+        assert list(again.tangents) == list(run.tangents)
+        for name, tangent in run.tangents.items():
+            found = again.tangents[name]
+            assert list(found.states) == list(tangent.states)
+            for state, values in tangent.states.items():
+                np.testing.assert_array_equal(found.states[state], values)
+            for event, points in tangent.events.items():
+                np.testing.assert_array_equal(found.events[event].t, points.t)
+                assert list(found.events[event].states) == list(points.states)
+                for state, values in points.states.items():
+                    np.testing.assert_array_equal(found.events[event].states[state], values)

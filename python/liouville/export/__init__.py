@@ -5,8 +5,9 @@ and ``term``, ``unknown`` where the system has algebraic unknowns, and ``member`
 ensemble, labelled by the names of the solution. Its
 variables are the states under their own letters, ``invariants``, ``residuals``, ``balance``,
 ``reactions`` of a mechanical system with constraints, ``observed_NAME`` for each observed quantity,
-``event_t_NAME`` for the times of events and ``event_q_NAME`` and so on for the states there; how
-the run went is in its attributes. What is saved comes back bit for bit. A wave function has the
+``event_t_NAME`` for the times of events and ``event_q_NAME`` and so on for the states there,
+``tangent_q_NAME`` and ``tangent_event_q_NAME_EVENT`` for the derivatives of all these; how the run
+went is in its attributes. What is saved comes back bit for bit. A wave function has the
 dimension ``place``, without labels; in NetCDF and Zarr, complex numbers are pairs along ``part``.
 
 A file has checksums, and damage to it is found when it is loaded: a NetCDF file ends in a line with

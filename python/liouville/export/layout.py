@@ -14,6 +14,7 @@ from liouville.failure import Failure
 from liouville.points import STATES, Points
 from liouville.solution import Array, Solution
 from liouville.systems import Mechanics
+from liouville.tangents import Tangent
 
 # The attribute that marks liouville's files, and the version of their layout.
 MARK, VERSION = "liouville_solution", 3
@@ -81,6 +82,8 @@ def laid_out(solution: Solution) -> Layout:
         for state, values in points.states.items():
             dims = (axis, axis_of.get(state.removesuffix(AFTER), "coordinate"))[: values.ndim]
             variables[f"event_{state}_{label}"] = (dims, values, {"name": name, "state": state})
+    for name, tangent in solution.tangents.items():
+        variables |= _of_tangent(name, tangent, lead, axis_of)
     labels = {
         "coordinate": names["coordinates"],
         "constraint": names["constraints"],
@@ -111,6 +114,27 @@ def laid_out(solution: Solution) -> Layout:
     }
     named = {dim: list(values) for dim, values in labels.items()}
     return Layout(variables, {"time": solution.t, **named}, attributes)
+
+
+def _of_tangent(
+    name: str, tangent: Tangent, lead: tuple[str, ...], axis_of: dict[str, str]
+) -> dict[str, Variable]:
+    """Return the arrays of a tangent: of several directions these are an axis before the last."""
+    label, found = name.replace("/", SLASH), dict[str, Variable]()
+    is_several = next(iter(tangent.states.values())).ndim > len(lead) + 1
+    directions = (f"direction_{label}",) if is_several else ()
+    for state, values in tangent.states.items():
+        axes = (*lead, *directions, axis_of.get(state, "coordinate"))
+        found[f"tangent_{state}_{label}"] = (axes, values, {"name": name, "state": state})
+    for event, points in tangent.events.items():
+        of, own = event.replace("/", SLASH), {"name": name, "event": event}
+        axes = (f"event_axis_{of}", *directions)
+        found[f"tangent_event_t_{label}_{of}"] = (axes, points.t, own)
+        for state, values in points.states.items():
+            dims = (*axes, axis_of.get(state.removesuffix(AFTER), "coordinate"))
+            dims = dims if values.ndim > 1 else dims[:1]
+            found[f"tangent_event_{state}_{label}_{of}"] = (dims, values, own | {"state": state})
+    return found
 
 
 def reactions(solution: Solution) -> Array | None:
@@ -156,6 +180,7 @@ def read(layout: Layout) -> Solution:
         },
         balance=columns("balance", "term"),
         events=_events(variables),
+        tangents=_tangents(variables),
         dense_order=int(attributes.get("dense_order", 0)),
         names={
             "coordinates": names("coordinate"),
@@ -189,6 +214,23 @@ def _events(variables: dict[str, Variable]) -> dict[str, Points]:
             of = [(x, own) for x, own in found if "state" in own and own["name"] == name]
             points[name] = Points(times, {own["state"]: x for x, own in of})
     return points
+
+
+def _tangents(variables: dict[str, Variable]) -> dict[str, Tangent]:
+    rows = [(x, own) for name, (_, x, own) in variables.items() if name.startswith("tangent_")]
+
+    def of(name: str, event: str | None) -> dict[str, Array]:
+        """Return the arrays of a direction at the records or at an event; times are "t"."""
+        where = name, event
+        return {o.get("state", "t"): x for x, o in rows if (o["name"], o.get("event")) == where}
+
+    found = {}
+    for name in dict.fromkeys(own["name"] for _, own in rows):
+        met = dict.fromkeys(o["event"] for _, o in rows if o["name"] == name and "event" in o)
+        points = {event: of(name, event) for event in met}
+        events = {event: Points(states.pop("t"), states) for event, states in points.items()}
+        found[name] = Tangent(of(name, None), events)
+    return found
 
 
 def place_of(residual: str, values: Array, constraints: tuple[str, ...]) -> slice:
