@@ -236,6 +236,20 @@ def test_angles_of_a_section_are_folded(section):
     assert section.x.max() > 2 * np.pi  # nothing is done to the section itself
 
 
+def test_the_title_of_a_narrow_section_is_whole(section):
+    axes = plot.section(replace(section, x=section.x * [1, 50, 1]))
+    axes.figure.draw_without_rendering()
+    title = axes._left_title.get_window_extent()
+    assert 0 <= title.x0 < title.x1 <= axes.figure.bbox.width
+
+
+def test_equal_steps_are_a_level_line():
+    pendulum = problems.load("pendulum")
+    run = lv.integrate(pendulum.system, lv.Spark(2), t=(0, 5), h=0.01, **pendulum.start)
+    low, high = plot.steps(run).get_ylim()
+    assert low < 0.0051 < 0.0199 < high
+
+
 def test_other_planes_have_a_picture_too(section):
     normal = np.array([0.6, 0.0, 0.8])
     slanted = replace(section, plane=(normal, np.pi), period=None, direction="both")

@@ -60,7 +60,8 @@ def test_a_spectrum_of_few_times_is_folded_and_says_so(swinging):
         observed={"autocorrelation": swinging.observed["autocorrelation"][::40]},
     )
     texts = [x.get_text() for x in plot.spectrum(few).get_legend().get_texts()]
-    assert texts == ["spectrum, folded: states are kept too seldom"]
+    seen = few.system.bounds[0] + 2 * np.pi / few.t[1]
+    assert texts == [f"spectrum, with energies above {seen:.3g} folded into it"]
     uneven = replace(few, t=few.t**2)
     with pytest.raises(ValueError, match="equally far apart\nhint: give t="):
         plot.spectrum(uneven)

@@ -32,6 +32,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+#: Steps that differ by no more than this part of themselves are equal.
+EQUAL = 1e-6
 #: Titles of the curves of a state, and its symbol, where they are no positions.
 TITLES = {
     "v": ("velocities", "$v$"),
@@ -228,6 +230,8 @@ def steps(solution: Solution, *, ax: Axes | None = None) -> Axes:
     units = (in_unit(solution, "t"),) * 2
     axes = draw_curves(ax, solution.t[:-1], {"h": sizes}, title, "$h$", units=units)
     axes.set_yscale("log")
+    if sizes.size and np.ptp(sizes) <= EQUAL * sizes.max():  # roundoff of the times is no picture
+        axes.set_ylim(sizes.min() / 2, 2 * sizes.max())
     return axes
 
 

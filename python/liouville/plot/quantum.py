@@ -183,8 +183,9 @@ def spectrum(
         marks = marks[(marks >= low) & (marks <= high)]
         ticks = axes.plot(marks, np.zeros(len(marks)), "|", ms=9, color=GREY, zorder=3)
         lines, names = [*lines, *ticks], [*names, "eigenvalues"]
-    if 2 * np.pi * hbar / abs(t[1]) < (high - low) * (1 - EQUAL):
-        names[0] = "spectrum, folded: states are kept too seldom"
+    seen = 2 * np.pi * hbar / abs(t[1])
+    if seen < (high - low) * (1 - EQUAL):
+        names[0] = f"spectrum, with energies above {low + seen:.3g} folded into it"
     legend(axes, lines, names, f"spectrum of the autocorrelation{_of(solution, member)}")
     return axes
 

@@ -17,6 +17,9 @@ if TYPE_CHECKING:
 # Length of the longer side of a section, in inches.
 SIDE = 5.0
 
+# Width of a letter of the title, in inches.
+LETTER = 0.075
+
 # Part of the square of that side which the ink of all points would cover.
 INK = 0.35
 
@@ -64,12 +67,14 @@ def section(
         if fold is not None:
             column %= fold
     spans = [_span(column, fold) for column, fold in zip(points.T, folds, strict=True)]
-    drawn = ax if ax is not None else _room(spans)
+    drawn = ax if ax is not None else _room(spans, _title(section))
     if len(section):
         _scatter(drawn, points, section)
     else:
         drawn.text(0.5, 0.5, "no crossings", transform=drawn.transAxes, ha="center", color=GREY)
     drawn.set(xlim=spans[0], ylim=spans[1], aspect="equal")
+    if ax is None:
+        drawn.set_anchor("W")  # under its title
     for axis, name, fold in zip((drawn.xaxis, drawn.yaxis), pair, folds, strict=True):
         axis.set_label_text(f"{text(name)} {UNITS}", fontsize=9)
         if fold is not None and np.isclose(fold, 2 * np.pi):
@@ -117,11 +122,11 @@ def _span(values: Array, fold: float | None) -> tuple[float, float]:
     return low - margin, high + margin
 
 
-def _room(spans: Sequence[tuple[float, float]]) -> Axes:
-    """Return the axes of a figure of the shape that is to be drawn."""
+def _room(spans: Sequence[tuple[float, float]], title: str) -> Axes:
+    """Return the axes of a figure of the shape that is to be drawn, as wide as its title."""
     width, height = (high - low for low, high in spans)
     scale = SIDE / max(width, height)
-    return single(max(2.5, scale * width) + 0.7, max(2.0, scale * height) + 0.8)
+    return single(max(LETTER * len(title), scale * width) + 0.7, max(2.0, scale * height) + 0.8)
 
 
 def _scatter(axes: Axes, points: Array, section: Section) -> None:
