@@ -228,7 +228,7 @@ def test_an_interrupted_run_is_kept_and_leaves_with_130(tmp_path):
             "--control is 'adaptive' or 'reversible', not 'forward'",
         ),
         ("run pendulum --method hht --control reversible", "HHT is not symmetric"),
-        ("run pendulum --at 11", "t_eval"),
+        ("run pendulum --at 11", "--at 11 is outside the run"),
         ("run relativistic_particle --method hht", "not linear in its velocity"),
         ("run lorenz96 --method spark", "does not step polynomial fields; methods that do: Vol"),
         ("run lorenz96 --control adaptive", "depends on the state, volume is not kept"),
@@ -364,6 +364,16 @@ def test_states_are_kept_at_the_times_asked_for(liouville, tmp_path):
     ran = liouville("run spherical_pendulum --at 1.5 --at 2.5 --out run.nc")
     assert ran.returncode == 0, ran.stderr
     np.testing.assert_array_equal(lv.load(tmp_path / "run.nc").t, [1.5, 2.5])
+
+
+def test_given_times_come_in_any_order_and_the_last_one_is_named(liouville):
+    ran = liouville("run pendulum --at 0.7 --at 0.5 --at 0.7")
+    assert ran.returncode == 0
+    assert "at t = 0.7" in ran.stdout
+    assert re.search(r"^t +0.5 to 0.7", ran.stdout, re.MULTILINE)
+    outside = liouville("run pendulum --at 70")
+    assert outside.returncode == 2
+    assert "--at 70 is outside the run, from 0 to 10" in outside.stderr
 
 
 @pytest.mark.parametrize(

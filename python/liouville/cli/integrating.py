@@ -116,10 +116,11 @@ def run(
         values = parameters(param)
         span = interval_of(module, until)
         times: Any = span
+        at = times_at(span, at) if at else None
         if isinstance(chosen, lv.WavePlan):
             times = chosen.times
         elif chosen.form == "wave" and at:
-            times, at = times_at(span, at), None
+            times, at = times_at(span, [*span, *at]), None
         elif chosen.form == "wave" and hasattr(chosen, "tol") and h is None:
             times = kept_times(span, keep)
         elif h is None and rtol is None:
@@ -146,7 +147,7 @@ def run(
                 with bar(model, "steps" if is_equal else "of time") as report:
                     solution = lv.integrate(
                         system, chosen, rtol=rtol, atol=atol, control=control_of(control, h_min),
-                        t_eval=at or None, params=values, progress=report,
+                        t_eval=at, params=values, progress=report,
                         store=store_of(store, checkpoint), **options_of, **begin,
                     )  # fmt: skip
         except lv.IntegrationError as error:

@@ -74,7 +74,7 @@ def kept_times(interval: tuple[float, float], keep: int) -> list[float]:
 
 
 def times_at(interval: tuple[float, float], at: Sequence[float]) -> list[float]:
-    """Give the start, these times of wave functions to keep, and the end."""
+    """Give these times to keep, in the order of the run."""
     first, last = interval
     at = with_ends(np.array(at, dtype=float), first, last).tolist()
     for t in at:
@@ -83,7 +83,7 @@ def times_at(interval: tuple[float, float], at: Sequence[float]) -> list[float]:
                 f"--at {t:g} is outside the run, from {first:g} to {last:g}\n"
                 "hint: give --until, or a time within"
             )
-    return sorted({first, *at, last}, reverse=last < first)
+    return sorted(set(at), reverse=last < first)
 
 
 def step_of(module: ModuleType, method: Any) -> float:

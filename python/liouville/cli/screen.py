@@ -100,10 +100,10 @@ def _largest(sizes: np.ndarray) -> float:
 
 
 def ends(solution: lv.Solution, labels: Sequence[str], states: Sequence[str]) -> None:
-    """Show where states ended that have a number for each label."""
+    """Show the last states kept that have a number for each label."""
     if not states:
         return
-    table = headed("at the end", *states)
+    table = headed(f"at t = {solution.t[-1]:.6g}", *states)
     for i, label in enumerate(labels[:ROWS]):
         table.add_row(label, *(f"{solution.states[name][-1, i]:.15g}" for name in states))
     if len(labels) > ROWS:
