@@ -2,6 +2,7 @@
 
 import pickle
 
+import casadi as ca
 import numpy as np
 import pytest
 import scipy.sparse as sp
@@ -129,6 +130,23 @@ def test_samples_stand_for_their_spline():
 def test_what_is_not_taken_is_said(make, error, words):
     with pytest.raises(error, match=words):
         make()
+
+
+def test_a_name_with_a_default_is_a_parameter_or_keeps_it():
+    """As functions made in a loop have them."""
+    z, x = np.diag([1.0, -1.0]), np.array([[0.0, 1.0], [1.0, 0.0]])
+    run = {"t": (0, 2), "psi": [1.0, 0.0]}
+
+    def end(function, params=None):
+        system = lv.Schrodinger([z, [x, function]], params=params)
+        return lv.integrate(system, "auto", **run).psi[-1]
+
+    wanted = end(lambda t: 0.5 * ca.cos(3.0 * t))
+    kept = end(lambda t, w, a=0.5: a * ca.cos(w * t), {"w": 3.0})
+    given = end(lambda t, a=0.1, w=9.0: a * ca.cos(w * t), {"w": 3.0, "a": 0.5})
+    np.testing.assert_allclose([kept, given], [wanted, wanted], rtol=0, atol=1e-12)
+    with pytest.raises(AttributeError, match="there is no parameter 'w'"):
+        end(lambda t, w, a=0.5: a * ca.cos(w * t))
 
 
 def test_qutip_and_this_library_agree():

@@ -142,25 +142,35 @@ def _of_list(function: Any) -> Any:
     if not callable(function):
         return function
     try:
-        _, *names = inspect.signature(function).parameters
+        _, *known = inspect.signature(function).parameters.values()
     except (TypeError, ValueError):  # of some functions that are not written in Python
         return function
-    if names == ["params"]:
+    known = [one for one in known if one.kind not in (one.VAR_POSITIONAL, one.VAR_KEYWORD)]
+    names = tuple(one.name for one in known)
+    if names == ("params",):
         return function
-    return Named(function, tuple(names))
+    return Named(function, names, tuple(one.name for one in known if one.default is not one.empty))
 
 
 class Named:
-    """A function of t and of some parameters by name, or of t and a dict ``args`` of all."""
+    """A function of t and of some parameters by name, or of t and a dict ``args`` of all.
 
-    def __init__(self, function: Callable[..., Any], names: tuple[str, ...]) -> None:
-        self.function, self.names = function, names
+    A name with a default that no parameter has keeps it.
+    """
+
+    def __init__(
+        self, function: Callable[..., Any], names: tuple[str, ...], optional: tuple[str, ...]
+    ) -> None:
+        self.function, self.names, self.optional = function, names, optional
 
     def __call__(self, t: Any, params: Any) -> Any:
         """Call it with these parameters."""
+        given = vars(params)
         if self.names == ("args",):
-            return self.function(t, dict(vars(params)))
-        return self.function(t, *(getattr(params, name) for name in self.names))
+            return self.function(t, dict(given))
+        needed = [getattr(params, name) for name in self.names if name not in self.optional]
+        more = {name: given[name] for name in self.optional if name in given}
+        return self.function(t, *needed, **more)
 
 
 class Samples:
