@@ -148,6 +148,18 @@ ROWS = [
         r"lagrangian, line \d+ of test_bad_calls\.py, asks whether.* is true.*\n.*ca\.if_else",
     ),
     (
+        "L by a name",
+        lambda: system(lambda t, q, v, params: v.x**2),
+        AttributeError,
+        r"lagrangian, line \d+ of .*, asks for v\.x, and .*no names\nhint: .*v\[0\]",
+    ),
+    (
+        "L by a method",
+        lambda: system(lambda t, q, v, params: (v[0] ** 2).sum()),
+        AttributeError,
+        r"lagrangian, line \d+ of .*, asks for \.sum of an expression\nhint: .*ca\.",
+    ),
+    (
         "L of two arguments",
         lambda: system(lambda q, v: 0),
         TypeError,

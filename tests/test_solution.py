@@ -272,7 +272,8 @@ def test_members_and_times_of_an_ensemble_are_selected_in_either_order():
         ("iterations", r"'iterations'\nhint: solution\.stats\['iterations'\] has it"),
         ("success", r"'success'\nhint: solution\.status is 'done'"),
         ("nfev", r"'nfev'\nhint: solution\.stats has"),
-        ("y", r"no 'y'\nhint: its states are q, v, p, lam"),
+        ("z", r"no 'z'\nhint: its states are q, v, p, lam"),
+        ("y", r"'y'\nhint: coordinate 'y' is a column: solution\.q\[\.\.\., 1\]$"),
         ("speed", r"^'Solution' object has no attribute 'speed'$"),
     ],
 )

@@ -43,9 +43,9 @@ class States:
                 if name in self.__dict__.get(group, ()):
                     sentence = f"the solution has no attribute {name!r}"
                     raise AttributeError(hinted(sentence, f"solution.{group}[{name!r}] has it"))
-            if name in ELSEWHERE:
-                sentence = f"the solution has no attribute {name!r}"
-                raise AttributeError(hinted(sentence, ELSEWHERE[name]))
+            hint = ELSEWHERE.get(name) or self._column_hint(name)
+            if hint:
+                raise AttributeError(hinted(f"the solution has no attribute {name!r}", hint))
             return object.__getattribute__(self, name)  # raises the error of its own
 
     def with_units(self, units: Mapping[str, str]) -> Solution:
@@ -162,6 +162,14 @@ class States:
         )
         raise AttributeError(hinted(f"the solution has no {name!r}", hint))
 
+    def _column_hint(self, name: str) -> str:
+        """Return where a coordinate of this name is, empty if there is none."""
+        labels = self.__dict__.get("names", {}).get("coordinates", ())
+        if name not in labels or not self.states:
+            return ""
+        first = next(iter(self.states))
+        return f"coordinate {name!r} is a column: solution.{first}[..., {labels.index(name)}]"
+
     def _state(self, name: str) -> Array:
         if name in self.states:
             return self.states[name]
@@ -169,6 +177,7 @@ class States:
         if not self.states:
             why = ": the run stored no states"
             hint = "integrate with states=True, or name what you need in observe="
+        hint = self._column_hint(name) or hint
         raise AttributeError(f"the solution has no {name!r}{why}\nhint: {hint}")
 
 

@@ -57,6 +57,8 @@ def misread(
 
     `args` are the function's symbols by name, the parameters last.
     """
+    if isinstance(error, AttributeError) and isinstance(getattr(error, "obj", None), ca.SX):
+        return _unnamed(what, function, error, args)
     found = _reading(error)
     if found is None:
         return None
@@ -75,6 +77,19 @@ def misread(
     if isinstance(error, (NotImplementedError, TypeError)):
         return TypeError(hinted(sentence, within))
     return ValueError(hinted(sentence, within if many else f"there are {_sizes(args)}"))
+
+
+def _unnamed(
+    what: str, function: Callable[..., Any], error: AttributeError, args: Mapping[str, Any]
+) -> AttributeError:
+    """Return the error of a function that reads a component by a name."""
+    name = next((name for name, x in _vectors(args).items() if x is error.obj), None)
+    asks = f"{name}.{error.name}" if name else f".{error.name} of an expression"
+    sentence = f"{what}{_line(function, error)} asks for {asks}"
+    if name is None:
+        return AttributeError(hinted(sentence, "functions of expressions are CasADi's, as ca.sin"))
+    hint = f"components have numbers, {name}[0] and so on, in the order of the coordinates"
+    return AttributeError(hinted(f"{sentence}, and a vector has no names", hint))
 
 
 def misfit(
