@@ -108,6 +108,23 @@ MOVING = (
 )
 
 
+def test_a_cyclic_coordinate_of_a_steady_motion_has_zeros_without_damping():
+    """A conical pendulum seen from a frame that turns with it, at 5 rad/s."""
+    height = G / 25
+    turning = lv.Lagrangian(
+        lambda t, q, v, params: (
+            (v[0] ** 2 + ca.sin(q[0]) ** 2 * (v[1] + 5) ** 2) / 2 + G * ca.cos(q[0])
+        ),
+        q=("from the vertical", "about it"),
+    )
+    found = lv.modes(turning, q=[np.arccos(height), 0], v=[0, 0])
+    wanted = 5 * np.sqrt(1 + 3 * height**2)
+    np.testing.assert_allclose(found.angular_frequencies, [0, 0, wanted], rtol=1e-12)
+    np.testing.assert_array_equal(found.eigenvalues[:2], 0)
+    assert np.abs(found.damping_ratios).max() < 1e-12
+    assert not found.unstable
+
+
 @pytest.mark.parametrize("length", [1.0, 1e-9, 1e11])
 def test_equilibria_hold_their_constraints_in_any_unit(length):
     system, rough = hanging(2, length=length), length * np.array([0.5, -0.8, 0.3, -1.5])

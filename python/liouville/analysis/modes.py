@@ -274,6 +274,8 @@ def _dense_modes(point: Point, linear: Linearization) -> tuple[Complex, NDArray[
         # i times the root of a negative number decays: the growing partner is listed
         return np.where(squares < 0, -found, found), linear.basis @ ways
     eigenvalues, ways = la.eig(linear.state)
+    # a coordinate that nothing pushes has zero twice, and not a growth and a decay of roundoff
+    eigenvalues[np.abs(eigenvalues) <= ZERO * np.abs(eigenvalues).max(initial=0.0)] = 0.0
     kept = eigenvalues.imag >= 0
     return eigenvalues[kept], (linear.tangent @ ways)[: point.n, kept]
 
