@@ -6,6 +6,9 @@ from collections.abc import Iterable
 
 from liouville.errors import hinted
 
+#: What an option for single precision is told.
+DOUBLE = "states are of double precision, whatever the start is; a sector makes them shorter"
+
 #: The spelling of arguments that are given by another name.
 SPELLINGS = {
     "dt": "give h=, the step size",
@@ -14,8 +17,8 @@ SPELLINGS = {
     "checkpoint": "give lv.Store(path, checkpoint=...) as the store",
     "c_ops": "collapse operators are not taken: QuTiP's mesolve and mcsolve take open systems",
     "e_ops": "give observe=, operators by name",
-    "dtype": "states are of double precision, whatever the start is",
-    "precision": "states are of double precision, whatever the start is",
+    "dtype": DOUBLE,
+    "precision": DOUBLE,
     "tol": "the tolerance is the method's: give method=lv.SchrodingerSplitting(tol=...)",
 }
 
