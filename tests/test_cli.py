@@ -260,6 +260,7 @@ def test_an_interrupted_run_is_kept_and_leaves_with_130(tmp_path):
         ("run model.py:oscillator --h 0.1", "hint: give --until"),
         ("run model.py:oscillator --until 1", "hint: give --h"),
         ("run broken.py", "broken.py:2: NameError"),
+        ("run drawn.py:rig", "'rig' of drawn.py is an assembly\nhint: its system is rig.system()"),
         ("run pendulum --step 0.1", "hint: liouville run --help"),
         ("", "hint: liouville --help"),
     ],
@@ -268,6 +269,7 @@ def test_a_wrong_call_leaves_with_2_before_anything_runs(
     liouville, tmp_path, model, plan, words, complaint
 ):
     (tmp_path / "broken.py").write_text("import casadi\nsystem = nothing\n")
+    (tmp_path / "drawn.py").write_text("import liouville as lv\nrig = lv.bodies.Assembly()\n")
     (tmp_path / "plan.json").write_text(plan)
     before = sorted(tmp_path.iterdir())
     ran = liouville(words)
@@ -528,8 +530,10 @@ def test_the_doctor_names_what_is_missing_and_what_the_machine_gives(liouville, 
     monkeypatch.setattr(doctor, "processors", lambda: 5)
     monkeypatch.setattr(doctor, "_features", lambda: {"AVX2", "FMA3", "AVX512F"})
     ran = liouville("doctor")
-    rows = {line.split()[0]: " ".join(line.split()[1:]) for line in ran.stdout.splitlines()}
+    lines = [line.split() for line in ran.stdout.splitlines()]
+    rows = {line[0]: " ".join(line[1:]) for line in lines}
     assert ran.returncode == 0
+    assert [line[0] for line in lines].count("scipy") == 1
     assert rows["liouville"] == lv._core.VERSION
     assert rows["casadi"] == "3.7"
     assert rows["pyarrow"] == 'missing pip install "liouville[parquet]"'

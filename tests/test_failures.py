@@ -308,6 +308,9 @@ def test_a_step_too_large_is_refused_and_never_answered_wrongly(stages, solver):
         assert caught.value.quantity in ("q0", "q1", "q2", "q3")
         found = re.search(r"up to h = (\S+)\n", str(caught.value))
         assert 0.6 * fold < float(found[1]) < 1.001 * fold
+    back = {"t": (0, -1.5 * fold), "steps": 1, "q": y0, "v": -np.array(z0)}
+    with pytest.raises(lv.IntegrationError, match=r"up to h = -\S+\nhint: take \|h\| below [0-9]"):
+        lv.integrate(system, lv.Spark(stages, solver), **back)
 
 
 def bursting(t, q, v, params):

@@ -300,11 +300,12 @@ def _not_converged(size: float) -> Description:
 
 def _step_too_large(name: str, error: dict[str, Any]) -> Description:
     solved = error["solved"]
+    size = "h" if solved > 0 else "|h|"
     return (
         f"the step is too large for coordinate '{name}': its equations have a solution connected "
         f"with the present state only up to h = {solved:.3g}",
-        f"take h below {abs(solved):.2g}, and well below it where a stiff force turns; solutions "
-        "of larger steps belong to another motion",
+        f"take {size} below {abs(solved):.2g}, and well below it where a stiff force turns; "
+        "solutions of larger steps belong to another motion",
         name,
     )
 

@@ -46,11 +46,12 @@ def diagnose() -> None:
     table.add_row("machine", f"{platform.system()} {platform.machine()}")
     for name in ("numpy", "casadi"):
         table.add_row(name, _version(name) or "missing")
-    for extra, packages in EXTRAS.items():
-        for name in packages:
-            found = _version(name)
-            hint = "" if found else f'pip install "liouville[{extra}]"'
-            table.add_row(name, found or "missing", hint)
+    wanted = {name: [e for e, named in EXTRAS.items() if name in named]
+              for packages in EXTRAS.values() for name in packages}  # fmt: skip
+    for name, extras in wanted.items():
+        found = _version(name)
+        hint = "" if found else f'pip install "liouville[{extras[0]}]"'
+        table.add_row(name, found or "missing", hint)
     table.add_row("instructions", _instructions(_features()))
     table.add_row("threads", str(processors()))
     table.add_row("memory", f"{memory() / 2**30:.1f} GiB may be taken")

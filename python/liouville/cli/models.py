@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from liouville import problems
+from liouville.bodies import Assembly
 from liouville.points import with_ends
 
 
@@ -41,6 +42,10 @@ def system_of(model: str) -> tuple[ModuleType, Any]:
         where = path + (lines[-1] if lines else "")
         raise ValueError(f"{where}: {type(error).__name__}: {error}") from error
     system = getattr(module, attribute, None)
+    if isinstance(system, Assembly):
+        raise TypeError(
+            f"{attribute!r} of {path} is an assembly\nhint: its system is {attribute}.system()"
+        )
     if not hasattr(system, "coordinates"):
         found = [name for name, value in vars(module).items() if hasattr(value, "coordinates")]
         raise ValueError(
