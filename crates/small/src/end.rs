@@ -104,12 +104,22 @@ impl<L: Layout> Small<L> {
             (end.y_low[q], end.p_low[q]) = (y_low[q], p_low[q]);
             (end.y_lost[q], end.p_lost[q]) = (L::splat(0.0), L::splat(0.0));
             end.z0[q] = z[q];
-            for j in 0..s {
-                let moved = L::at(&self.displacements[q], j);
-                add_compensated_one(&mut end.y_low[q], &mut end.y_lost[q], moved);
+            // displacements as the nodes have them: the rounded ones of the start, and the way from there
+            for row in 0..L::rows(s) {
+                let b = L::factor(&self.weights[0], row);
+                let mut moved = self.moved[q].as_ref()[row];
                 if loses {
-                    end.y_lost[q] -= L::at(&self.velocity[q], j) * self.weights[0].0[j];
+                    moved -= self.velocity[q].as_ref()[row] * b;
                 }
+                let start = self.start_of_iteration.z[q].as_ref()[row] * b;
+                let sum = Compensated::sum(start, moved);
+                self.displacements[q].as_mut()[row] = sum.high;
+                self.moved[q].as_mut()[row] = sum.low;
+            }
+            for j in 0..s {
+                let displacement = L::at(&self.displacements[q], j);
+                add_compensated_one(&mut end.y_low[q], &mut end.y_lost[q], displacement);
+                end.y_lost[q] += L::at(&self.moved[q], j);
                 let impulse = L::at(&self.impulses[q], j);
                 add_compensated_one(&mut end.p_low[q], &mut end.p_lost[q], impulse);
             }

@@ -4,7 +4,6 @@
 use super::layout::{Layout, larger};
 use super::{CONSTRAINTS, COORDINATES, Small};
 use liouville_base::error::StepError;
-use liouville_base::linalg::sum_compensated;
 use liouville_base::newton::{Equations, Stop, scaled_size};
 use liouville_base::real::{Real, Scalar};
 use liouville_base::simd::dispatch_simd;
@@ -19,64 +18,10 @@ pub(super) struct SmallEquations<'a, L: Layout> {
 }
 
 impl<L: Layout> Small<L> {
-    /// Writes the points where the tapes read them: Ŷ_j with λ_j, and Z_i, with Y_i if `wants_y`.
-    #[inline(always)]
-    fn move_points(&mut self, step: Step<L>, wants_y: bool) {
-        let (s, k) = (
-            L::rows(self.tables.stages),
-            L::rows(self.tables.intervals + 1),
-        );
-        let n = self.problem.n.min(COORDINATES);
-        let [b, _] = self.weights;
-        for row in 0..s {
-            self.stage.argument(0)[row] =
-                L::Row::splat(step.t) + L::factor(&self.tables.c, row) * step.h;
-        }
-        for row in 0..k {
-            self.node.argument(0)[row] =
-                L::Row::splat(step.t) + L::factor(&self.tables.c_hat, row) * step.h;
-        }
-        for q in 0..n {
-            for row in 0..s {
-                let z = self.z[q].as_ref()[row];
-                self.stage.argument(1 + n + q)[row] = z;
-                self.displacements[q].as_mut()[row] = z * L::factor(&b, row);
-            }
-        }
-        for q in 0..n {
-            let (y, low) = (step.state.y[q].every(), step.state.y_low[q].every());
-            let node_low = &mut self.node_low[q].as_mut()[..k];
-            L::product(
-                node_low,
-                &self.tables.mu_bar,
-                &self.displacements[q],
-                #[inline(always)]
-                |_, sum| low + sum,
-            );
-            for (out, low) in self.node.argument(1 + q).iter_mut().zip(node_low) {
-                sum_compensated(&[y], std::slice::from_mut(low), std::slice::from_mut(out));
-            }
-            if wants_y {
-                let out = self.stage.argument(1 + q);
-                L::product(
-                    out,
-                    &self.tables.mu_v,
-                    &self.displacements[q],
-                    #[inline(always)]
-                    |_, sum| y + (low + sum),
-                );
-            }
-        }
-        for c in 0..self.problem.m.min(CONSTRAINTS) {
-            let out = self.node.argument(1 + n + c);
-            out.copy_from_slice(&self.lam[c].as_ref()[..k]);
-        }
-    }
-
     /// Impulses, and the residual of the momentum; `is_first` where they are the first of a step.
     #[inline(always)]
     pub(super) fn evaluate(&mut self, step: Step<L>, is_first: bool) {
-        self.move_points(step, is_first || self.depends_on_y);
+        self.move_points(step, is_first);
         self.problem.stage.run_points(&mut self.stage);
         self.problem.node.run_points(&mut self.node);
         let n = self.problem.n.min(COORDINATES);

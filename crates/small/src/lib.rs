@@ -15,6 +15,7 @@ mod full_newton;
 mod layout;
 mod linear;
 mod newton_matrix;
+mod points;
 mod start;
 mod tables;
 
@@ -88,6 +89,9 @@ pub struct Small<L: Layout> {
     velocity: [L::Points; COORDINATES],
     /// Rounding errors of the nodes.
     node_low: [L::Points; COORDINATES],
+    start_of_iteration: IterationStart<L>,
+    /// h b_j (V_j − V_j⁰), with V⁰ of that start.
+    moved: [L::Points; COORDINATES],
     work: Workspace<L>,
     /// h b and h b̂.
     weights: [Lanes; 2],
@@ -99,6 +103,14 @@ pub struct Small<L: Layout> {
     size: L,
     deviation: L,
     end: End<L>,
+}
+
+/// Z and the nodes, with their rounding errors, at the first evaluation of a step.
+#[derive(Clone, Debug)]
+struct IterationStart<L: Layout> {
+    z: [L::Points; COORDINATES],
+    node: [L::Points; COORDINATES],
+    node_low: [L::Points; COORDINATES],
 }
 
 /// Values within a correction.
@@ -186,6 +198,12 @@ impl<L: Layout> Small<L> {
             forces: zeros,
             velocity: zeros,
             node_low: zeros,
+            start_of_iteration: IterationStart {
+                z: zeros,
+                node: zeros,
+                node_low: zeros,
+            },
+            moved: zeros,
             work: Workspace::new(),
             weights: [Lanes::splat(0.0); 2],
             v0: [L::splat(0.0); COORDINATES],
