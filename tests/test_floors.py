@@ -80,8 +80,13 @@ PACKAGE_FLOORS = (
     ("__main__",),
 )
 # to_xarray() and save() fetch the exporter when called, joint() and body() those of assemblies,
-# integrate() what stores a run
-LAZY = {("solution", "export"), ("motions", "bodies"), ("integrate", "stored")}
+# integrate() what stores a run, a solution the method for states between its steps
+LAZY = {
+    ("solution", "export"),
+    ("motions", "bodies"),
+    ("integrate", "stored"),
+    ("parts", "runners"),
+}
 
 CRATE_ROOMS = {
     "faer": ("base/src/linalg/sparse.rs",),

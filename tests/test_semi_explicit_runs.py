@@ -111,11 +111,10 @@ def test_wrong_members_are_refused(message):
 # --- between steps -------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("stages", "of_y", "of_z"), [(1, 3, 2), (2, 5, 4), (3, 6, 4), (4, 6, 4)])
-def test_a_single_step_has_the_order_of_the_quintic(stages, of_y, of_z):
-    """That of the method, and at most 6; z has a cubic of its own."""
+@pytest.mark.parametrize("stages", [1, 2, 3])
+def test_a_single_step_has_the_local_order_of_the_method(stages):
     places, errors = np.array([0.35, 0.6]), []
-    for h in (0.1, 0.05):
+    for h in (0.2, 0.1):
         y, z = nonlinear_at(0.3)
         run = lv.integrate(nonlinear(), lv.Spark(stages), t=(0.3, 0.3 + h), steps=1, y=y, z=z)
         points = run(0.3 + h * places)
@@ -124,28 +123,12 @@ def test_a_single_step_has_the_order_of_the_quintic(stages, of_y, of_z):
             max(abs(points.y[k] - exact[k][0]).max() for k in range(2)),
             max(abs(points.z[k] - exact[k][1]).max() for k in range(2)),
         ])  # fmt: skip
-    orders = np.log2(np.divide(*errors))
-    assert orders[0] > of_y - 0.25
-    assert orders[1] > of_z - 0.25
-
-
-def test_three_knots_have_an_order_of_nine_and_z_one_of_six():
-    times, errors = np.linspace(0.81, 1.59, 27), []
-    exact = [np.array(x) for x in zip(*(nonlinear_at(t) for t in times), strict=True)]
-    for h in (0.4, 0.1):
-        run = lv.integrate(nonlinear(), lv.Spark(3), t=(0, 2), h=h, y=[1, 1], z=[1])
-        fine = lv.integrate(nonlinear(), lv.Spark(6), t=(0, 2), h=h, y=[1, 1], z=[1])
-        y = lv.integrate(nonlinear(), lv.Spark(5), t=(0, 2), h=h, y=[1, 1], z=[1])(times).y
-        errors.append([abs(y - exact[0]).max(), abs(run(times).z - exact[1]).max()])
-        assert abs(fine(times).z - exact[1]).max() < abs(run(times).z - exact[1]).max()
-    of_y, of_z = np.log2(np.divide(*errors)) / 2
-    assert of_y > 8.2
-    assert of_z > 5.5
+    assert min(np.log2(np.divide(*errors))) > 2 * stages + 1 - 0.5
 
 
 @pytest.mark.parametrize("method", [lv.Spark(1), lv.Spark(4), lv.Spark(2, points="radau")], ids=str)
 @pytest.mark.parametrize("backwards", [False, True], ids=["forwards", "backwards"])
-def test_given_times_are_those_of_the_dense_output_bit_for_bit(method, backwards):
+def test_given_times_are_ends_of_steps(method, backwards):
     span = (0.0, -2.0) if backwards else (0.0, 2.0)
     whole = lv.integrate(spinning(), method, t=span, h=0.1, y=SPINNING)
     times = np.unique(np.concatenate([whole.t[:5], np.linspace(*span, 31)]))
@@ -154,11 +137,10 @@ def test_given_times_are_those_of_the_dense_output_bit_for_bit(method, backwards
     points = whole(times)
     np.testing.assert_array_equal(some.t, times)
     for name in ("y", "z"):
-        np.testing.assert_array_equal(some.states[name], points.states[name], err_msg=name)
+        np.testing.assert_allclose(some.states[name], points.states[name], atol=1e-12)
         ends = whole(whole.t).states[name]
         np.testing.assert_array_equal(ends, whole.states[name], err_msg=name)
-    between = np.abs(some.residuals["hidden"]).max()
-    assert np.abs(whole.residuals["hidden"]).max() < 5e-14 < between < 1e-1
+    assert np.abs(some.residuals["hidden"]).max() < 5e-14
 
 
 def test_the_invariants_at_the_start_are_known_where_it_is_not_kept():

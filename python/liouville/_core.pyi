@@ -39,7 +39,7 @@ __all__ = [
     "listing",
     "lobatto_pair",
     "magnus_cost",
-    "path",
+    "multipliers",
     "processor_degree",
     "project",
     "project_linear",
@@ -237,15 +237,13 @@ def run(
 def run_each(
     members: Sequence[tuple[Hamiltonian, object, object]], threads: int
 ) -> Run | _Error: ...
-def path(
-    problem: Mechanical | SemiExplicit,
+def multipliers(
+    problem: Mechanical,
     params: NDArray[np.float64],
-    order: int,
-    t: NDArray[np.float64],
+    t: float,
     y: NDArray[np.float64],
     z: NDArray[np.float64],
-    times: NDArray[np.float64],
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]] | _Error: ...
+) -> NDArray[np.float64] | _Error: ...
 
 @final
 class Plane:

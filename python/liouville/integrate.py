@@ -81,10 +81,10 @@ def integrate(
         Keep one state in this many; the start and the end are always kept.
     t_eval : array_like, shape (k,), optional
         Times to keep states at, in the order of the run and within it, instead of one state in
-        `every`. The steps are the same; between them states are interpolated, and the residuals of
-        the constraints then show the error of that. Of a field each is the end of a shorter step
-        instead, which keeps volume. A time that a few roundings put beyond the end is the end. A
-        Schrödinger equation has its times in `t`.
+        `every`. The steps are the same; each state between them is the end of a shorter step of
+        the method, of its order, with the constraints to roundoff; of a field it keeps volume. A
+        time that a few roundings put beyond the end is the end. A Schrödinger equation has its
+        times in `t`.
     events : mapping of str to Event or callable, optional
         Functions ``f(t, q, v, lam, params)``, of semi-explicit systems ``f(t, y, z, params)``, of
         fields ``f(t, x, params)``, whose changes of sign are wanted, by name; see :class:`Event`

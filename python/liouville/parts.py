@@ -192,6 +192,32 @@ def _columns(x: Array, places: Sequence[int]) -> Array:
     return x[..., places]
 
 
+def between(solution: Solution, system: Any, times: Array) -> dict[str, Array]:
+    """Return the states at times in the order of the run; see ``Solution.__call__``."""
+    # imported here: it runs the method, and few solutions are asked
+    from liouville.runners.between import between
+
+    if solution.choice is None:
+        hint = "dataclasses.replace(solution, system=..., choice=...) gives them back"
+        sentence = "dense output needs system and method, which a loaded solution does not carry"
+        raise ValueError(hinted(sentence, hint))
+    own = {name: x for name, x in solution.states.items() if name not in ("a", "acceleration")}
+    names = [*system.places, *(name for name in own if name not in system.places)]
+    if not times.size:
+        return {name: own[name][:0] for name in names}
+    run = pieces(solution, system.states)
+    # a method of the alpha family begins with the accelerations that it carries
+    carried: dict[str, Any] = {}
+    if "a" in solution.states:
+        carried["a"] = dict(zip(solution.t, solution.states["a"], strict=True))
+    parts = between(system, solution.choice, (run, carried), times, solution.params)
+    found = {name: np.concatenate([x[name] for x in parts]) for name in names}
+    _, here, kept = np.intersect1d(times, solution.t, return_indices=True)
+    for name, values in found.items():
+        values[here] = own[name][kept]
+    return found
+
+
 def pieces(solution: Solution, names: tuple[str, str]) -> list[tuple[Array, Array, Array]]:
     """Return t, y and z at the ends of all steps, one piece of a run between resets after another.
 

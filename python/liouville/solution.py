@@ -68,6 +68,9 @@ class Solution(States, Drifts, Motions):
         The order of the method, where the states of all steps are kept and the system is a
         mechanical or semi-explicit one: then ``solution(t)`` gives the states between them, of an
         ensemble ``solution.member(i)(t)``. 0 otherwise.
+    choice : Method or None
+        The method itself, which makes them; None where there are none, and after
+        :func:`liouville.load`.
     names : dict of str to tuple of str
         ``coordinates`` (n of them) and ``constraints`` (m of them, the nonholonomic ones last); of
         a ``SemiExplicit`` system also its ``unknowns`` z.
@@ -152,6 +155,7 @@ class Solution(States, Drifts, Motions):
     tolerances: dict[str, Any] = field(default_factory=dict)
     events: dict[str, Points] = field(default_factory=dict)
     dense_order: int = 0
+    choice: Any = None
     units: dict[str, str] = field(default_factory=dict)
     status: str = "done"
     message: str = ""
@@ -273,16 +277,13 @@ class Solution(States, Drifts, Motions):
         return parts.part_of(self, time, coordinate)
 
     def __call__(self, t: ArrayLike) -> Points:
-        r"""Give the states at any time within the run, by interpolation.
+        r"""Give the states at any time within the run, as accurate as those at the ends of steps.
 
-        Coordinates are interpolated by the polynomial that has their values, velocities and
-        accelerations at the ends of the step, of degree 5; with a method of order above 4, at the
-        start of the step before too, of degree 8. Velocities are its derivative; with methods of
-        order 2, and where the second half of the state is no velocity, it has a polynomial of its
-        own, and so has z of a ``SemiExplicit`` system. Multipliers are solved for at the
-        interpolated point. Constraints hold there to the order of all this. Where an event had a
-        reset, the motion is interpolated on each side by itself; at its time the state is the one
-        after it.
+        Nothing is interpolated: from the end of the step before, the method makes a step of the
+        length :math:`t - t_n`. Its order is therefore that of the run, and constraints hold to
+        roundoff. It costs about a step for each time, and a call for each step with times in it;
+        ``t_eval=`` gives many states for less. Where an event had a reset, the step begins behind
+        it; at its time the state is the one after it.
 
         Parameters
         ----------
@@ -299,9 +300,11 @@ class Solution(States, Drifts, Motions):
         ------
         ValueError
             A time is outside the run; not all steps are kept; the solution was loaded and has no
-            system, or is that of an ensemble; or the accelerations cannot be solved for.
+            system and method, or is that of an ensemble.
         TypeError
             t is no array of numbers.
+        IntegrationError
+            The method cannot make a part of a step.
         """
         if self.dense_order and self.members is not None:
             sentence = "dense output is that of one member of an ensemble"
@@ -318,11 +321,9 @@ class Solution(States, Drifts, Motions):
                 hint = "of a field give the times of the states to keep in t_eval="
             raise ValueError(hinted(sentence, hint))
         times = times_within(t, self.t[0], self.t[-1])
-        flat = times.ravel()
-        order = np.argsort(flat if self.t[0] <= self.t[-1] else -flat, kind="stable")
-        values, run = system.values(self.params), parts.pieces(self, system.states)
-        found = system.between(self.dense_order, run, flat[order], values)
-        back = np.argsort(order)
+        flat, way = times.ravel(), 1 if self.t[0] <= self.t[-1] else -1
+        unique, back = np.unique(way * flat, return_inverse=True)
+        found = parts.between(self, system, way * unique)
         states = {name: x[back].reshape(*times.shape, *x.shape[1:]) for name, x in found.items()}
         return Points(flat if times.ndim else float(flat[0]), states)
 

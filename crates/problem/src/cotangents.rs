@@ -1,7 +1,7 @@
 //! Cotangents of a motion: the derivatives of a function of it by its states, by time and by parameters.
 
 use super::sensitivity::SensitivityModel;
-use super::{Acceleration, Carried, KnotCotangents, Model, ObservePoint, Saddle, model::finite};
+use super::{Acceleration, Carried, Model, ObservePoint, Saddle, model::finite};
 use liouville_base::error::{Quantity, StepError};
 use liouville_base::linalg::{Pattern, add_scaled, dot};
 
@@ -162,48 +162,6 @@ impl ObservePoint for PointAdjoint {
         self.a.fill(0.0);
         self.b.copy_from_slice(&row[2 * n..]);
         self.accelerations((t, point.y(), point.z()), of)
-    }
-
-    fn observe_knot(
-        &mut self,
-        (t, point): (f64, &impl Carried),
-        knot: &KnotCotangents,
-        of: &mut Cotangents,
-    ) -> Result<(), StepError> {
-        let (y, z) = (point.y(), point.z());
-        let [by_y, by_v, by_rate] = &knot.y;
-        let [by_z, by_z_dot] = &knot.z;
-        add(&mut of.y, by_y);
-        add(&mut of.z, by_z);
-        of.tau[0] += knot.t;
-        self.a.fill(0.0);
-        self.b.fill(0.0);
-        add(&mut self.a, by_z_dot);
-        let problem = self.sensitivity.problem.clone();
-        let (at, by_tau) = (&problem.mechanical.patterns, &problem.patterns);
-        let (Some(v_z), Some(v_tau), Some(velocity)) = (&at.v_z, &by_tau.v_tau, &by_tau.velocity)
-        else {
-            add(&mut of.z, by_v);
-            add(&mut self.a, by_rate);
-            return self.accelerations((t, y, z), of);
-        };
-        let values = self.model.stage_blocks(t, y, z)[1];
-        v_z.multiply_add_transposed(values, 1.0, by_v, &mut of.z);
-        v_z.multiply_add_transposed(values, 1.0, by_rate, &mut self.a);
-        let values = self.model.stage_jacobian(t, y, z)[3];
-        at.v_y.multiply_add_transposed(values, 1.0, by_v, &mut of.y);
-        let values = self.sensitivity.stage(t, y, z)[2];
-        v_tau.multiply_add_transposed(values, 1.0, by_v, &mut of.tau);
-        self.acceleration.solve(&mut self.model, t, y, z)?;
-        let rate = &self.acceleration.z_dot;
-        if let Some(slopes) = self.sensitivity.velocity(t, [y, z, rate]) {
-            let out = [&mut of.y, &mut of.z, &mut of.tau];
-            for ((pattern, values), out) in velocity.iter().zip(slopes).zip(out) {
-                finite(values, Quantity::Derivative, t)?;
-                pattern.multiply_add_transposed(values, 1.0, by_rate, out);
-            }
-        }
-        self.accelerations((t, y, z), of)
     }
 
     fn rate(

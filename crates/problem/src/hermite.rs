@@ -55,18 +55,4 @@ impl Newton {
         }
         (value, slope)
     }
-
-    /// The derivative number `D` of component `k` at `x`.
-    pub(super) fn derivative<const D: usize>(&self, k: usize, x: f64) -> f64 {
-        let n = self.coefficients.len() / self.nodes.len();
-        // of order d, over d!
-        let mut values = [0.0; 4];
-        for (i, node) in self.nodes.iter().enumerate().rev() {
-            for d in (1..=D).rev() {
-                values[d] = values[d] * (x - node) + values[d - 1];
-            }
-            values[0] = values[0] * (x - node) + self.coefficients[i * n + k];
-        }
-        (2..=D).fold(values[D], |value, d| value * d as f64)
-    }
 }

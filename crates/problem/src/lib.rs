@@ -37,7 +37,7 @@ mod tangents;
 pub use acceleration::Acceleration;
 pub use consistency::{Kind, Tolerances, Violation};
 pub use cotangents::{Cotangents, PointAdjoint};
-pub use dense::{KnotCotangents, Nearby, Path, PathAdjoint, PathTangents, Point};
+pub use dense::{Nearby, Path, Point};
 pub use dynamics::Dynamics;
 pub use energy::{EnergyChange, EnergyColumns, EnergyWatch, KineticColumns};
 pub use estimate::Estimate;

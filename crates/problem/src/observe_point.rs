@@ -1,6 +1,6 @@
 //! The adjoint of the values that are recorded at a point of a run.
 
-use super::{Carried, Cotangents, Dynamics, KnotCotangents};
+use super::{Carried, Cotangents, Dynamics};
 use liouville_base::error::StepError;
 
 /// Takes cotangents of the values at a point to y, z and τ there.
@@ -16,30 +16,6 @@ pub trait ObservePoint: Clone + Send + Sync + 'static {
         &mut self,
         at: (f64, &impl Carried),
         row: &[f64],
-        of: &mut Cotangents,
-    ) -> Result<(), StepError>;
-
-    /// The same between steps, where y and z are those of polynomials.
-    ///
-    /// # Errors
-    /// A derivative that is not finite, or a singular matrix.
-    fn observe_between(
-        &mut self,
-        at: (f64, &impl Carried),
-        row: &[f64],
-        of: &mut Cotangents,
-    ) -> Result<(), StepError> {
-        self.observe(at, row, of)
-    }
-
-    /// Adds cotangents of the values at a knot.
-    ///
-    /// # Errors
-    /// A derivative that is not finite, or a singular matrix.
-    fn observe_knot(
-        &mut self,
-        at: (f64, &impl Carried),
-        knot: &KnotCotangents,
         of: &mut Cotangents,
     ) -> Result<(), StepError>;
 

@@ -15,8 +15,8 @@ mod job;
 mod ladder;
 mod listing;
 mod mechanical;
+mod multipliers;
 mod operator;
-mod path;
 mod program;
 mod project;
 mod pullback;
@@ -57,9 +57,9 @@ mod _core {
     #[pymodule_export]
     use super::mechanical::{Mechanical, Sensitivity};
     #[pymodule_export]
-    use super::operator::{Hamiltonian, Operator};
+    use super::multipliers::multipliers;
     #[pymodule_export]
-    use super::path::path;
+    use super::operator::{Hamiltonian, Operator};
     #[pymodule_export]
     use super::project::{independent_rows, project, project_linear};
     #[pymodule_export]

@@ -18,7 +18,7 @@ from liouville.systems._motion import power
 
 Array = NDArray[np.float64]
 
-#: Points of Gauss's quadrature in a step: of order 8, as the interpolation is.
+#: Points of Gauss's quadrature in a step: of order 8.
 NODES = 4
 
 
@@ -62,9 +62,8 @@ def power_balance(solution: Solution) -> PowerBalance:
 
     .. math:: E' = Q^T v + E_t + r^T v - v^T C v
 
-    The powers are evaluated at the points of Gauss's quadrature of every step, where states and
-    multipliers are interpolated; the work has their order. A step with a reset is taken in the
-    parts before and after it.
+    The powers are evaluated at the points of Gauss's quadrature of every step, with states made by
+    parts of the step. A step with a reset is taken in the parts before and after it.
 
     Parameters
     ----------

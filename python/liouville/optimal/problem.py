@@ -195,12 +195,12 @@ class Problem:
         params, rows = self.params.copy(), []
         for k in range(t.size):
             params[self.controls.places] = u[k]
-            at = t[k : k + 1], np.ascontiguousarray(y[k : k + 1]), z[k : k + 1].copy()
-            found = _core.path(self.reduced.problem, params, 2, *at, t[k : k + 1])
+            at = float(t[k]), np.ascontiguousarray(y[k]), np.ascontiguousarray(z[k])
+            found = _core.multipliers(self.reduced.problem, params, *at)
             if isinstance(found, dict):
                 rows.append(np.full(len(self.system.constraints), np.nan))
             else:
-                rows.append(found[2][0])
+                rows.append(found)
         return np.array(rows).reshape(t.size, -1)
 
     def _check_reached(self, result: OptimalControl) -> None:

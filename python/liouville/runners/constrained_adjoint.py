@@ -68,7 +68,7 @@ class ConstrainedAdjoint(Adjoint):
         kept = np.minimum(np.arange(len(rows)) * runner.every, steps)
         steps = self._last(solution, cotangents, kept)
         if runner.times is not None:
-            # between steps, where the core takes them to the ends of these
+            # between steps, from where the core takes them to the starts of these
             over = runner.times.size - len(rows)  # behind the end of a run that an event ended
             core.give(np.ascontiguousarray(np.pad(rows, ((0, over), (0, 0)))))
             kept, rows = np.zeros(1, int), np.zeros((1, rows.shape[1]))

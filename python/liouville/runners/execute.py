@@ -218,6 +218,7 @@ def solution_of(
         names=_names(runner),
         events=dict(events),
         dense_order=runner.dense_order,
+        choice=runner.choice if runner.dense_order else None,
         h=runner.steps.mean(reached, stats["steps"]),
         tolerances=runner.steps.tolerances,
         method=runner.method,

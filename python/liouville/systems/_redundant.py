@@ -216,8 +216,7 @@ def _is_solved(
     system: Mechanics, t: float, y: np.ndarray, z: np.ndarray, params: np.ndarray
 ) -> bool:
     """Return whether all multipliers can be solved for."""
-    times = np.array([t])
-    found = _core.path(system.problem, params, 2, times, y[None], z[None], times)
+    found = _core.multipliers(system.problem, params, t, y, z)
     return not isinstance(found, dict)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from types import MappingProxyType
 from typing import Any, Self
 
@@ -43,9 +43,6 @@ Function = Callable[..., Any]
 
 #: Tapes of an event and of its reset, and whether the event uses multipliers.
 EventTapes = tuple[_core.Tape, bool, Reset | None]
-
-#: Times, y and z at the ends of the steps of a piece of a run.
-Piece = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
 class TracedSystem(Pickled, ABC):
@@ -280,39 +277,6 @@ class TracedSystem(Pickled, ABC):
         """Return the system as a run from this state steps it."""
         del t, y, z, params
         return self
-
-    def between(
-        self,
-        order: int,
-        run: Sequence[Piece],
-        times: np.ndarray,
-        params: np.ndarray,
-    ) -> dict[str, np.ndarray]:
-        """Return the states at times within a run, of which t, y and z of all steps are given.
-
-        They are those of one piece of the run after another, the times in the order of the run; at
-        the end of a piece the next one counts. The method has the order `order`.
-
-        Raises
-        ------
-        ValueError
-            The accelerations cannot be solved for there.
-        """
-        t, y, z = run[0]
-        problem = self.stepped(t[0], y[0], z[0], params).problem
-        way = 1 if t[0] <= run[-1][0][-1] else -1
-        ends = np.searchsorted(way * times, [way * piece[0][-1] for piece in run[:-1]])
-        rows = [np.empty((0, sum(len(names) for names in self.places.values())))]
-        for piece, some in zip(run, np.split(times, ends), strict=True):
-            if not some.size:
-                continue
-            t, y, z = (np.ascontiguousarray(x) for x in piece)
-            found = _core.path(problem, params, order, t, y, z, some)
-            if isinstance(found, dict):
-                sentence, hint, _ = self.describe(found)
-                raise ValueError(hinted(sentence, hint))
-            rows.append(np.concatenate(found, axis=1))
-        return self.states_at(times, np.concatenate(rows), params)
 
     def states_at(
         self, t: np.ndarray, rows: np.ndarray, params: np.ndarray

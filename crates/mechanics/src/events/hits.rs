@@ -172,7 +172,7 @@ impl<State: Carried + Checkpoint + Clone, M: Dynamics> DenseDetector<State, M> {
     }
 
     /// A fraction of the step, set to 0 or 1 where it differs from that by roundoff; and the bound of that roundoff.
-    fn snapped(&self, x: f64) -> (f64, f64) {
+    pub(super) fn snapped(&self, x: f64) -> (f64, f64) {
         let substep = &self.substep;
         let near = SAME * substep.t.abs().max(substep.end.abs()) / substep.h.abs();
         let x = match x {
@@ -203,6 +203,7 @@ impl<State: Carried + Checkpoint + Clone, M: Dynamics> DenseDetector<State, M> {
                 return Ok(Outcome::End(t));
             }
         }
+        self.record_times(self.time_of(x), None, records)?;
         let t = self.substep.advance_to_fraction(x, state)?;
         self.follow(index, (x, t))?;
         self.path.end_at(t, &self.substep.state)?;
@@ -211,7 +212,6 @@ impl<State: Carried + Checkpoint + Clone, M: Dynamics> DenseDetector<State, M> {
             self.begin_piece((k, near), t, state)?;
             return Ok(Outcome::Shorten(t));
         }
-        self.record_times(t, false, records)?;
         self.reset_at((k, near), t, (state, records))
     }
 
@@ -240,11 +240,6 @@ impl<State: Carried + Checkpoint + Clone, M: Dynamics> DenseDetector<State, M> {
             limit
         });
         self.path.begin(t, state)?;
-        if self.times.is_some() && records.last() == Some(t) {
-            self.path.move_to(t);
-            self.path.move_tangents();
-            records.replace(&mut *self.observer, t, &self.path)?;
-        }
         self.begin_piece((k, near), t, state)?;
         let after = match rates {
             None => 0.0,
@@ -259,9 +254,9 @@ impl<State: Carried + Checkpoint + Clone, M: Dynamics> DenseDetector<State, M> {
             }
         };
         self.events[index].function.sign = after;
+        self.record_after(t, state, records)?;
         if is_last || limit.is_some() {
             self.end(index, t, limit.filter(|_| !is_last));
-            self.record_times(t, true, records)?;
             return Ok(Outcome::End(t));
         }
         Ok(Outcome::Restart(t))

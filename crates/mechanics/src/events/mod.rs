@@ -9,6 +9,7 @@ mod semi_explicit;
 mod sides;
 mod slopes;
 mod tangents;
+mod times;
 
 pub use event::Event;
 pub use impulse::LinearImpulse;
@@ -16,6 +17,7 @@ pub use reset::{Law, Reset};
 pub use semi_explicit::SemiExplicitReset;
 pub use slopes::{Before, EventSlopes, FollowEvents, LinearReset, Meeting, SlopesModel};
 pub use tangents::{MotionDerivatives, TangentEvents};
+pub use times::Given;
 
 use function::{at, interpolated};
 use hits::Restarts;
@@ -27,14 +29,14 @@ use liouville_base::run::{
     Crossing, Ending, EventDetector, Events, FunctionInStep, Hits, InterpolationAccuracy, Outcome,
     Records, SAMPLES, Search, Substep, WatchedFunction,
 };
-use liouville_problem::{Carried, Dynamics, Model, Path, PathTangents, Point, Restart};
+use liouville_problem::{Carried, Dynamics, Model, Path, Point, Restart};
 
 /// A step in which a zero cannot be located is made as short as this part of it, ...
 const PART: f64 = 0.25;
 /// ... again and again, so many times.
 const MOST_PARTS: usize = 12;
 
-/// Finds events, and records at given times, on the interpolated trajectory.
+/// Finds events on the interpolated trajectory, and makes and records the states at given times by parts of steps.
 pub struct DenseDetector<State: Checkpoint, M: Dynamics = Model> {
     path: Path<M>,
     substep: Substep<State>,
@@ -49,11 +51,11 @@ pub struct DenseDetector<State: Checkpoint, M: Dynamics = Model> {
     restart: Restarts<State>,
     jump: [Vec<f64>; 2],
     holonomic: usize,
-    /// The follower that differentiates the events, if they are differentiated.
+    /// The follower that differentiates events and states at given times, if they are differentiated.
     follower: Option<Box<dyn FollowEvents<State>>>,
     /// The derivatives of all events then.
     slopes: Vec<SlopesModel>,
-    observer: Box<dyn Observe<Path<M>>>,
+    observer: Box<dyn Observe<State>>,
     /// Times of the records, where they are the detector's.
     times: Option<Vec<f64>>,
     next: usize,
@@ -111,7 +113,7 @@ impl<State: Carried + Checkpoint + Clone, M: Dynamics> DenseDetector<State, M> {
         stepper: Box<dyn Stepper<State = State>>,
         state: &State,
         events: Vec<Event>,
-        (observer, times): (Box<dyn Observe<Path<M>>>, Option<Vec<f64>>),
+        (observer, times): (Box<dyn Observe<State>>, Option<Vec<f64>>),
     ) -> Self {
         let met = Met {
             found: vec![Hits::default(); events.iter().filter(|event| !event.is_switch).count()],
@@ -147,14 +149,8 @@ impl<State: Carried + Checkpoint + Clone, M: Dynamics> DenseDetector<State, M> {
         }
     }
 
-    /// The same of states that carry tangents.
-    #[must_use]
-    pub fn with_tangents(mut self, tangents: PathTangents) -> Self {
-        self.path = self.path.with_tangents(tangents);
-        self
-    }
-
-    /// The same with a follower that differentiates its events, which have these derivatives.
+    /// The same with a follower that differentiates its events, which have these derivatives, and its states at given
+    /// times.
     #[must_use]
     pub fn followed(
         self,
@@ -269,29 +265,6 @@ impl<State: Carried + Checkpoint + Clone, M: Dynamics> DenseDetector<State, M> {
         self.search
             .find(&mut function, index, step, accuracy, &mut self.found)
     }
-
-    /// Records at the wanted times up to `t`, that itself only if it `is_whole`.
-    fn record_times(
-        &mut self,
-        t: f64,
-        is_whole: bool,
-        records: &mut Records,
-    ) -> Result<(), StepError> {
-        let Some(times) = &self.times else {
-            return Ok(());
-        };
-        while let Some(wanted) = times.get(self.next) {
-            let after = (wanted - t) * self.substep.h;
-            if after > 0.0 || after == 0.0 && !is_whole {
-                break;
-            }
-            self.path.move_to(*wanted);
-            self.path.move_tangents();
-            records.push(&mut *self.observer, *wanted, &self.path)?;
-            self.next += 1;
-        }
-        Ok(())
-    }
 }
 
 impl<State: Carried + Checkpoint + Clone, M: Dynamics> EventDetector<State>
@@ -302,7 +275,9 @@ impl<State: Carried + Checkpoint + Clone, M: Dynamics> EventDetector<State>
     }
 
     fn start(&mut self, t: f64, state: &State) -> Result<(), StepError> {
-        self.path.push(t, state)?;
+        if !self.events.is_empty() {
+            self.path.push(t, state)?;
+        }
         self.substep.t = t;
         for event in &mut self.events {
             event.function.last = at(&mut self.path, event, t, state)?;
@@ -328,34 +303,26 @@ impl<State: Carried + Checkpoint + Clone, M: Dynamics> EventDetector<State>
         if let Some(follower) = &mut self.follower {
             follower.align(t, state);
         }
-        self.path.push(t, state)?;
         let mut outcome = Outcome::Continue;
         if !self.events.is_empty() {
+            self.path.push(t, state)?;
             let is_shorter = self.find_in_step(state)?;
             outcome = self.keep(state, records)?;
             if is_shorter && outcome == Outcome::Continue {
                 outcome = Outcome::Shorten(self.substep.end);
             }
         }
-        // with fewer knots the polynomials would not be those of the whole run
         match outcome {
-            Outcome::End(end) => self.record_times(end, true, records)?,
-            Outcome::Continue if self.path.is_full() => self.record_times(t, true, records)?,
-            Outcome::Shorten(end) if self.path.is_full() => {
-                self.record_times(end, true, records)?;
+            Outcome::Continue => self.record_times(t, Some(state), records)?,
+            Outcome::Shorten(end) | Outcome::End(end) => {
+                self.record_times(end, Some(state), records)?;
             }
-            _ => {}
+            Outcome::Restart(_) => {}
         }
         Ok(outcome)
     }
 
-    fn finish(&mut self, records: &mut Records) {
-        let last = self.path.end();
-        if self.met.end.is_none() && !self.path.is_full() {
-            // where one cannot be recorded, the records end before it
-            let _ = self.record_times(last, true, records);
-        }
-    }
+    fn finish(&mut self, _: &mut Records) {}
 
     fn take(&mut self) -> Events {
         Events {

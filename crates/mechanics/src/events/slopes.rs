@@ -1,6 +1,7 @@
 //! Derivatives of events and their resets, and their use along a run.
 
 use super::reset::Law;
+use super::times::Given;
 use liouville_base::error::{Obstacle, Quantity, StepError};
 use liouville_base::tape::{Registers, Tape};
 
@@ -285,6 +286,12 @@ pub trait FollowEvents<State>: Send + Sync {
     /// # Errors
     /// It has no derivative.
     fn meet(&mut self, met: Meeting<'_>, state: &mut State) -> Result<(), StepError>;
+
+    /// The step, or a part of it, led to the state at a given time.
+    ///
+    /// # Errors
+    /// It has no derivative.
+    fn hold(&mut self, at: Given, state: &mut State) -> Result<(), StepError>;
 
     /// The event number `index` made one state the other at `t`, with λ before.
     ///

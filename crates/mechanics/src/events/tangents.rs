@@ -6,9 +6,10 @@
 //!
 //! as de = 0. The derivative by the length is a direction of its own, the last of a state's, which begins from zero with
 //! each step. The step after an event ends at the end of the step that it has cut: its length takes up the change of the event's
-//! time.
+//! time. At a given time κ is −t̃.
 
 use super::slopes::{FollowEvents, LinearReset, Meeting, SlopesModel};
+use super::times::Given;
 use liouville_base::error::StepError;
 use liouville_base::linalg::{Matrix, add_scaled, dot};
 use liouville_problem::{BeginTangents, Carried, Directions, RateTangents, TangentState};
@@ -124,6 +125,9 @@ impl<S: Carried + Send + Sync> FollowEvents<TangentState<S>> for TangentEvents<S
     }
 
     fn align(&mut self, t: f64, state: &mut TangentState<S>) {
+        if self.events.is_empty() {
+            return;
+        }
         let last = self.directions.count() - 1;
         let (stretch, (start, of_start)) = (&self.directions.stretch, &self.start);
         let held = |k: usize| of_start[k] + stretch[k] * (t - start);
@@ -152,6 +156,17 @@ impl<S: Carried + Send + Sync> FollowEvents<TangentState<S>> for TangentEvents<S
             let own = |k: usize, _: &TangentState<S>| if k == direction { size } else { 0.0 };
             self.move_by(own, state);
         }
+        Ok(())
+    }
+
+    #[allow(clippy::float_cmp)] // 0 is the start of the step
+    fn hold(&mut self, at: Given, state: &mut TangentState<S>) -> Result<(), StepError> {
+        let last = self.directions.count() - 1;
+        if at.is_after || at.part == 0.0 {
+            self.set_flow(at.t, state)?;
+        }
+        let size = |k: usize, state: &TangentState<S>| -state.t[k] / state.t[last];
+        self.move_by(size, state);
         Ok(())
     }
 

@@ -100,10 +100,10 @@ pub struct EventFunction {
     pub slopes: Option<EventSlopes>,
 }
 
-/// Events and times to record, on the interpolated trajectory.
+/// Events, and times to record.
 #[derive(Clone, Debug)]
 pub struct Detection {
-    /// The order of the method, which the interpolation follows.
+    /// The order of the method, which the polynomials of events follow.
     pub order: usize,
     /// Times of the records, if they are given.
     pub times: Option<Vec<f64>>,

@@ -5,10 +5,11 @@
 //!     κ̄ = ū w + t̄,   (ū, t̄) −= κ̄ / (e_y w_y + e_z w_z + e_t) (e_y, e_z, e_t),   θ̄ −= κ̄ / (…) e_θ
 //!
 //! before the part of the step is followed back. The products with w are what an adjoint step says of its length, so that
-//! part is followed twice: with (ū, t̄), and with the slopes of e.
+//! part is followed twice: with (ū, t̄), and with the slopes of e. Of a state at a given time the part of the step is as
+//! long as that time is later than its start, so that the cotangent of the time of the start takes −ū w.
 
 use super::pullback::StepAdjoint;
-use crate::events::{Before, FollowEvents, LinearReset, Meeting, SlopesModel};
+use crate::events::{Before, FollowEvents, Given, LinearReset, Meeting, SlopesModel};
 use liouville_base::error::{Obstacle, StepError};
 use liouville_base::linalg::{Matrix, add_scaled};
 use liouville_base::recorder::{SharedRecords, StepRecord};
@@ -46,9 +47,29 @@ impl<S> Entry<S> {
     }
 }
 
-/// The events met, shared by the run and its adjoint.
+/// A state at a given time.
+#[derive(Clone, Debug)]
+pub(super) struct GivenEntry<S> {
+    /// How many steps were recorded, that which was parted included.
+    pub(super) place: usize,
+    pub(super) t: f64,
+    pub(super) state: S,
+    /// Whether it is that after a reset.
+    pub(super) is_after: bool,
+    /// The part of the step that led to it.
+    pub(super) steps: Vec<StepRecord<S>>,
+}
+
+/// The events met, and the states at given times.
 #[derive(Debug)]
-pub(super) struct Journal<S>(Arc<Mutex<Vec<Entry<S>>>>);
+struct Notes<S> {
+    events: Vec<Entry<S>>,
+    given: Vec<GivenEntry<S>>,
+}
+
+/// What is shared by the run and its adjoint.
+#[derive(Debug)]
+pub(super) struct Journal<S>(Arc<Mutex<Notes<S>>>);
 
 impl<S> Clone for Journal<S> {
     fn clone(&self) -> Self {
@@ -58,23 +79,46 @@ impl<S> Clone for Journal<S> {
 
 impl<S> Default for Journal<S> {
     fn default() -> Self {
-        Self(Arc::default())
+        let (events, given) = (Vec::new(), Vec::new());
+        Self(Arc::new(Mutex::new(Notes { events, given })))
     }
 }
 
 impl<S> Journal<S> {
-    pub(super) fn lock(&self) -> MutexGuard<'_, Vec<Entry<S>>> {
+    /// All up to now, which are forgotten.
+    pub(super) fn take(&self) -> (Vec<Entry<S>>, Vec<GivenEntry<S>>) {
+        let mut notes = self.lock();
+        let given = std::mem::take(&mut notes.given);
+        (std::mem::take(&mut notes.events), given)
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Notes<S>> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
-/// Keeps the events of a run.
+/// Keeps the events of a run, and its states at given times.
 pub(super) struct EventRecorder<S> {
     pub(super) journal: Journal<S>,
     /// Whole steps, and parts of steps, each made of so many.
     pub(super) whole: SharedRecords<S>,
     pub(super) partial: SharedRecords<S>,
     pub(super) parts: usize,
+}
+
+impl<S: Clone> EventRecorder<S> {
+    /// How many steps were recorded, and those of which this part of the last one was made.
+    #[allow(clippy::float_cmp)] // 0 and 1 are the ends of the step
+    fn steps(&self, part: f64) -> (usize, Vec<StepRecord<S>>) {
+        let whole = self.whole.lock();
+        let (partial, last) = (self.partial.lock(), self.parts);
+        let steps = match part {
+            0.0 => &[],
+            1.0 => &whole.steps()[whole.steps().len() - last..],
+            _ => &partial.steps()[partial.steps().len() - last..],
+        };
+        (whole.steps().len(), steps.to_vec())
+    }
 }
 
 impl<S: Clone + Send + Sync> FollowEvents<S> for EventRecorder<S> {
@@ -84,17 +128,10 @@ impl<S: Clone + Send + Sync> FollowEvents<S> for EventRecorder<S> {
 
     fn align(&mut self, _: f64, _: &mut S) {}
 
-    #[allow(clippy::float_cmp)] // 0 and 1 are the ends of the step
     fn meet(&mut self, met: Meeting<'_>, state: &mut S) -> Result<(), StepError> {
-        let whole = self.whole.lock();
-        let (partial, last) = (self.partial.lock(), self.parts);
-        let steps = match met.part {
-            0.0 => &[],
-            1.0 => &whole.steps()[whole.steps().len() - last..],
-            _ => &partial.steps()[partial.steps().len() - last..],
-        };
-        self.journal.lock().push(Entry {
-            place: whole.steps().len(),
+        let (place, steps) = self.steps(met.part);
+        self.journal.lock().events.push(Entry {
+            place,
             t: met.t,
             part: met.part,
             state: state.clone(),
@@ -106,7 +143,23 @@ impl<S: Clone + Send + Sync> FollowEvents<S> for EventRecorder<S> {
             height: met.height,
             lam: met.lam.to_vec(),
             obstacle: met.obstacle,
-            steps: steps.to_vec(),
+            steps,
+        });
+        Ok(())
+    }
+
+    fn hold(&mut self, at: Given, state: &mut S) -> Result<(), StepError> {
+        let part = if at.is_after { 0.0 } else { at.part };
+        let (place, steps) = self.steps(part);
+        let given = &mut self.journal.lock().given;
+        // that before a reset
+        given.pop_if(|last| last.t.to_bits() == at.t.to_bits());
+        given.push(GivenEntry {
+            place,
+            t: at.t,
+            state: state.clone(),
+            is_after: at.is_after,
+            steps,
         });
         Ok(())
     }
@@ -117,7 +170,7 @@ impl<S: Clone + Send + Sync> FollowEvents<S> for EventRecorder<S> {
         _: &[f64],
         (_, after): (&S, &mut S),
     ) -> Result<(), StepError> {
-        if let Some(entry) = self.journal.lock().last_mut() {
+        if let Some(entry) = self.journal.lock().events.last_mut() {
             entry.after = Some(after.clone());
         }
         Ok(())
@@ -129,8 +182,7 @@ impl<S: Clone + Send + Sync> FollowEvents<S> for EventRecorder<S> {
 }
 
 /// The adjoints of events.
-pub(super) struct EventAdjoint<S> {
-    pub(super) journal: Journal<S>,
+pub(super) struct EventAdjoint {
     pub(super) events: Vec<SlopesModel>,
     pub(super) reset: Box<dyn LinearReset>,
     /// Cotangents of each event: of t, y, z and λ, and of y, z and λ after a reset, a row for each time it was met.
@@ -139,9 +191,9 @@ pub(super) struct EventAdjoint<S> {
     pub(super) sizes: [usize; 3],
 }
 
-impl<S: Carried> EventAdjoint<S> {
+impl EventAdjoint {
     /// The row of an entry, where cotangents of its event were given.
-    fn row(&self, entry: &Entry<S>) -> Option<&[f64]> {
+    fn row<S>(&self, entry: &Entry<S>) -> Option<&[f64]> {
         let rows = self.rows.get(entry.event)?;
         (entry.hit < rows.rows()).then(|| rows.row(entry.hit))
     }
@@ -150,9 +202,9 @@ impl<S: Carried> EventAdjoint<S> {
     ///
     /// # Errors
     /// It has no derivative.
-    pub(super) fn leave_reset<A: StepAdjoint<State = S>>(
+    pub(super) fn leave_reset<A: StepAdjoint>(
         &mut self,
-        entry: &Entry<S>,
+        entry: &Entry<A::State>,
         (adjoint, point): (&mut A, &mut A::Point),
         of: &mut Cotangents,
     ) -> Result<(), StepError> {
@@ -177,7 +229,7 @@ impl<S: Carried> EventAdjoint<S> {
     }
 
     /// Adds cotangents of (t, y, z, λ, θ) at an event.
-    fn add(
+    fn add<S: Carried>(
         &self,
         (entry, found): (&Entry<S>, &[f64]),
         point: &mut impl ObservePoint,
@@ -200,9 +252,9 @@ impl<S: Carried> EventAdjoint<S> {
     ///
     /// # Errors
     /// It has no derivative.
-    pub(super) fn leave<A: StepAdjoint<State = S>>(
+    pub(super) fn leave<A: StepAdjoint>(
         &mut self,
-        entry: &Entry<S>,
+        entry: &Entry<A::State>,
         (adjoint, point): (&mut A, &mut A::Point),
         of: &mut Cotangents,
     ) -> Result<(), StepError> {
@@ -255,5 +307,34 @@ impl<S> Entry<S> {
     /// Whether it begins a step anew within one, which is then made to its end.
     pub(super) fn goes_on(&self) -> bool {
         self.after.is_some() && self.part < 1.0
+    }
+}
+
+impl<S: Carried> GivenEntry<S> {
+    /// Adds cotangents of (y, z, λ) at the given time to those of the state where the part of the step begins.
+    ///
+    /// # Errors
+    /// A derivative that is not finite, or a singular matrix.
+    pub(super) fn leave<A: StepAdjoint<State = S>>(
+        &self,
+        row: &[f64],
+        (adjoint, point): (&mut A, &mut A::Point),
+        of: &mut Cotangents,
+    ) -> Result<(), StepError> {
+        let (mut own, at) = (of.like(), (self.t, &self.state));
+        point.observe(at, row, &mut own)?;
+        // the time there is held
+        own.tau[0] = 0.0;
+        own.tau[0] = if self.steps.is_empty() {
+            -point.rate(at, &own)?
+        } else {
+            for step in self.steps.iter().rev() {
+                adjoint.follow(step, &mut own)?;
+            }
+            let length: f64 = self.steps.iter().map(|step| step.h).sum();
+            own.tau[0] - std::mem::take(&mut own.stretch) / length
+        };
+        of.add_scaled(1.0, &own);
+        Ok(())
     }
 }

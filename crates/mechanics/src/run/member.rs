@@ -19,7 +19,7 @@ pub(super) type BoxedStepper<State> = Box<dyn Stepper<State = State>>;
 pub(super) type MonitoredSteps<State> = Option<(Box<dyn Monitor<State>>, [f64; 2])>;
 
 /// The observers of a member's states at steps, and at given times.
-pub(super) type Observed<State, M> = (Box<dyn Observe<State>>, Box<dyn Observe<Path<M>>>);
+pub(super) type Observed<State> = [Box<dyn Observe<State>>; 2];
 
 /// A member: its number, its model, and the solver of its states after resets, where events have them.
 pub(super) struct Member<State, M: Dynamics = Model> {
@@ -242,7 +242,7 @@ impl Starter {
             return self.recorded(control, Box::new(observer), state);
         }
         let observer = self.observer(member.model.clone(), member.number);
-        let observed = (Box::new(observer.clone()) as _, Box::new(observer) as _);
+        let observed = [Box::new(observer.clone()) as _, Box::new(observer) as _];
         let stepping = (control, copy);
         self.launch_observed(stepping, member, state, observed, |detector| detector)
     }
@@ -257,7 +257,7 @@ impl Starter {
             restart,
         }: Member<State, M>,
         state: State,
-        (observer, at_times): Observed<State, M>,
+        [observer, at_times]: Observed<State>,
         with: impl FnOnce(DenseDetector<State, M>) -> DenseDetector<State, M>,
     ) -> Begun {
         let mut expected = match control.sizes() {

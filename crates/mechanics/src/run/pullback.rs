@@ -1,13 +1,13 @@
 //! Pullbacks: a run made again from checkpoints, one piece after another from the last, each followed back.
 
 use super::Starter;
-use super::given_times::{GivenTimes, observing};
-use super::journal::{Entry, EventAdjoint, EventRecorder, Journal};
+use super::given_times::GivenTimes;
+use super::journal::{Entry, EventAdjoint, EventRecorder, GivenEntry, Journal};
 use super::member::{BoxedStepper, Member, MonitoredSteps};
 use crate::events::{DenseDetector, LinearReset};
 use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch};
 use liouville_base::error::StepError;
-use liouville_base::linalg::{Matrix, add_scaled};
+use liouville_base::linalg::Matrix;
 use liouville_base::method::{Estimating, Symmetric};
 use liouville_base::recorder::{Recordable, Recorder, SharedRecords, StepRecord};
 use liouville_base::run::{Advance, Status, StepControl};
@@ -90,9 +90,10 @@ pub struct Pullback<A: StepAdjoint> {
     /// How many times the method is at work in a step.
     parts: usize,
     cotangents: Cotangents,
-    /// Where states are given at times that are not those of the steps.
-    times: Option<GivenTimes<A::Point>>,
-    events: Option<EventAdjoint<A::State>>,
+    /// Where states are recorded at times that are not those of the steps.
+    times: Option<GivenTimes>,
+    events: Option<EventAdjoint>,
+    journal: Journal<A::State>,
     /// The cotangent of the time at which the run begins, by the times of its steps.
     of_start: f64,
 }
@@ -177,14 +178,8 @@ where
         let ([n, l, m], model) = (method.sizes, of.model.clone());
         let detection = starter.job.detection.as_ref();
         let times = detection.and_then(|detection| detection.times.clone());
-        let times = times.map(|times| {
-            let records = whole.clone();
-            let made = Box::new(move || records.lock().steps().len());
-            let sizes = (method.sizes, width);
-            GivenTimes::new(times, sizes, point.clone(), (made, parts))
-        });
+        let times = times.map(|times| GivenTimes::new(times, method.sizes));
         let inner = starter.observer(model, 0);
-        let at_times = observing(inner.clone(), times.clone());
         let journal = Journal::default();
         let recorder = EventRecorder {
             journal: journal.clone(),
@@ -194,21 +189,15 @@ where
         };
         let (reset, slopes) = (method.reset, starter.slopes(0));
         let events = starter.has_events().then(|| EventAdjoint {
-            journal,
             events: slopes.clone(),
             reset,
             rows: Vec::new(),
             sizes: [n + l, m, starter.system.multipliers()],
         });
-        let (observed, stepping) = ((Box::new(inner) as _, at_times), (control, copy));
-        let has_events = events.is_some();
-        let with = |detector: DenseDetector<A::State, _>| {
-            if has_events {
-                detector.followed(Box::new(recorder), slopes)
-            } else {
-                detector
-            }
-        };
+        let observed = [Box::new(inner.clone()) as _, Box::new(inner) as _];
+        let stepping = (control, copy);
+        let with =
+            |detector: DenseDetector<A::State, _>| detector.followed(Box::new(recorder), slopes);
         let start = method.start;
         let run = starter.launch_observed(stepping, of, start.clone(), observed, with)?;
         Ok(Self {
@@ -221,6 +210,7 @@ where
             adjoint: method.adjoint,
             times,
             events,
+            journal,
             of_start: 0.0,
         })
     }
@@ -228,11 +218,8 @@ where
 
 impl<A: StepAdjoint> Pullback<A> {
     /// Follows a step back.
-    fn leave_step(&mut self, place: usize, step: &[StepRecord<A::State>]) -> Result<(), StepError> {
+    fn leave_step(&mut self, step: &[StepRecord<A::State>]) -> Result<(), StepError> {
         let end = &step[self.parts - 1];
-        for starts in [false, true] {
-            self.leave_knot((place, starts), (end.time(), &end.end))?;
-        }
         let of = &mut self.cotangents;
         if self.events.is_none() {
             return step
@@ -252,29 +239,27 @@ impl<A: StepAdjoint> Pullback<A> {
         Ok(())
     }
 
-    /// Takes the cotangents of a knot to the state there.
-    fn leave_knot(
-        &mut self,
-        (place, starts): (usize, bool),
-        at: (f64, &A::State),
-    ) -> Result<(), StepError> {
-        let times = self.times.as_ref();
-        match times.and_then(|times| times.lock().take(place, starts)) {
-            Some(knot) => self.point.observe_knot(at, &knot, &mut self.cotangents),
-            None => Ok(()),
+    /// Adds the cotangents of states at given times, to those of the state where the part of the step begins.
+    fn leave_given(&mut self, entries: &[GivenEntry<A::State>]) -> Result<(), StepError> {
+        let Some(times) = &self.times else {
+            return Ok(());
+        };
+        for entry in entries {
+            let row = times.row(entry.t);
+            if row.iter().any(|x| *x != 0.0) {
+                let (of, point) = (&mut self.cotangents, &mut self.point);
+                entry.leave(row, (&mut self.adjoint, point), of)?;
+            }
         }
+        Ok(())
     }
 
     /// Takes cotangents back over a step that an event has cut.
-    fn leave_cut(&mut self, place: usize, entry: &Entry<A::State>) -> Result<(), StepError> {
-        if let Some(after) = &entry.after {
-            self.leave_knot((place, true), (entry.t, after))?;
-        }
+    fn leave_cut(&mut self, entry: &Entry<A::State>) -> Result<(), StepError> {
         let (of, point) = (&mut self.cotangents, &mut self.point);
         if let Some(events) = &mut self.events {
             events.leave_reset(entry, (&mut self.adjoint, point), of)?;
         }
-        self.leave_knot((place, false), (entry.t, &entry.state))?;
         let (of, point) = (&mut self.cotangents, &mut self.point);
         match &mut self.events {
             Some(events) => events.leave(entry, (&mut self.adjoint, point), of),
@@ -301,29 +286,20 @@ impl<A: StepAdjoint> Follow for Pullback<A> {
 
     fn follow(&mut self, last: usize, kept: &[usize], rows: &Matrix) -> Result<(), StepError> {
         self.records.lock().clear();
-        let pending = self.times.as_ref().map(|times| times.lock().pending());
         let status = self.run.advance_to(last, Duration::MAX);
         if let Status::Failed { error, .. } = status {
             return Err(error);
         }
         let is_over = status == Status::Done;
-        if is_over && self.times.is_some() {
-            // records that are due at the end only
-            drop(self.run.take());
-        }
         let shared = self.records.clone();
         let records = shared.lock();
-        if let Some((times, pending)) = self.times.as_ref().zip(pending) {
-            times.lock().shift(pending, records.steps().len());
-        }
-        let mut entries = match &self.events {
-            Some(events) => std::mem::take(&mut *events.journal.lock()),
-            None => Vec::new(),
-        };
+        let (mut entries, mut given) = self.journal.take();
         let (mut number, last, parts) = (self.run.done(), records.steps().len(), self.parts);
         for place in (1..=last / parts).rev().map(|k| k * parts) {
             let own = entries.split_off(entries.partition_point(|entry| entry.place < place));
             let cut = own.iter().rfind(|entry| entry.is_cut());
+            let mut within = given.split_off(given.partition_point(|entry| entry.place < place));
+            let behind = within.split_off(within.partition_point(|entry| !entry.is_after));
             let step = &records.steps()[place - parts..place];
             // a step that an event has parted is one with that to its end
             let is_whole = cut.is_none_or(|entry| !entry.goes_on() || is_over && place == last);
@@ -337,10 +313,12 @@ impl<A: StepAdjoint> Follow for Pullback<A> {
                     .observe((t, state), rows.row(row), &mut self.cotangents)?;
             }
             number -= usize::from(is_whole);
+            self.leave_given(&behind)?;
             match cut {
-                Some(entry) => self.leave_cut(place, entry)?,
-                None => self.leave_step(place, step)?,
+                Some(entry) => self.leave_cut(entry)?,
+                None => self.leave_step(step)?,
             }
+            self.leave_given(&within)?;
             for entry in own.iter().filter(|entry| !entry.is_cut()) {
                 self.leave_event(entry)?;
             }
@@ -351,12 +329,6 @@ impl<A: StepAdjoint> Follow for Pullback<A> {
     fn end(&mut self, row: &[f64]) -> Result<&Cotangents, StepError> {
         let (t, start, is_given) = self.start.clone();
         let at = (t, &start);
-        for starts in [false, true] {
-            self.leave_knot((0, starts), at)?;
-        }
-        if let Some(times) = &self.times {
-            add_scaled(&mut self.cotangents.tau, 1.0, &times.lock().tau);
-        }
         self.cotangents.tau[0] += std::mem::take(&mut self.of_start);
         self.point.observe(at, row, &mut self.cotangents)?;
         let (point, of) = (&mut self.point, &mut self.cotangents);
@@ -365,7 +337,7 @@ impl<A: StepAdjoint> Follow for Pullback<A> {
     }
 
     fn give(&mut self, rows: Matrix) -> bool {
-        (self.times.as_ref()).is_some_and(|times| times.lock().give(rows))
+        (self.times.as_mut()).is_some_and(|times| times.give(rows))
     }
 
     fn give_events(&mut self, rows: Vec<Matrix>) {

@@ -16,9 +16,8 @@ use liouville_index2::semi_explicit::{
 };
 use liouville_index2::{Index2, Index2Tangents, SemiExplicitTangentObserver};
 use liouville_problem::{
-    BeginTangents, Carried, Directions, Dynamics, MomentumTangents, MotionTangents, PathTangents,
-    RateTangents, Restart, Sensitivity, SensitivityModel, State, TangentObserver, TangentRestart,
-    TangentState,
+    BeginTangents, Carried, Directions, Dynamics, MomentumTangents, MotionTangents, Restart,
+    Sensitivity, SensitivityModel, State, TangentObserver, TangentRestart, TangentState,
 };
 use liouville_spark::{Spark, SparkTangents};
 use std::sync::Arc;
@@ -34,9 +33,7 @@ struct TangentRun<S, M: Dynamics> {
     stepping: Stepping<TangentState<S>>,
     of: Member<S, M>,
     state: TangentState<S>,
-    observed: Observed<TangentState<S>, M>,
-    /// The tangents of rates at the ends of steps.
-    between: Box<dyn RateTangents>,
+    observed: Observed<TangentState<S>>,
     derivatives: MotionDerivatives<S>,
 }
 
@@ -132,18 +129,12 @@ impl Starter {
         };
         let inner = self.observer(of.model.clone(), of.number);
         let observer = SemiExplicitTangentObserver::new(inner, tangents.stretch.len());
-        let point = || {
-            Box::new(SemiExplicitPoint::new(
-                of.model.clone(),
-                sensitivity.clone(),
-            ))
-        };
+        let point = SemiExplicitPoint::new(of.model.clone(), sensitivity.clone());
         let run = TangentRun {
             stepping: (control, copy),
-            observed: (Box::new(observer.clone()), Box::new(observer)),
-            between: point(),
+            observed: [Box::new(observer.clone()), Box::new(observer)],
             derivatives: MotionDerivatives {
-                point: point(),
+                point: Box::new(point),
                 reset: Box::new(SemiExplicitReset::new(
                     of.model.clone(),
                     sensitivity.clone(),
@@ -173,13 +164,12 @@ impl Starter {
         let inner = self.observer(model.clone(), number);
         let directions = directions_of(tangents);
         let observer = TangentObserver::new(inner, sensitivity.clone(), directions);
-        let point = || Box::new(MotionTangents::new(model.clone(), sensitivity.clone()));
+        let point = MotionTangents::new(model.clone(), sensitivity.clone());
         let run = TangentRun {
             stepping,
-            observed: (Box::new(observer.clone()), Box::new(observer)),
-            between: point(),
+            observed: [Box::new(observer.clone()), Box::new(observer)],
             derivatives: MotionDerivatives {
-                point: point(),
+                point: Box::new(point),
                 reset: Box::new(LinearImpulse::new(
                     model.clone(),
                     tangents.sensitivity.width(),
@@ -205,7 +195,6 @@ impl Starter {
             of, derivatives, ..
         } = run;
         let start = self.job.span.t0;
-        let [n, l, _] = of.model.sizes();
         let multipliers = self.tangent_multipliers();
         let slopes = self.slopes(of.number);
         let of = Member {
@@ -213,16 +202,11 @@ impl Starter {
             model: of.model,
             restart: (of.restart).map(|restart| Box::new(TangentRestart(restart)) as _),
         };
-        let directions = directions_of(tangents);
-        let between = PathTangents::new(run.between, [n, l], directions);
-        let with = |mut detector: DenseDetector<TangentState<S>, M>| {
-            if self.has_events() {
-                let (directions, at) = (directions_of(tangents), (start, multipliers));
-                let directions = self.with_length(directions);
-                let events = TangentEvents::new(slopes.clone(), derivatives, directions, at);
-                detector = detector.followed(Box::new(events), slopes);
-            }
-            detector.with_tangents(between)
+        let with = |detector: DenseDetector<TangentState<S>, M>| {
+            let directions = self.with_length(directions_of(tangents));
+            let at = (start, multipliers);
+            let events = TangentEvents::new(slopes.clone(), derivatives, directions, at);
+            detector.followed(Box::new(events), slopes)
         };
         self.launch_observed(run.stepping, of, run.state, run.observed, with)
     }
@@ -241,9 +225,10 @@ impl Starter {
         detection.is_some_and(|detection| !detection.events.is_empty())
     }
 
-    /// The directions, and that of the length of a step where there are events: these move the ends of steps.
+    /// The directions, and that of the length of a step where there are events or given times: parts of steps that lead
+    /// to these change their lengths.
     fn with_length(&self, directions: Directions) -> Directions {
-        if !self.has_events() {
+        if self.job.detection.is_none() {
             return directions;
         }
         let Directions { tau, mut stretch } = directions;

@@ -1,0 +1,31 @@
+//! Multipliers of a mechanical system at a point.
+
+use crate::errors;
+use crate::mechanical::Mechanical;
+use liouville_problem::{Dynamics, Model};
+use numpy::{PyArray1, PyReadonlyArray1};
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+
+/// λ of the equations of accelerations at (t, y, z), or the error.
+#[pyfunction]
+#[allow(clippy::needless_pass_by_value)] // arguments of a Python function
+pub(crate) fn multipliers<'py>(
+    py: Python<'py>,
+    problem: PyRef<'py, Mechanical>,
+    params: PyReadonlyArray1<'py, f64>,
+    t: f64,
+    y: PyReadonlyArray1<'py, f64>,
+    z: PyReadonlyArray1<'py, f64>,
+) -> PyResult<Bound<'py, PyAny>> {
+    let (params, y, z) = (params.as_slice()?, y.as_slice()?, z.as_slice()?);
+    if problem.0.stage.inputs() != [1, y.len(), z.len(), params.len()] {
+        return Err(PyValueError::new_err("y, z or params has another size"));
+    }
+    let mut model = Model::new(problem.0.clone(), params);
+    let mut solver = Dynamics::solver(&model);
+    match model.solve_lam(&mut solver, t, y, z) {
+        Ok(()) => Ok(PyArray1::from_slice(py, <Model as Dynamics>::lam(&solver)).into_any()),
+        Err(error) => Ok(errors::error(py, &error)?.into_any()),
+    }
+}
