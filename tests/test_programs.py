@@ -21,6 +21,9 @@ OPERATIONS = {
     "twice": lambda a: a + a,
     "inv": lambda a: 1.0 / a,
     "sqrt": math.sqrt,
+    "lt": lambda a, b: float(a < b),
+    "search": lambda x, column: float(np.searchsorted(column, x, side="right")),
+    "entry": lambda k, column: float(column[int(k)]),
 }
 LINE = re.compile(r"(.+) = (\w+)\((.*)\)")
 
@@ -28,6 +31,8 @@ LINE = re.compile(r"(.+) = (\w+)\((.*)\)")
 def read(program, inputs):
     """Run the lines of a program; returns its outputs."""
     held = dict(zip(program.inputs, inputs, strict=True))
+
+    held |= {f"columns[{k}]": column for k, column in enumerate(program.columns)}
 
     def value(name):
         return held[name] if name in held else float(name)
@@ -38,7 +43,14 @@ def read(program, inputs):
     return np.array([held[name] for name in program.outputs])
 
 
-SYSTEMS = {"pendulum": pendulum.system, "chain": chain.build(70), "fekete": fekete.system}
+ROAD = lv.table([0.0, 0.5, 0.7, 1.2, 2.0], [0.0, 0.3, -0.1, 0.2, 0.0])
+DRIVEN = lv.Lagrangian(lambda t, q, v, p: v[0] ** 2 / 2 - (q[0] - ROAD(t)) ** 2 * ROAD(q[0]), q=1)
+SYSTEMS = {
+    "pendulum": pendulum.system,
+    "chain": chain.build(70),
+    "fekete": fekete.system,
+    "table": DRIVEN,
+}
 
 
 @pytest.mark.parametrize("name", SYSTEMS)

@@ -7,6 +7,7 @@ import warnings
 import casadi as ca
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline, interp1d
 
 import liouville as lv
@@ -60,6 +61,101 @@ def test_a_motion_under_a_tabulated_force_keeps_its_order():
     )
     run = lv.integrate(oscillator, lv.Spark(4), t=(0, 3), h=0.05, q=[3.0], v=[0.0])
     assert run.q[:, 0] == pytest.approx(3 * np.cos(2 * run.t), abs=1e-12)
+
+
+ROUGH = lv.table(
+    np.linspace(0, 20, 4001), np.cumsum(np.random.default_rng(4).normal(0, 0.01, 4001))
+)
+
+
+def road(spline):
+    """Return a wheel on a spring that follows a road, beside a load on it."""
+    return lv.Lagrangian(
+        lambda t, q, v, p: (
+            (3 * v[0] ** 2 + v[1] ** 2) / 2
+            - p.k * (q[0] - q[1]) ** 2 / 2
+            - 200 * (q[1] - spline(p.speed * t)) ** 2
+        ),
+        force=lambda t, q, v, p: [-(v[0] - v[1]), v[0] - v[1]],
+        params={"k": 50.0, "speed": 2.0},
+        q=2,
+    )
+
+
+def test_a_table_takes_as_many_operations_whatever_its_points():
+    few = lv.table(ROUGH.x[::400], ROUGH.y[::400])
+    systems = [road(few), road(ROUGH)]
+    lengths = [[len(tape) for tape in system._tapes.values()] for system in systems]
+    assert lengths[0] == lengths[1]
+    assert len(systems[1].tape("force")) < 40
+    assert "search" in str(systems[1].tape("force"))
+    # the numbers are in a pickle once, as they are and as CasADi's expressions have them
+    small, large = (len(pickle.dumps(system)) for system in systems)
+    assert large - small < 6 * ROUGH.x.nbytes * 4
+
+
+def test_runs_on_a_table_are_those_of_its_polynomials():
+    """By lanes, alone and from a pickle, with its derivatives by the parameters."""
+    system, start = road(ROUGH), {"q": [0.0, 0.0], "v": [0.0, 0.0]}
+    method, steps = lv.Spark(3), {"t": (0, 9), "h": 0.0025}  # a step a piece
+    alone = lv.integrate(system, method, **steps, **start)
+    again = lv.integrate(pickle.loads(pickle.dumps(system)), method, **steps, **start)
+    members = lv.ensemble(system, method, **steps, q=np.zeros((20, 2)), v=[0.0, 0.0])
+    assert again.q.tobytes() == alone.q.tobytes()
+    assert all(members.q[:, k].tobytes() == alone.q.tobytes() for k in range(20))
+    # as the differential equations of the same spline by another integrator
+    spline = CubicSpline(ROUGH.x, ROUGH.y, bc_type="natural")
+
+    def rates(t, x):
+        pull = 50 * (x[0] - x[1]) + x[2] - x[3]
+        return [x[2], x[3], -pull / 3, pull - 400 * (x[1] - spline(2 * t))]
+
+    wanted = solve_ivp(rates, (0, 9), np.zeros(4), rtol=1e-9, atol=1e-11, max_step=0.0025)
+    assert alone.q[-1] == pytest.approx(wanted.y[:2, -1], abs=1e-8)
+    tangent = lv.integrate(system, method, **steps, **start, tangents={"params.speed": 1.0})
+    moved = [
+        lv.integrate(system, method, **steps, **start, params={"speed": 2.0 + d}).q[-1]
+        for d in (1e-6, -1e-6)
+    ]
+    slope = (moved[0] - moved[1]) / 2e-6
+    assert tangent.tangents["params.speed"].states["q"][-1] == pytest.approx(slope, rel=1e-5)
+
+
+def test_a_joint_follows_a_table_as_well_as_roundoff_allows():
+    """Constraints with tables are compensated near their roots, as those of arithmetic are."""
+    ends = np.sin(2 * np.pi * np.linspace(0, 1, 41))
+    motion = lv.table(np.linspace(0, 1, 41), ends, "periodic")
+    m = lv.bodies.Assembly(gravity=(0, 0, -9.81))
+    m.body("cart", mass=2.0, inertia=(0.1, 0.2, 0.1), at=(0, 0, 0))
+    m.prismatic("J", m.ground, "cart", axis=(0, 0, 1), motion=lambda t, params: motion(t))
+    solution = lv.integrate(m.system(), lv.Spark(3), t=(0, 3), h=0.01, **m.start())
+    inside = np.arange(0, 3, 0.01) + 0.0
+    lift = solution.body("cart").position[:300, 2]
+    assert lift == pytest.approx(motion(inside), abs=1e-14)
+    pieces = CubicSpline(motion.x, motion.y, bc_type="periodic")
+    force = 2.0 * (9.81 + pieces(solution.t % 1, 2))
+    assert solution.joint("J").force[:-1, 2] == pytest.approx(force[:-1], abs=1e-6)
+
+
+def test_the_third_derivative_of_a_table_is_of_its_argument():
+    x = ca.SX.sym("x")
+    third = ca.jacobian(ca.hessian(ROUGH(x), x)[0], x)
+    assert ca.depends_on(third, x)
+    spline = CubicSpline(ROUGH.x, ROUGH.y, bc_type="natural")
+    values = ca.Function("f", [x], [third])
+    for at in (0.3, 7.01, 19.9):
+        assert float(values(at)) == pytest.approx(float(spline(at, 3)))
+    assert float(ca.Function("f", [x], [ca.jacobian(third, x)])(0.3)) == 0.0
+
+
+def test_numbers_of_all_sizes_are_in_a_table():
+    x = np.array([0.0, 1e-3, 1.0, 2.0, 1e5, 2e5])
+    for scale in (1e-200, 1.0, 1e200):
+        spline = lv.table(x, scale * np.array([0.0, 1e-9, 1.0, -3.0, 5.0, 2.0]))
+        t = ca.SX.sym("t")
+        made = ca.Function("f", [t], [spline(t)])
+        at = [-3.0, 5e-4, 0.7, 1.5, 777.0, 3e5]
+        assert [float(made(y)) for y in at] == list(spline(at))
 
 
 @pytest.mark.parametrize(

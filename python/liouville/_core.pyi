@@ -13,6 +13,7 @@ _Term = tuple[int, int, float, "Rows"]
 __all__ = [
     "OPERATIONS",
     "VERSION",
+    "Column",
     "EnergyWatch",
     "FieldPullback",
     "Hamiltonian",
@@ -55,9 +56,18 @@ OPERATIONS: dict[str, int]
 VERSION: str
 
 @final
+class Column:
+    def __new__(cls, numbers: NDArray[np.float64]) -> Column: ...
+
+@final
 class Tape:
     def __new__(
-        cls, inputs: list[int], outputs: int, lines: NDArray[np.int64], values: NDArray[np.float64]
+        cls,
+        inputs: list[int],
+        outputs: int,
+        lines: NDArray[np.int64],
+        values: NDArray[np.float64],
+        columns: list[Column] = ...,
     ) -> Tape: ...
     @staticmethod
     def unpacked(
@@ -65,6 +75,7 @@ class Tape:
         outputs: int,
         program: bytes,
         terms: tuple[NDArray[np.float64], list[_Term], list[_Term]] | None = None,
+        columns: list[Column] = ...,
     ) -> Tape: ...
     def __reduce__(self) -> tuple[Any, ...]: ...
     def __len__(self) -> int: ...
@@ -308,9 +319,6 @@ class Hamiltonian:
         is_doubled: bool = False,
         drive: tuple[Tape, NDArray[np.float64]] | None = None,
         potential: tuple[Tape, NDArray[np.float64], NDArray[np.float64]] | None = None,
-        splines: Sequence[
-            tuple[int, int, NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
-        ] = ...,
     ) -> Hamiltonian: ...
     @property
     def size(self) -> int: ...

@@ -11,6 +11,9 @@ from liouville import _core
 #: Of longer programs ``print`` shows so many lines at the start and at the end.
 SHOWN = 200
 
+#: Operations whose second operand is the number of a column.
+LOOKUPS = ("search", "entry")
+
 #: An operation's name, the register that it writes, and those that it reads.
 Line = tuple[str, int, list[int]]
 
@@ -32,6 +35,9 @@ class Program:
         What every evaluation runs, in this order.
     terms : tuple of str
         Constants and products with sparse matrices that are added to the outputs after that.
+    columns : tuple of ndarray
+        The numbers of tables: ``search(x, columns[k])`` is how many of them are not above x,
+        ``entry(i, columns[k])`` number i.
     """
 
     def __init__(
@@ -53,6 +59,8 @@ class Program:
         self.outputs = tuple(outputs[k] for k in part or range(len(outputs)))
         self.once, self.each = _written(once, names), _written(each, names)
         self.terms = tuple(_terms(tape, inputs, outputs, part))
+        columns = tape.__reduce__()[1][4]  # as it is pickled
+        self.columns = tuple(column.__reduce__()[1][0] for column in columns)
 
     def __len__(self) -> int:
         """Return how many operations an evaluation runs."""
@@ -99,8 +107,14 @@ def _written(lines: Iterable[Line], names: Mapping[int, str]) -> tuple[str, ...]
     def named(register: int) -> str:
         return names.get(register, f"r{register}")
 
+    def written(operation: str, operands: Sequence[int]) -> str:
+        if operation not in LOOKUPS:
+            return ", ".join(map(named, operands))
+        x, column = map(named, operands)
+        return f"{x}, columns[{float(column):.0f}]"
+
     return tuple(
-        f"{named(out)} = {operation}({', '.join(map(named, operands))})"
+        f"{named(out)} = {operation}({written(operation, operands)})"
         for operation, out, operands in lines
     )
 
@@ -109,7 +123,7 @@ def _terms(
     tape: _core.Tape, inputs: Sequence[str], outputs: Sequence[str], part: range | None
 ) -> Iterable[str]:
     """Give what is added to the outputs of a program."""
-    _, _, _, terms = tape.__reduce__()[1]  # as it is pickled
+    _, _, _, terms, _ = tape.__reduce__()[1]  # as it is pickled
     if terms is None:
         return
     constant, products, forms = terms

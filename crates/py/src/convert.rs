@@ -48,13 +48,32 @@ impl Made {
     }
 }
 
-/// A validated program, with its bytes and its terms for the pickled form.
+/// A column of numbers that tapes look values up in.
+#[pyclass(frozen, weakref, module = "liouville._core")]
+pub(crate) struct Column(tape::Column);
+
+#[pymethods]
+impl Column {
+    #[new]
+    fn new(numbers: PyReadonlyArray1<'_, f64>) -> PyResult<Self> {
+        Ok(Self(numbers.as_slice()?.into()))
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<Recipe<'py>> {
+        let numbers = (PyArray1::from_slice(slf.py(), &slf.get().0),);
+        let args = numbers.into_pyobject(slf.py())?;
+        Ok((slf.get_type().into_any(), args))
+    }
+}
+
+/// A validated program, with its bytes, its terms and its columns for the pickled form.
 #[pyclass(frozen, module = "liouville._core")]
 #[derive(Clone)]
 pub(crate) struct Tape(
     pub(crate) Arc<tape::Tape>,
     Arc<[u8]>,
     Option<Arc<Py<PyTuple>>>,
+    Arc<[Py<Column>]>,
 );
 
 #[pymethods]
@@ -62,11 +81,13 @@ impl Tape {
     /// Lines are rows (code, slot, a, b) with a value each: an operation by its code, −1 an input
     /// (slot, group, element), −2 a constant (slot), −3 an output (slot, element).
     #[new]
+    #[pyo3(signature = (inputs, outputs, lines, values, columns = Vec::new()))]
     fn new(
         inputs: Vec<usize>,
         outputs: usize,
         lines: PyReadonlyArray2<'_, i64>,
         values: PyReadonlyArray1<'_, f64>,
+        columns: Vec<Py<Column>>,
     ) -> PyResult<Self> {
         if lines.shape()[1] != 4 || lines.shape()[0] != values.len() {
             return Err(PyValueError::new_err(
@@ -80,20 +101,21 @@ impl Tape {
             .zip(values.as_array())
             .map(|(row, value)| line([row[0], row[1], row[2], row[3]], *value))
             .collect::<PyResult<_>>()?;
-        Self::of(&inputs, outputs, &program)
+        Self::of(&inputs, outputs, &program, columns)
     }
 
-    /// A pickled tape: its program, and the arguments of `with_terms` if it has any.
+    /// A pickled tape: its program, the arguments of `with_terms` if it has any, and its columns.
     #[staticmethod]
-    #[pyo3(signature = (inputs, outputs, program, terms = None))]
+    #[pyo3(signature = (inputs, outputs, program, terms = None, columns = Vec::new()))]
     fn unpacked(
         py: Python<'_>,
         inputs: Vec<usize>,
         outputs: usize,
         program: &[u8],
         terms: Option<Bound<'_, PyTuple>>,
+        columns: Vec<Py<Column>>,
     ) -> PyResult<Self> {
-        let tape = Self::of(&inputs, outputs, &program::unpacked(program)?)?;
+        let tape = Self::of(&inputs, outputs, &program::unpacked(program)?, columns)?;
         match terms {
             None => Ok(tape),
             Some(terms) => {
@@ -104,10 +126,17 @@ impl Tape {
     }
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<Recipe<'py>> {
-        let (py, Self(tape, program, terms)) = (slf.py(), slf.get());
+        let (py, Self(tape, program, terms, columns)) = (slf.py(), slf.get());
         let program = PyBytes::new(py, program);
         let terms = terms.as_ref().map(|terms| terms.bind(py).clone());
-        let args = (tape.inputs().to_vec(), tape.outputs(), program, terms);
+        let columns: Vec<_> = columns.iter().map(|column| column.bind(py)).collect();
+        let args = (
+            tape.inputs().to_vec(),
+            tape.outputs(),
+            program,
+            terms,
+            columns,
+        );
         Ok((slf.get_type().getattr("unpacked")?, args.into_pyobject(py)?))
     }
 
@@ -172,11 +201,11 @@ impl Tape {
         let tape = tape::Tape::clone(&self.0)
             .with_terms(constant.as_slice()?, products.chain(forms).collect())
             .map_err(refused)?;
-        let program = self.1.clone();
         Ok(Self(
             Arc::new(tape),
-            program,
+            self.1.clone(),
             Some(Arc::new(given.unbind())),
+            self.3.clone(),
         ))
     }
 
@@ -199,9 +228,19 @@ impl Tape {
 }
 
 impl Tape {
-    fn of(inputs: &[usize], outputs: usize, program: &[Line]) -> PyResult<Self> {
-        let tape = tape::Tape::new(inputs, outputs, program).map_err(refused)?;
-        Ok(Self(Arc::new(tape), program::packed(program).into(), None))
+    fn of(
+        inputs: &[usize],
+        outputs: usize,
+        program: &[Line],
+        columns: Vec<Py<Column>>,
+    ) -> PyResult<Self> {
+        let held = columns
+            .iter()
+            .map(|column| column.get().0.clone())
+            .collect();
+        let tape = tape::Tape::with_columns(inputs, outputs, program, held).map_err(refused)?;
+        let program = program::packed(program).into();
+        Ok(Self(Arc::new(tape), program, None, columns.into()))
     }
 }
 

@@ -41,7 +41,7 @@ mod _core {
     #[pymodule_export]
     use super::composition::compositions;
     #[pymodule_export]
-    use super::convert::{Rows, Tape};
+    use super::convert::{Column, Rows, Tape};
     #[pymodule_export]
     use super::derivative::{WaveDerivative, WaveRecord};
     #[pymodule_export]

@@ -1,13 +1,13 @@
 //! Terms of a Hamiltonian in, products out.
 
 use crate::caught::Caught;
-use crate::convert::{Rows, Tape, Values};
+use crate::convert::{Rows, Tape};
 use crate::errors::refused;
 use liouville_base::error::StepError;
 use liouville_base::simd::InstructionSet;
 use liouville_waves::method::Sweeper;
 use liouville_waves::problem::{
-    Bond, Dense, Diagonals, Drive, HamiltonianAt, Kinetic, Potential, Spins, Spline,
+    Bond, Dense, Diagonals, Drive, HamiltonianAt, Kinetic, Potential, Spins,
 };
 use numpy::{PyArray1, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::exceptions::PyValueError;
@@ -191,9 +191,6 @@ impl Operator {
 /// A tape of t and parameters, and the parameters.
 type Driven<'py> = (PyRef<'py, Tape>, PyReadonlyArray1<'py, f64>);
 
-/// The first term of a spline and their number, where its pieces begin, their bases, and their coefficients.
-type Samples<'py> = (usize, usize, Values<'py>, Values<'py>, Values<'py>);
-
 /// A tape of t, x and parameters, the parameters, and the coordinates x of all points.
 type Moving<'py> = (
     PyRef<'py, Tape>,
@@ -213,15 +210,14 @@ impl Hamiltonian {
     /// A sum of terms, with weights that depend on time if there is a `drive`, (tape of t and parameters, the
     /// parameters), and a diagonal that does if there is a `potential`, (tape of t, x and parameters, the
     /// parameters, the coordinates x of all points). A doubled one is [[A, -B], [B, A]] of a complex H = A + iB,
-    /// and acts on (q, p). Splines are added to weights that the tape has zero for.
+    /// and acts on (q, p).
     #[new]
-    #[pyo3(signature = (terms, is_doubled = false, drive = None, potential = None, splines = Vec::new()))]
+    #[pyo3(signature = (terms, is_doubled = false, drive = None, potential = None))]
     fn new(
         terms: Vec<PyRef<'_, Operator>>,
         is_doubled: bool,
         drive: Option<Driven<'_>>,
         potential: Option<Moving<'_>>,
-        splines: Vec<Samples<'_>>,
     ) -> PyResult<Self> {
         let is_uniform = terms
             .windows(2)
@@ -247,16 +243,6 @@ impl Hamiltonian {
         if let Some((tape, params)) = drive {
             let weights = inner.terms().len();
             let drive = Drive::new(tape.0.clone(), params.as_slice()?, weights);
-            let spline = |(first, count, starts, bases, powers): Samples<'_>| {
-                PyResult::Ok(Spline {
-                    terms: first..first + count,
-                    starts: starts.as_slice()?.to_vec(),
-                    bases: bases.as_slice()?.to_vec(),
-                    powers: powers.as_slice()?.to_vec(),
-                })
-            };
-            let splines: PyResult<_> = splines.into_iter().map(spline).collect();
-            let drive = drive.ok_or_else(unfit)?.with_splines(splines?);
             inner = inner.with_drive(drive.ok_or_else(unfit)?);
         }
         if let Some((tape, params, points)) = potential {

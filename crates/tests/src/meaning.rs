@@ -3,6 +3,11 @@
 use liouville_base::elementary;
 use liouville_base::tape::Op;
 
+/// The operations of numbers alone: those of a column are the last two.
+pub fn of_numbers() -> &'static [Op] {
+    &Op::ALL[..Op::ALL.len() - 2]
+}
+
 /// What C's `math.h` and operators say; the standard library's own inverse hyperbolic functions do not. Sines and
 /// cosines are ours.
 pub fn meaning(op: Op, a: f64, b: f64) -> f64 {
@@ -57,5 +62,6 @@ pub fn meaning(op: Op, a: f64, b: f64) -> f64 {
         Op::Log1p => a.ln_1p(),
         Op::Expm1 => a.exp_m1(),
         Op::Hypot => a.hypot(b),
+        Op::Search | Op::Entry => panic!("an operation of a column"),
     }
 }

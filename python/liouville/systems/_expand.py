@@ -12,7 +12,7 @@ import numpy as np
 from liouville import _casadi as ca
 from liouville import tape
 from liouville.errors import hinted
-from liouville.systems._functions import BY_CASES, Node, Opaque
+from liouville.systems._functions import Node, Opaque, is_case
 from liouville.systems._polynomials import (
     MOST_FACTORS,
     MOST_TERMS,
@@ -140,7 +140,7 @@ class Expansion:
         if key not in self._numbers:
             places = tuple(sorted(set().union(*map(self._places, args))))
             within = (f.is_by_cases for p in args for f in self._opaque_in(p))
-            is_by_cases = operation in BY_CASES or any(within)
+            is_by_cases = is_case(operation) or any(within)
             self._numbers[key] = len(self.functions)
             self.functions.append(Opaque(places, key, node, text, reason, is_by_cases))
         return self.variable(len(self.names) + self._numbers[key])

@@ -25,6 +25,11 @@ BY_CASES = frozenset(
 ) | {"floor", "ceil", "fmod", "fmin", "fmax"}
 
 
+def is_case(operation: str) -> bool:
+    """Whether an operation has cases, as a table has."""
+    return operation in BY_CASES or isinstance(operation, tape.Lookup)
+
+
 @dataclass(frozen=True)
 class Opaque:
     """A function met in an expression.

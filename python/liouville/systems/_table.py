@@ -1,8 +1,10 @@
-"""Tables as smooth functions: cubic splines by operations that tapes have."""
+"""Tables as smooth functions: cubic splines, whose pieces tapes look up."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -12,11 +14,14 @@ from liouville import _casadi as ca
 from liouville._scipy import scipy
 from liouville.errors import hinted
 from liouville.systems._trace import numbers
+from liouville.tape.lookups import lookups
 
 Array = NDArray[np.float64]
 
 #: The fewest points, by what holds at the ends.
 FEWEST = {"natural": 2, "not-a-knot": 4, "periodic": 3}
+#: No number of a model is below it.
+LEAST = float(np.finfo(float).min)
 #: The ends of a periodic table are the same but for this part of its largest value, roundoff.
 SAME = 1e-13
 
@@ -59,10 +64,13 @@ class Table:
             raise TypeError(f"a table takes numbers or CasADi's SX, not a {kind}")
         return ca.vertcat(*(self._of_expression(x[k]) for k in range(x.numel())))
 
-    @property
-    def pieces(self) -> tuple[Array, Array, Array]:
-        """Where the pieces begin, their bases, and coefficients of 1, u, u^2 and u^3."""
-        return self._starts, self._bases, self._powers.ravel()
+    def __getstate__(self) -> dict[str, Any]:
+        """Leave CasADi's functions out."""
+        return {name: x for name, x in self.__dict__.items() if name != "_lookups"}
+
+    @cached_property
+    def _lookups(self) -> list[Callable[[ca.SX], ca.SX]]:
+        return lookups(self._starts[1:], self._bases, *self._powers)
 
     def _of_numbers(self, x: Any) -> Any:
         at = numbers(x)
@@ -76,19 +84,12 @@ class Table:
         return found if found.ndim else float(found)
 
     def _of_expression(self, x: ca.SX) -> ca.SX:
-        """Choose base and coefficients by comparisons, whose derivatives are zero."""
+        """Look base and coefficients up, whose derivatives are zero."""
         inside = self._wrapped(x, ca.floor)
-        beyond = ca.vertcat(1, inside >= ca.DM(self._starts[1:]), 0)
-        # one of these is one and the others are zero: sums have no roundoff
-        chosen = beyond[:-1] - beyond[1:]
-
-        def pick(values: Array) -> ca.SX:
-            found: ca.SX = ca.dot(chosen, ca.SX(ca.DM(values)))
-            return found
-
-        a, b, c, d = (pick(row) for row in self._powers)
-        u = inside - pick(self._bases)
-        found: ca.SX = a + u * (b + u * (c + u * d))
+        base, a, b, c, d = (look_up(inside) for look_up in self._lookups)
+        u = inside - base
+        # the comparison is never true: with it the third derivative is seen to depend on x
+        found: ca.SX = a + u * (b + u * (c + u * (d + (inside < LEAST))))
         return found
 
     def _wrapped(self, x: Any, floor: Any) -> Any:

@@ -108,7 +108,7 @@ impl Tape {
                 }
                 start += size;
             }
-            self.body.run(registers);
+            self.body.run(registers, &self.columns);
             if let Some(terms) = &self.terms {
                 self.add_terms(terms, registers);
             }

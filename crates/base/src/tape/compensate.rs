@@ -2,6 +2,7 @@
 #![allow(clippy::inline_always)] // a call would lack the instruction set
 #![allow(clippy::needless_bitwise_bool)] // short-circuiting would end the loop over members
 
+use super::columns::{Column, entry, search};
 use super::execute::{Cheap, Instr, Op};
 use super::{PointRegisters, Registers, Tape, groups};
 use crate::compensated::Compensated;
@@ -18,6 +19,7 @@ const POINTS: usize = 4;
 #[derive(Clone, Debug)]
 pub struct CompensatedProgram {
     instrs: Vec<Instr>,
+    columns: Box<[Column]>,
     argument: Range<usize>,
     outputs: Range<usize>,
 }
@@ -46,20 +48,23 @@ pub struct CompensatedPoints<P> {
 }
 
 impl Tape {
-    /// The part that makes the first so many outputs in compensated numbers; `None` where they take more than arithmetic
-    /// and square roots.
+    /// The part that makes the first so many outputs in compensated numbers; `None` where they take more than arithmetic,
+    /// square roots and lookups.
     pub fn compensated(&self, outputs: usize) -> Option<CompensatedProgram> {
         if self.terms.is_some() {
             return None;
         }
         let outputs = self.outputs.start..self.outputs.start + outputs;
         let instrs = self.body.needed_for(&outputs);
-        let is_known = |instr: &Instr| instr.op == Op::Sqrt || Cheap::of(instr.op).is_some();
+        let is_known = |instr: &Instr| {
+            instr.op == Op::Sqrt || exact(instr.op).is_some() || Cheap::of(instr.op).is_some()
+        };
         if !instrs.iter().all(is_known) {
             return None;
         }
         Some(CompensatedProgram {
             instrs,
+            columns: self.columns.clone(),
             argument: groups(&self.inputs).get(1)?.clone(),
             outputs,
         })
@@ -70,8 +75,8 @@ impl CompensatedProgram {
     /// With the parameters of `bound`.
     pub fn bind<R: Real>(self: &Arc<Self>, Registers(bound): &Registers<R>) -> CompensatedTape<R> {
         let memory = match R::alone(bound) {
-            Some(bound) => Memory::Points(exact(bound.iter().map(|x| Lanes::splat(*x)))),
-            None => Memory::Members(exact(bound.iter().copied())),
+            Some(bound) => Memory::Points(all_exact(bound.iter().map(|x| Lanes::splat(*x)))),
+            None => Memory::Members(all_exact(bound.iter().copied())),
         };
         CompensatedTape {
             program: self.clone(),
@@ -86,12 +91,12 @@ impl CompensatedProgram {
     ) -> CompensatedPoints<P> {
         CompensatedPoints {
             program: self.clone(),
-            registers: exact(bound.first_point()),
+            registers: all_exact(bound.first_point()),
         }
     }
 }
 
-fn exact<R: Real>(values: impl Iterator<Item = R>) -> Vec<Compensated<R>> {
+fn all_exact<R: Real>(values: impl Iterator<Item = R>) -> Vec<Compensated<R>> {
     values.map(Compensated::exact).collect()
 }
 
@@ -242,10 +247,29 @@ impl CompensatedProgram {
                 Some(Cheap::Sq) => each!(|a, _b| a * a),
                 Some(Cheap::Twice) => each!(|a, _b| a + a),
                 Some(Cheap::Inv) => each!(|a, _b| Compensated::exact(R::splat(1.0)) / a),
-                None => each!(|a, _b| a.sqrt()),
+                None => match exact(same[0].op) {
+                    None => each!(|a, _b| a.sqrt()),
+                    Some(f) => each!(|a, b| Compensated::exact(a.high.zip(b.high, |x, y| f(
+                        &self.columns,
+                        x,
+                        y
+                    )))),
+                },
             }
         }
     }
+}
+
+/// Operations of tables, whose values are exact. Neighbouring pieces have the same value where they meet: low parts do
+/// not choose between them.
+fn exact(op: Op) -> Option<fn(&[Column], f64, f64) -> f64> {
+    Some(match op {
+        Op::Search => |columns, x, column| search(columns, column, x),
+        Op::Entry => |columns, place, column| entry(columns, column, place),
+        Op::Lt => |_, x, y| f64::from(u8::from(x < y)),
+        Op::Floor => |_, x, _| x.floor(),
+        _ => return None,
+    })
 }
 
 /// The sum, or the value alone where the other is not finite or not wanted.

@@ -3,12 +3,13 @@
 //! Functions are those of the standard library, which are the C library's; only its inverse
 //! hyperbolic functions are formulas of its own that lose digits, and come from `libm` instead.
 
+use super::columns::{Column, entry, search};
 use crate::real::{BATCH, Lanes, Real};
 use crate::simd::dispatch_simd;
 
 macro_rules! operations {
     ($($name:ident $text:literal $arity:literal,)*) => {
-        /// An operation of the tape, with the meaning it has in C's `math.h`.
+        /// An operation of the tape, with the meaning it has in C's `math.h`; those of tables are in `columns.rs`.
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
         #[repr(u32)]
         #[allow(missing_docs)]
@@ -40,6 +41,7 @@ operations! {
     Copysign "copysign" 2, IfElseZero "if_else_zero" 2, Fmin "fmin" 2, Fmax "fmax" 2, Inv "inv" 1,
     Sinh "sinh" 1, Cosh "cosh" 1, Tanh "tanh" 1, Asinh "asinh" 1, Acosh "acosh" 1, Atanh "atanh" 1,
     Atan2 "atan2" 2, Log1p "log1p" 1, Expm1 "expm1" 1, Hypot "hypot" 2,
+    Search "search" 2, Entry "entry" 2,
 }
 
 /// One instruction over registers.
@@ -67,40 +69,45 @@ pub(super) fn cost(instrs: &[Instr]) -> (usize, usize) {
 /// Runs instructions that `Tape::new` made over the registers it laid out. As long as the operation is
 /// the same, no jump has to be predicted.
 #[inline]
-pub(super) fn execute<R: Real>(program: &[Instr], registers: &mut [R]) {
+pub(super) fn execute<R: Real>(program: &[Instr], registers: &mut [R], columns: &[Column]) {
     if R::IS_SINGLE {
-        run_alone(program, registers);
+        run_alone(program, registers, columns);
     } else {
-        run_wide(program, registers);
+        run_wide(program, registers, columns);
     }
 }
 
 #[inline(never)]
-fn run_alone<R: Real>(program: &[Instr], registers: &mut [R]) {
-    run(program, registers, 1);
+fn run_alone<R: Real>(program: &[Instr], registers: &mut [R], columns: &[Column]) {
+    run(program, registers, 1, columns);
 }
 
 #[inline(never)]
-fn run_wide<R: Real>(program: &[Instr], registers: &mut [R]) {
+fn run_wide<R: Real>(program: &[Instr], registers: &mut [R], columns: &[Column]) {
     dispatch_simd::<R, _>(
         #[inline(always)]
-        || run(program, registers, 1),
+        || run(program, registers, 1, columns),
     );
 }
 
 /// Runs instructions at several points, whose values of a register follow one another.
 #[inline(never)]
-pub(super) fn execute_points<R: Real>(program: &[Instr], registers: &mut [R], points: usize) {
+pub(super) fn execute_points<R: Real>(
+    program: &[Instr],
+    registers: &mut [R],
+    points: usize,
+    columns: &[Column],
+) {
     dispatch_simd::<R, _>(
         #[inline(always)]
-        || run(program, registers, points),
+        || run(program, registers, points, columns),
     );
 }
 
 #[allow(clippy::inline_always)] // a call would lack the instruction set
 #[allow(unsafe_code)]
 #[inline(always)]
-fn run<R: Real>(program: &[Instr], registers: &mut [R], points: usize) {
+fn run<R: Real>(program: &[Instr], registers: &mut [R], points: usize, columns: &[Column]) {
     let start = registers.as_mut_ptr();
     let truth = |condition: bool| f64::from(u8::from(condition));
     let mut left = program;
@@ -185,6 +192,8 @@ fn run<R: Real>(program: &[Instr], registers: &mut [R], points: usize) {
             Op::Log1p => one!(f64::ln_1p),
             Op::Expm1 => one!(f64::exp_m1),
             Op::Hypot => two!(|x, y| x.zip(y, f64::hypot)),
+            Op::Search => two!(|x, y| x.zip(y, |a, b| search(columns, b, a))),
+            Op::Entry => two!(|x, y| x.zip(y, |a, b| entry(columns, b, a))),
         }
         left = rest;
     }
@@ -327,5 +336,5 @@ fn apart(f: fn(f64) -> f64, x: f64) -> f64 {
     f(x)
 }
 
-crate::compiled!(R in [f64] { run_alone::<R> as fn(_, _) });
-crate::compiled!(R in [Lanes, Lanes<BATCH>] { run_wide::<R> as fn(_, _), execute_points::<R> as fn(_, _, _) });
+crate::compiled!(R in [f64] { run_alone::<R> as fn(_, _, _) });
+crate::compiled!(R in [Lanes, Lanes<BATCH>] { run_wide::<R> as fn(_, _, _), execute_points::<R> as fn(_, _, _, _) });

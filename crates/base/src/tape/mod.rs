@@ -14,6 +14,7 @@
 //! not written out as instructions.
 
 mod batch;
+mod columns;
 mod compensate;
 mod execute;
 mod listing;
@@ -25,6 +26,7 @@ mod terms;
 mod values;
 
 pub use batch::BatchRegisters;
+pub use columns::Column;
 pub use compensate::{CompensatedPoints, CompensatedProgram, CompensatedTape};
 pub use execute::Op;
 pub use listing::{Listing, Operation};
@@ -106,6 +108,12 @@ pub enum TapeError {
     Twice { line: usize, element: usize },
     #[error("output {element} is never written")]
     Missing { element: usize },
+    #[error("line {line}: {op} takes the number of one of {columns} columns as a constant")]
+    Column {
+        line: usize,
+        op: &'static str,
+        columns: usize,
+    },
     #[error("the program has more than 2^26 inputs and outputs")]
     TooLarge,
     #[error("there are {found} constants for {outputs} outputs")]
@@ -137,6 +145,7 @@ pub struct Tape {
     prologue: Vec<Instr>,
     body: Program,
     registers: usize,
+    columns: Box<[Column]>,
     terms: Option<Box<Terms>>,
 }
 
@@ -152,9 +161,23 @@ impl Tape {
     /// # Errors
     /// [`TapeError`] names the first line that cannot be trusted.
     pub fn new(inputs: &[usize], outputs: usize, lines: &[Line]) -> Result<Self, TapeError> {
-        SlotPlan::new(inputs, outputs, lines)?;
+        Self::with_columns(inputs, outputs, lines, Box::default())
+    }
+
+    /// The same for a program that looks numbers up in columns: [`Op::Search`] and [`Op::Entry`] take the number of one
+    /// as a constant, their second operand.
+    ///
+    /// # Errors
+    /// [`TapeError`] names the first line that cannot be trusted.
+    pub fn with_columns(
+        inputs: &[usize],
+        outputs: usize,
+        lines: &[Line],
+        columns: Box<[Column]>,
+    ) -> Result<Self, TapeError> {
+        SlotPlan::new(inputs, outputs, lines, columns.len())?;
         let lines = &values::once(lines)[..];
-        let plan = SlotPlan::new(inputs, outputs, lines)?;
+        let plan = SlotPlan::new(inputs, outputs, lines, columns.len())?;
         let groups = groups(inputs);
         let first_output = groups.last().map_or(0, |group| group.end);
         let first_temporary = first_output + outputs + plan.pinned;
@@ -166,6 +189,7 @@ impl Tape {
             prologue: Vec::new(),
             body: Program::Plain(Vec::new()),
             registers,
+            columns,
             terms: None,
         };
         let mut body = Vec::new();
@@ -289,7 +313,7 @@ impl Tape {
         for (register, value) in &self.constants {
             registers[*register as usize] = R::splat(*value);
         }
-        execute(&self.prologue, &mut registers);
+        execute(&self.prologue, &mut registers, &self.columns);
         if let Some(terms) = &self.terms {
             let (head, kept) = registers.split_at_mut(self.registers - terms.registers());
             terms.bind(&mut head[self.outputs.clone()], kept);
@@ -328,7 +352,7 @@ impl Tape {
             copy(&mut registers[start..start + size], arg);
             start += size;
         }
-        self.body.run(registers);
+        self.body.run(registers, &self.columns);
         if let Some(terms) = &self.terms {
             self.add_terms(terms, registers);
         }

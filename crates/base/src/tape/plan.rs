@@ -1,12 +1,38 @@
 //! The first pass over an incoming program: every index checked, every value's home decided.
 
-use super::{Line, TapeError};
+use super::{Line, Op, TapeError};
 
 /// The instruction that wrote a slot's current value, and whether that depends on parameters alone.
 #[derive(Clone, Copy)]
 struct Held {
     writer: usize,
     fixed: bool,
+}
+
+/// Refuses an operation whose column is not a constant below `columns`.
+fn check_column(
+    lines: &[Line],
+    at: (usize, Op),
+    number: Held,
+    columns: usize,
+) -> Result<(), TapeError> {
+    let (line, op) = at;
+    if !matches!(op, Op::Search | Op::Entry) {
+        return Ok(());
+    }
+    #[allow(clippy::cast_precision_loss)] // memory has not so many columns
+    match lines[number.writer] {
+        Line::Constant { value, .. }
+            if value.fract() == 0.0 && (0.0..columns as f64).contains(&value) =>
+        {
+            Ok(())
+        }
+        _ => Err(TapeError::Column {
+            line,
+            op: op.name(),
+            columns,
+        }),
+    }
 }
 
 /// A tape of more inputs and outputs than this is no model.
@@ -25,7 +51,12 @@ pub(super) struct SlotPlan {
 }
 
 impl SlotPlan {
-    pub(super) fn new(inputs: &[usize], outputs: usize, lines: &[Line]) -> Result<Self, TapeError> {
+    pub(super) fn new(
+        inputs: &[usize],
+        outputs: usize,
+        lines: &[Line],
+        columns: usize,
+    ) -> Result<Self, TapeError> {
         let total = inputs
             .iter()
             .try_fold(outputs, |sum, size| sum.checked_add(*size));
@@ -82,7 +113,9 @@ impl SlotPlan {
                 Line::Apply { op, slot, a, b } => {
                     let mut fixed = read(&slots, a)?.fixed;
                     if op.arity() == 2 {
-                        fixed &= read(&slots, b)?.fixed;
+                        let second = read(&slots, b)?;
+                        check_column(lines, (k, op), second, columns)?;
+                        fixed &= second.fixed;
                     }
                     plan.fixed[k] = fixed;
                     plan.pinned += usize::from(fixed);

@@ -80,8 +80,8 @@ impl Tape {
             "registers of another tape"
         );
         match self.plain() {
-            Some(instrs) if *points == 1 => execute(instrs, registers),
-            Some(instrs) => execute_points(instrs, registers, *points),
+            Some(instrs) if *points == 1 => execute(instrs, registers, &self.columns),
+            Some(instrs) => execute_points(instrs, registers, *points, &self.columns),
             None => {}
         }
     }

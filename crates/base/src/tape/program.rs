@@ -1,5 +1,6 @@
 //! A program: instructions one after another, or in the steps of its batches.
 
+use super::columns::Column;
 use super::execute::{Instr, Strided, execute, execute_strided};
 use crate::real::{BATCH, Lanes, Real};
 use crate::simd::dispatch_simd_long;
@@ -72,25 +73,32 @@ impl Program {
 
     /// Runs the program over the registers that `Tape::new` laid out for it.
     #[inline]
-    pub(super) fn run<R: Real>(&self, registers: &mut [R]) {
+    pub(super) fn run<R: Real>(&self, registers: &mut [R], columns: &[Column]) {
         match self {
-            Self::Plain(instrs) => execute(instrs, registers),
+            Self::Plain(instrs) => execute(instrs, registers, columns),
             Self::Batched { instrs, steps } => {
-                run_steps(instrs, steps, registers);
+                run_steps(instrs, steps, registers, columns);
             }
         }
     }
 }
 
 #[inline(never)]
-fn run_steps<R: Real>(instrs: &[Instr], steps: &[ProgramStep], registers: &mut [R]) {
+fn run_steps<R: Real>(
+    instrs: &[Instr],
+    steps: &[ProgramStep],
+    registers: &mut [R],
+    columns: &[Column],
+) {
     dispatch_simd_long::<R, _>(
         registers.len(),
         #[inline(always)]
         || {
             for step in steps {
                 match step {
-                    ProgramStep::Mixed(range) => execute(&instrs[range.clone()], registers),
+                    ProgramStep::Mixed(range) => {
+                        execute(&instrs[range.clone()], registers, columns);
+                    }
                     ProgramStep::Strided(batch) => execute_strided(batch, registers),
                 }
             }
@@ -98,4 +106,4 @@ fn run_steps<R: Real>(instrs: &[Instr], steps: &[ProgramStep], registers: &mut [
     );
 }
 
-crate::compiled!(R in [f64, Lanes, Lanes<BATCH>] { run_steps::<R> as fn(_, _, _) });
+crate::compiled!(R in [f64, Lanes, Lanes<BATCH>] { run_steps::<R> as fn(_, _, _, _) });

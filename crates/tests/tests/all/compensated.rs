@@ -2,7 +2,7 @@
 
 use liouville_base::compensated::Compensated;
 use liouville_base::real::{Lanes, Scalar};
-use liouville_base::tape::{Line, Op, Tape};
+use liouville_base::tape::{Column, Line, Op, Tape};
 use std::sync::Arc;
 
 /// A number with few zeros in it, by its place in a sequence: a fraction of 2^53.
@@ -129,5 +129,49 @@ fn a_tape_near_its_root_gets_what_roundings_took() {
         for member in 0..8 {
             assert_eq!(values[0].member(member).to_bits(), value[0].to_bits());
         }
+    }
+}
+
+/// y (y − 1/3) below 1/2 and 3 y (y − 7/9) above, near both roots.
+#[test]
+fn pieces_of_a_table_are_compensated_too() {
+    let number = |slot, value| Line::Constant { slot, value };
+    let apply = |op, slot, a, b| Line::Apply { op, slot, a, b };
+    let (root, other) = (1.0 / 3.0, 7.0 / 9.0);
+    let columns = [vec![0.5], vec![1.0, 3.0], vec![root, other]].map(Column::from);
+    let lines = [
+        number(0, 0.0),
+        number(1, 1.0),
+        number(2, 2.0),
+        Line::Input {
+            slot: 3,
+            group: 1,
+            element: 0,
+        },
+        apply(Op::Search, 4, 3, 0),
+        apply(Op::Entry, 5, 4, 1),
+        apply(Op::Entry, 6, 4, 2),
+        apply(Op::Sub, 6, 3, 6),
+        apply(Op::Mul, 6, 6, 3),
+        apply(Op::Mul, 6, 6, 5),
+        Line::Output {
+            element: 0,
+            slot: 6,
+        },
+    ];
+    let tape = Tape::with_columns(&[1, 1, 0], 1, &lines, Box::from(columns)).expect("valid");
+    let mut bound = tape.bind::<f64>(&[]);
+    let mut own = Arc::new(tape.compensated(1).expect("known")).bind(&bound);
+    for (factor, root) in [(1.0, root), (3.0, other)] {
+        let (y, low) = (root + 2.0_f64.powi(-40), 1e-18);
+        let plain = tape.eval(&mut bound, [&[0.0], &[y]])[0];
+        let mut value = [plain];
+        own.add_low(|_| 0.0, [&[y], &[low]], (&mut value, 1.0));
+        let [x, root, factor] = [y, root, factor].map(Compensated::exact);
+        let x = x + Compensated::exact(low);
+        let exact = (x - root) * x * factor;
+        let error = |found: f64| ((found - exact.high) - exact.low).abs();
+        assert!(error(value[0]) <= 1e-28, "{} for {exact:?}", value[0]);
+        assert!(error(plain) > 1e-19, "low parts show: {plain}");
     }
 }

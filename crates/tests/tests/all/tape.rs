@@ -4,8 +4,8 @@
 //! Miri runs it in five minutes, by `make sanitize`.
 
 use liouville_base::real::{Lanes, WIDTH};
-use liouville_base::tape::{Line, Op, Tape};
-use liouville_tests::meaning::meaning;
+use liouville_base::tape::{Column, Line, Op, Tape};
+use liouville_tests::meaning::{meaning, of_numbers};
 use liouville_tests::properties::properties;
 use proptest::prelude::*;
 use std::ops::Range;
@@ -109,7 +109,7 @@ fn programs() -> impl Strategy<Value = Program> {
                     continue;
                 }
                 6.. if !written.is_empty() => {
-                    let op = Op::ALL[x % Op::ALL.len()];
+                    let op = of_numbers()[x % of_numbers().len()];
                     let b = written[(y / 7) % written.len()];
                     Line::Apply {
                         op,
@@ -524,5 +524,51 @@ fn points_side_by_side_have_the_bits_of_each_alone() {
             let wanted = tape.eval(&mut one, args);
             assert_eq!(batch.at(k, 2), wanted, "point {k}");
         }
+    }
+}
+
+/// 1 of x, 2 of y: the starts 0, 1 and 2 with four numbers, which are also looked up at constants and parameters.
+fn of_columns() -> Tape {
+    let columns = [vec![0.0, 1.0, 2.0], vec![3.0, -5.0, 7.0, 0.5]].map(Column::from);
+    let apply = |op, slot, a, b| Line::Apply { op, slot, a, b };
+    let number = |slot, value| Line::Constant { slot, value };
+    let mut lines = vec![number(0, 0.0), number(1, 1.0)];
+    for (k, group) in [0, 1, 2].into_iter().enumerate() {
+        lines.extend([
+            input(2, group, 0),
+            apply(Op::Search, 3, 2, 0),
+            apply(Op::Entry, 3, 3, 1),
+            apply(Op::Mul, 3, 3, 2),
+            output(k, 3),
+        ]);
+    }
+    Tape::with_columns(&[1, 1, 1], 3, &lines, Box::from(columns)).expect("a valid program")
+}
+
+#[test]
+fn numbers_of_a_column_are_looked_up_alone_and_side_by_side() {
+    let looked_up = |x: f64| match x {
+        x if x < 0.0 => 3.0 * x,
+        x if x < 1.0 => -5.0 * x,
+        x if x < 2.0 => 7.0 * x,
+        x if x >= 2.0 => 0.5 * x,
+        _ => f64::NAN,
+    };
+    let (tape, param) = (of_columns(), 1.5);
+    let at = [-1e300, -0.1, -0.0, 0.0, 0.999, 1.0, 1.5, 2.0, 9.0, f64::NAN];
+    let mut one = tape.bind(&[param]);
+    assert_eq!(tape.len(), 6, "what depends on parameters alone runs once");
+    let mirrored: Vec<f64> = at.iter().map(|x| -x).collect();
+    let rows = tape.map(&[param], &[&at, &mirrored], at.len());
+    let mut points = tape.at_points(&one, at.len(), |x| x).expect("a short one");
+    points.argument(0).copy_from_slice(&at);
+    points.argument(1).copy_from_slice(&mirrored);
+    tape.run_points(&mut points);
+    for (k, (x, y)) in at.into_iter().zip(mirrored).enumerate() {
+        let wanted = [looked_up(x), looked_up(y), looked_up(param)];
+        assert!(all_same(tape.eval(&mut one, [&[x], &[y]]), &wanted), "{x}");
+        assert!(all_same(&rows[3 * k..][..3], &wanted), "{x} in lanes");
+        let found = [0, 1, 2].map(|place| points.value(place)[k]);
+        assert!(all_same(&found, &wanted), "{x} beside others");
     }
 }

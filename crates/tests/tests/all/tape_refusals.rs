@@ -1,6 +1,6 @@
 //! A program that cannot be trusted is refused, with the line and the numbers that show it.
 
-use liouville_base::tape::{Line, Op, Tape, TapeError};
+use liouville_base::tape::{Column, Line, Op, Tape, TapeError};
 
 fn constant(slot: usize) -> Line {
     Line::Constant { slot, value: 1.0 }
@@ -94,6 +94,31 @@ fn an_output_is_written_once_and_exists() {
         element: 0,
     };
     assert_eq!(refusal(&[0], 1, &lines), wanted);
+}
+
+#[test]
+fn an_operation_of_a_column_takes_a_constant_that_is_the_number_of_one() {
+    let search = |b| Line::Apply {
+        op: Op::Search,
+        slot: 2,
+        a: 0,
+        b,
+    };
+    let number = |value| Line::Constant { slot: 1, value };
+    let refused = |value, b| {
+        let lines = [input(0, 0, 0), number(value), search(b)];
+        let columns: Box<[Column]> = Box::from([Column::from([0.0, 1.0])]);
+        Tape::with_columns(&[1], 0, &lines, columns).err()
+    };
+    let error = TapeError::Column {
+        line: 2,
+        op: "search",
+        columns: 1,
+    };
+    assert_eq!(refused(0.0, 1), None);
+    for (value, b) in [(1.0, 1), (-1.0, 1), (0.5, 1), (f64::NAN, 1), (0.0, 0)] {
+        assert_eq!(refused(value, b), Some(error.clone()), "{value} {b}");
+    }
 }
 
 #[test]

@@ -21,7 +21,7 @@ mod spins;
 
 pub use dense::Dense;
 pub use diagonals::Diagonals;
-pub use drive::{Drive, Spline};
+pub use drive::Drive;
 pub use hamiltonian::{Hamiltonian, ProductScratch, WeightedTerms};
 pub use hamiltonian_at::HamiltonianAt;
 pub use kinetic::Kinetic;

@@ -226,7 +226,6 @@ class Schrodinger(Bounded):
         more: dict[str, Any] = {}
         if self._functions:
             more["drive"] = (self._weights, params)
-            more["splines"] = foreign.splines(self._drive, self.groups)
         if self._moving is not None and self.grid is not None:
             tape = self._moving.tape(1 / self.hbar)
             points = np.tile(self.grid.points, (1 + self.frame.is_doubled, 1))
@@ -235,11 +234,7 @@ class Schrodinger(Bounded):
 
     @cached_property
     def _weights(self) -> _core.Tape:
-        functions = [
-            None if isinstance(given, foreign.Samples) else function
-            for function, (given, _) in zip(self._functions, self._drive, strict=True)
-        ]
-        return time_functions.weights(functions, self.groups, self._params)
+        return time_functions.weights(self._functions, self.groups, self._params)
 
     def _of_grid(self, grid: Grid, found: TimeFunction | np.ndarray) -> Term:
         kinetic = [energies / self.hbar for energies in grid.kinetic(self.hbar)]

@@ -225,16 +225,6 @@ def check_sampled(drive: Drive, start: float, end: float) -> None:
             raise ValueError(hinted(f"{sentence}, which are from {first:g} to {last:g}", hint))
 
 
-def splines(drive: Drive, repeats: Sequence[int]) -> list[tuple[Any, ...]]:
-    """Return the splines of samples for the core: their first term, how many, and their pieces."""
-    found, first = [], repeats[0]
-    for (function, _), count in zip(drive, repeats[1:], strict=True):
-        if isinstance(function, Samples):
-            found.append((first, count, *function.table.pieces))
-        first += count
-    return found
-
-
 def times_of_samples(drive: Drive) -> tuple[float, ...]:
     """Return the times of all samples, in order."""
     found = [function.table.x for function, _ in drive if isinstance(function, Samples)]

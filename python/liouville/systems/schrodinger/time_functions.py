@@ -140,15 +140,12 @@ def potential(grid: Grid, params: _trace.Parameters) -> TimeFunction | np.ndarra
 
 
 def weights(
-    functions: Sequence[TimeFunction | None], repeats: Sequence[int], params: _trace.Parameters
+    functions: Sequence[TimeFunction], repeats: Sequence[int], params: _trace.Parameters
 ) -> _core.Tape:
-    """Record the weight of each term: 1 for `repeats[0]` of them, then those of each function.
-
-    It is 0 where there is none, which a spline is added to.
-    """
+    """Record the weight of each term: 1 for `repeats[0]` of them, then those of each function."""
     t = ca.SX.sym("t")
     parts = [ca.SX.ones(repeats[0], 1)]
     for function, times in zip(functions, repeats[1:], strict=True):
-        value = ca.SX(0) if function is None else ca.substitute(function.expression, function.t, t)
+        value = ca.substitute(function.expression, function.t, t)
         parts.append(ca.repmat(value, times, 1))
     return record("drive", {"t": t, "params": params.vector}, ca.vertcat(*parts))

@@ -1,4 +1,4 @@
-"""CasADi functions as tapes; the only file with CasADi's instruction codes."""
+"""CasADi functions as tapes; the only folder with CasADi's instruction codes."""
 
 from __future__ import annotations
 
@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 
 from liouville import _casadi as ca
-from liouville._core import OPERATIONS, Tape
+from liouville._core import OPERATIONS, Column, Tape
 from liouville.errors import hinted
+from liouville.tape.lookups import LOOKUP, Lookup, column_of, numbers_of
 
 _INPUT, _CONSTANT, _OUTPUT = -1, -2, -3
 
@@ -82,7 +83,7 @@ def record(name: str, inputs: Mapping[str, ca.SX], *outputs: ca.SX | Part) -> Ta
     column = ca.vertcat(ca.SX(0, 1), *(part.values for part in parts))
     function = _function(name, inputs, column, reuse=False)
     lines, values = _program(function)
-    lines[:, 0] = _codes(name, lines[:, 0], values)
+    lines[:, 0] = _codes(name, function, lines[:, 0], values)
     starts = np.cumsum([0, *(part.size for part in parts)])
     places = np.concatenate(
         [
@@ -101,14 +102,15 @@ def record(name: str, inputs: Mapping[str, ca.SX], *outputs: ca.SX | Part) -> Ta
     lines[is_output, 2] = places[traced][order]
     lines, values = _with_negatives(lines, values, slots[_negatives(parts)], places[~traced])
     lines, values = _with_zeros(lines, values, np.flatnonzero(zeros))
-    return Tape([x.numel() for x in inputs.values()], int(starts[-1]), lines, values)
+    lines, values, columns = _with_columns(function, lines, values)
+    return Tape([x.numel() for x in inputs.values()], int(starts[-1]), lines, values, columns)
 
 
 def check(name: str, inputs: Mapping[str, ca.SX], expression: ca.SX) -> None:
     """Refuse an expression that :func:`record` would refuse."""
     function = _function(name, inputs, ca.vec(expression.nz[:]))
     codes = _instructions(function)
-    _codes(name, codes, _constants_of(function, codes))
+    _codes(name, function, codes, _constants_of(function, codes))
 
 
 def read(
@@ -126,7 +128,7 @@ def read(
     Yields
     ------
     operation : str
-        "input", "const", "output", or the name of CasADi's operation.
+        "input", "const", "output", the name of CasADi's operation, or a :class:`Lookup`.
     slot : int
         What it writes; of an output, its place in the column.
     reads : list of int
@@ -136,15 +138,18 @@ def read(
     """
     function, names = _function(name, inputs, column), _names()
     code_of, outputs, reads = (_ask(function, what) for what in ("id", "output", "input"))
+    called = {k: Lookup.of(f) for k, f in _called(function, _instructions(function)).items()}
     for k in range(function.n_instructions()):
         code = code_of(k)
         slot = outputs(k)[1 if code == ca.OP_OUTPUT else 0]
         value = _constants(function, [k])[0] if code == ca.OP_CONST else 0.0
-        yield names[code], slot, reads(k), value
+        yield called.get(k, names[code]), slot, reads(k), value
 
 
 def evaluate(operation: str, *values: float) -> float:
     """Apply CasADi's operation of this name to one or two numbers."""
+    if isinstance(operation, Lookup):
+        return float(operation.function(*values))
     code = getattr(ca, f"OP_{operation.upper()}")
     apply = ca.DM.unary if len(values) == 1 else ca.DM.binary
     return float(apply(code, *(ca.DM(x) for x in values)))
@@ -152,6 +157,9 @@ def evaluate(operation: str, *values: float) -> float:
 
 def applied(operation: str, *args: ca.SX) -> ca.SX:
     """Apply CasADi's operation of this name to one or two expressions."""
+    if isinstance(operation, Lookup):
+        called: ca.SX = operation.function.call([*args], False, True)[0]
+        return called
     code = getattr(ca, f"OP_{operation.upper()}")
     return (ca.SX.unary if len(args) == 1 else ca.SX.binary)(code, *args)
 
@@ -235,9 +243,38 @@ def _constants_of(function: ca.Function, codes: np.ndarray) -> np.ndarray:
     return values
 
 
-def _codes(name: str, codes: np.ndarray, values: np.ndarray) -> np.ndarray:
+def _called(function: ca.Function, codes: np.ndarray) -> dict[int, ca.Function]:
+    """Return the functions that instructions with these codes call."""
+    at = np.flatnonzero(codes == ca.OP_CALL).tolist()
+    nodes = function.instructions_sx().nz if at else []
+    return {k: nodes[k].which_function() for k in at}
+
+
+def _with_columns(
+    function: ca.Function, lines: np.ndarray, values: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, list[Column]]:
+    """Let calls find pieces, and what CasADi's floor is applied to look up their numbers."""
+    search, entry, floor = (OPERATIONS[name] for name in ("search", "entry", "floor"))
+    calls = _called(function, np.where(lines[:, 0] == search, ca.OP_CALL, 0))
+    if not calls:
+        return lines, values, []
+    first, columns, slots = lines[:, 1].max() + 1, dict[Column, int](), dict[int, list[int]]()
+    for at, lookup in calls.items():
+        held = [column_of(column) for column in numbers_of(lookup)]
+        slots[lines[at, 1]] = [first + columns.setdefault(x, len(columns)) for x in held]
+        lines[at, 3] = slots[lines[at, 1]][0]
+    for at in np.flatnonzero((lines[:, 0] == floor) & np.isin(lines[:, 2], [*slots])):
+        lines[at, 0], lines[at, 3] = entry, slots[lines[at, 2]][1]
+    numbers = np.zeros((len(columns), 4), dtype=np.int64)
+    numbers[:, 0], numbers[:, 1] = _CONSTANT, first + np.arange(len(columns))
+    values = np.concatenate([np.arange(len(columns), dtype=float), values])
+    return np.vstack([numbers, lines]), values, [*columns]
+
+
+def _codes(name: str, function: ca.Function, codes: np.ndarray, values: np.ndarray) -> np.ndarray:
     """Return the core's codes for CasADi's, once each is seen to have a place on a tape."""
     found = np.empty_like(codes)
+    called = {f.name() for f in _called(function, codes).values()}
     for code in _distinct(codes):
         at = codes == code
         if code == ca.OP_CONST and np.isnan(values[at]).any():
@@ -248,7 +285,8 @@ def _codes(name: str, codes: np.ndarray, values: np.ndarray) -> np.ndarray:
                     "code for numbers does: lv.table(x, y) stands in for it by its values",
                 )
             )
-        found[at] = _operation(name, code)
+        is_lookup = code == ca.OP_CALL and called == {LOOKUP}
+        found[at] = OPERATIONS["search"] if is_lookup else _operation(name, code)
     return found
 
 
