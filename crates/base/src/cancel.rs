@@ -1,5 +1,6 @@
-//! Cooperative cancellation: long steps poll a flag.
+//! Cooperative cancellation: long steps poll a flag, their own or that of the thread.
 
+use std::cell::RefCell;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -11,6 +12,25 @@ const BETWEEN: Duration = Duration::from_millis(40);
 pub struct CancelToken {
     is_cancelled: Arc<dyn Fn() -> bool + Send + Sync>,
     asked: Instant,
+    was_cancelled: bool,
+}
+
+thread_local! {
+    /// The token of what this thread computes.
+    static OF_THREAD: RefCell<CancelToken> = RefCell::default();
+}
+
+/// Does something whose steps may ask this token.
+pub fn within<T>(token: CancelToken, work: impl FnOnce() -> T) -> T {
+    let before = OF_THREAD.replace(token);
+    let found = work();
+    OF_THREAD.set(before);
+    found
+}
+
+/// Whether what this thread computes is to stop.
+pub fn is_cancelled() -> bool {
+    OF_THREAD.with_borrow_mut(CancelToken::is_cancelled)
 }
 
 impl CancelToken {
@@ -19,16 +39,17 @@ impl CancelToken {
         Self {
             is_cancelled: Arc::new(is_cancelled),
             asked: Instant::now(),
+            was_cancelled: false,
         }
     }
 
-    /// Whether to stop.
+    /// Whether to stop, from then on for ever.
     pub fn is_cancelled(&mut self) -> bool {
-        if self.asked.elapsed() < BETWEEN {
-            return false;
+        if !self.was_cancelled && self.asked.elapsed() >= BETWEEN {
+            self.asked = Instant::now();
+            self.was_cancelled = (self.is_cancelled)();
         }
-        self.asked = Instant::now();
-        (self.is_cancelled)()
+        self.was_cancelled
     }
 }
 

@@ -8,6 +8,7 @@ use crate::second_order::{SecondOrder, Separable};
 use crate::semi_explicit::SemiExplicit;
 use crate::split::Split;
 use crate::{job, schrodinger, split};
+use liouville_base::cancel;
 use liouville_base::run::{Advance, Failure, StartError, Status};
 use liouville_mechanics::run::Problem;
 use numpy::{PyArray1, PyArrayDyn, PyArrayMethods, PyReadonlyArray1};
@@ -103,8 +104,11 @@ impl Run {
         let run = &mut self.inner;
         let budget = Duration::try_from_secs_f64(seconds).map_err(errors::refused)?;
         let steps = steps.unwrap_or(usize::MAX);
-        let status = py.detach(|| run.advance_to(steps, budget));
-        if let Some(error) = self.caught.iter().find_map(Caught::take) {
+        let signals = Caught::default();
+        let status =
+            py.detach(|| cancel::within(signals.cancel(), || run.advance_to(steps, budget)));
+        let mut caught = self.caught.iter().chain([&signals]);
+        if let Some(error) = caught.find_map(Caught::take) {
             return Err(error);
         }
         match status {

@@ -9,6 +9,7 @@
 //! Source: docs/theory/newton.md.
 
 use super::Backoff;
+use crate::cancel;
 use crate::error::StepError;
 
 /// The start values of the unknowns of a step.
@@ -153,7 +154,8 @@ pub fn attempt(step: &mut impl BranchAttempts, h: f64) -> Result<(), StepError> 
         Ok(false) => confirm_branch(step, h),
         Err(error) => {
             from_uniform(step, h).map_err(|later| match (&later, &error) {
-                (StepError::StepTooLarge { .. }, StepError::NotConverged { .. }) => later,
+                (StepError::StepTooLarge { .. }, StepError::NotConverged { .. })
+                | (StepError::Interrupted, _) => later,
                 _ => error,
             })?;
             step.backoff().fail();
@@ -187,11 +189,20 @@ fn from_uniform(step: &mut impl BranchAttempts, h: f64) -> Result<(), StepError>
     }
 }
 
+/// Stops where the run is cancelled: so many attempts may take longer than Ctrl-C should wait.
+fn go_on() -> Result<(), StepError> {
+    if cancel::is_cancelled() {
+        return Err(StepError::Interrupted);
+    }
+    Ok(())
+}
+
 /// The outcome of full Newton from the uniform start: whether the solution is near.
 fn full_from_uniform(
     step: &mut impl BranchAttempts,
     h: f64,
 ) -> Result<Result<bool, StepError>, StepError> {
+    go_on()?;
     step.discard();
     step.start(h, Start::Uniform)?;
     Ok(step.iterate_full(h))
@@ -253,6 +264,7 @@ enum Followed {
 
 /// Solves for a step of `h` from the solution of the last part, or from its extrapolation.
 fn follow(step: &mut impl BranchAttempts, h: f64, start: Start) -> Result<Followed, StepError> {
+    go_on()?;
     step.discard();
     step.start(h, start)?;
     step.keep(h, Slot::Start);

@@ -1,8 +1,12 @@
 //! The iteration ends at roundoff, and says early when it will not.
 
+use liouville_base::cancel::{self, CancelToken};
 use liouville_base::error::{Quantity, StepError};
 use liouville_base::linalg::Matrix;
-use liouville_base::newton::{Broyden, Continuation, Equations, Solved, Stop, solve_full};
+use liouville_base::newton::{
+    Attempts, Backoff, BranchAttempts, Broyden, Continuation, Equations, Slot, Solved, Start, Stop,
+    attempt, solve_full,
+};
 
 /// Corrects with one matrix, and counts.
 fn solve(equations: &mut impl Equations, most: usize) -> Result<usize, StepError> {
@@ -347,4 +351,64 @@ fn stages_of_another_step_are_on_the_polynomial_of_the_one_there_is() {
             }
         }
     }
+}
+
+/// A step of which all parts up to the first eighth are solved: continuation tries many that are longer.
+#[derive(Default)]
+struct Folded {
+    backoff: Backoff,
+    tried: usize,
+}
+
+impl Attempts for Folded {
+    fn start(&mut self, _: f64, start: Start) -> Result<bool, StepError> {
+        Ok(start != Start::Extrapolated)
+    }
+
+    fn iterate(&mut self, _: f64) -> Result<bool, StepError> {
+        let (iterations, size) = (1, 1.0);
+        Err(StepError::NotConverged { iterations, size })
+    }
+
+    fn count_cold_start(&mut self) {}
+}
+
+impl BranchAttempts for Folded {
+    fn iterate_full(&mut self, h: f64) -> Result<bool, StepError> {
+        self.tried += 1;
+        if h <= 0.125 {
+            Ok(true)
+        } else {
+            self.iterate(h)
+        }
+    }
+
+    fn keep(&mut self, _: f64, _: Slot) {}
+
+    fn put_back(&mut self, _: f64, _: Slot) {}
+
+    fn distance(&mut self, _: f64, _: Slot) -> (f64, usize) {
+        (0.0, 0)
+    }
+
+    fn backoff(&mut self) -> &mut Backoff {
+        &mut self.backoff
+    }
+}
+
+#[test]
+fn a_continuation_is_cancelled_between_its_parts() {
+    let mut whole = Folded::default();
+    let too_large = attempt(&mut whole, 1.0);
+    assert!(
+        matches!(too_large, Err(StepError::StepTooLarge { .. })),
+        "{too_large:?}"
+    );
+    assert!(whole.tried > 10, "{} parts", whole.tried);
+    let mut step = Folded::default();
+    let found = cancel::within(CancelToken::new(|| true), || {
+        std::thread::sleep(std::time::Duration::from_millis(41));
+        attempt(&mut step, 1.0)
+    });
+    assert_eq!((found, step.tried), (Err(StepError::Interrupted), 0));
 }

@@ -1,13 +1,20 @@
 //! The loop keeps what it should, stops where it fails, and computes its times.
 
+use liouville_base::cancel::{self, CancelToken};
 use liouville_base::checkpoint::Checkpoint;
 use liouville_base::error::{Quantity, StepError};
 use liouville_base::method::{Estimating, Stats, Stepper, Symmetric};
 use liouville_base::observe::{Monitor, Observe};
-use liouville_base::run::{Adaptive, Advance, Fixed, Reversible, Run, Status, StepControl};
+use liouville_base::run::{
+    Adaptive, Advance, Fixed, Reversible, Run, Status, StepControl, Substep,
+};
 use liouville_tests::properties::properties;
 use proptest::prelude::*;
+use std::thread::sleep;
 use std::time::Duration;
+
+/// A token that is older is asked.
+const TOKEN_ASKS: Duration = Duration::from_millis(41);
 
 /// Counts its steps in the state, writes down the times it was given, and fails at one of them.
 #[derive(Default)]
@@ -337,6 +344,67 @@ proptest! {
         prop_assert!(t1 < 0.0 || real(inside) < 0.2 / (0.6 * narrow) + 12.0);
         prop_assert!(run.stats().1 > 0, "the first step was too long");
     }
+}
+
+/// A method whose steps are all refused, and which cancels what the thread does in its second one.
+struct Refused(usize);
+
+impl Checkpoint for Refused {}
+
+impl Stepper for Refused {
+    type State = f64;
+
+    fn step(&mut self, _: f64, _: f64, _: &mut f64) -> Result<(), StepError> {
+        self.0 += 1;
+        assert!(self.0 <= 2, "the run goes on after it was cancelled");
+        if self.0 == 2 {
+            sleep(TOKEN_ASKS);
+        }
+        Err(StepError::SingularNewton)
+    }
+
+    fn stats(&self) -> Stats {
+        Stats::default()
+    }
+}
+
+impl Estimating for Refused {
+    fn error(&self) -> f64 {
+        f64::INFINITY
+    }
+
+    fn error_order(&self) -> f64 {
+        3.0
+    }
+
+    fn undo(&mut self, _: &mut f64) {}
+}
+
+#[test]
+fn a_step_that_is_refused_again_and_again_is_cancelled_in_between() {
+    let control = Box::new(Adaptive::new(Box::new(Refused(0)), (0.0, 1.0), 0.5, 1e-300));
+    let mut run = Run::new(control, Box::new(Place), 0.0, (1, 0)).expect("a start");
+    let status = cancel::within(CancelToken::new(|| true), || run.advance(ALL_DAY));
+    let (n, t, error) = (0, 0.0, StepError::Interrupted);
+    assert_eq!(status, Status::Failed { n, t, error });
+    assert!(!cancel::is_cancelled(), "the token is that of the run");
+}
+
+#[test]
+fn a_substep_of_a_cancelled_run_is_not_made() {
+    let counter = Box::new(Counter::default());
+    let mut substep = Substep::new(counter, &0);
+    substep.h = 1.0;
+    let made = cancel::within(CancelToken::new(|| true), || {
+        sleep(TOKEN_ASKS);
+        // once cancelled, always: the signal is told once
+        [0.5, 0.25].map(|part| substep.advance_to_fraction(part, &7))
+    });
+    assert_eq!(
+        made,
+        [Err(StepError::Interrupted), Err(StepError::Interrupted)]
+    );
+    assert_eq!(substep.advance_to_fraction(0.5, &7), Ok(0.5));
 }
 
 #[test]

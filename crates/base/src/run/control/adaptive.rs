@@ -2,6 +2,7 @@
 
 use super::time::CompensatedTime;
 use super::{StepControl, StepSizes};
+use crate::cancel;
 use crate::checkpoint::Checkpoint;
 use crate::error::StepError;
 use crate::method::{Estimating, Stepper};
@@ -110,6 +111,9 @@ impl<State: Checkpoint> StepControl<State> for Adaptive<State> {
     fn step(&mut self, state: &mut State) -> Result<(), StepError> {
         let before = self.rejected;
         loop {
+            if self.rejected > before && cancel::is_cancelled() {
+                return Err(StepError::Interrupted);
+            }
             let h = self.next_step();
             let made = self.stepper.step(self.time.time(), h, state);
             let (error, order) = (self.stepper.error(), self.stepper.error_order());
@@ -127,6 +131,7 @@ impl<State: Checkpoint> StepControl<State> for Adaptive<State> {
                     let factor = SAFETY * error.powf(-1.0 / order);
                     self.reject(h, factor, error)?;
                 }
+                Err(StepError::Interrupted) => return Err(StepError::Interrupted),
                 Err(error) => self
                     .reject(h, RETRY, f64::INFINITY)
                     .map_err(|too_small| preferred(error, too_small))?,

@@ -1,5 +1,6 @@
 //! Substeps: parts of a step, made from its start.
 
+use crate::cancel;
 use crate::checkpoint::Checkpoint;
 use crate::error::StepError;
 use crate::method::Stepper;
@@ -50,11 +51,14 @@ impl<State: Checkpoint + Clone> Substep<State> {
     /// Makes a step of this length from where the step begins.
     ///
     /// # Errors
-    /// It cannot be made.
+    /// It cannot be made, or the run is cancelled.
     pub fn advance_by(&mut self, length: f64) -> Result<(), StepError> {
         self.state.clone_from(&self.start);
         if length == 0.0 {
             return Ok(());
+        }
+        if cancel::is_cancelled() {
+            return Err(StepError::Interrupted);
         }
         self.stepper.forget();
         self.stepper.step(self.t, length, &mut self.state)?;
