@@ -364,3 +364,23 @@ def test_steps_to_a_loose_tolerance_stick_and_slip_on_a_belt():
     loose = lv.integrate(m.system(), lv.Spark(3), rtol=1e-4, **call)
     assert loose.stats["steps"] < 60
     assert np.abs(loose.q[-1] - fine.q[-1]).max() < 1e-3
+
+
+@pytest.mark.parametrize("rtol", [1e-4, 1e-6])
+@pytest.mark.parametrize(
+    "method", [lv.ArnoldBruls(), lv.HHT(), lv.GeneralizedAlpha(), lv.Spark(2), lv.Spark(3)]
+)
+def test_controlled_steps_of_a_block_that_sticks_and_slips(method, rtol):
+    """Steps that a switch has cut short leave no roundoff of theirs to the next ones."""
+    m = lv.bodies.Assembly(gravity=(0, -g, 0))
+    m.planar_body("belt", mass=5.0, inertia=1.0, at=(0, 0))
+    m.planar_body("block", mass=1.0, inertia=0.01, at=(0, 0.1))
+    dry = Stribeck(mu=0.2, mu_static=0.4, v_stribeck=0.1, v_s=2e-3)
+    m.prismatic("drive", m.ground, "belt", axis=(1, 0, 0), motion=lambda t, params: 0.2 * t)
+    m.prismatic("contact", "belt", "block", at=(0, 0, 0), axis=(1, 0, 0), friction=dry)
+    m.spring("spring", m.ground, "block", at=((-0.5, -0.1, 0), (0, 0.1, 0)), stiffness=100.0)
+    solution = lv.integrate(m.system(), method, t=(0, 4), rtol=rtol, **m.start())
+    assert solution.status == "done"
+    # by Spark(4) at rtol=1e-10
+    assert solution.body("block").position[-1, 0] == pytest.approx(0.036646063, abs=60 * rtol**0.75)
+    assert np.abs(solution.body("belt").velocity[:, 1]).max() < 1e-14

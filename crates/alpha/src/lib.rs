@@ -60,6 +60,9 @@ pub enum Reactions {
 /// Corrections a step may take.
 const MOST_ITERATIONS: usize = 30;
 
+/// Controlled steps grow by 4: one longer than so many of the last one follows the short end of a step that was cut.
+const MOST_RATIO: f64 = 8.0;
+
 /// A method of the α family at work.
 #[derive(Clone, Debug)]
 pub struct Alpha {
@@ -170,6 +173,22 @@ impl Alpha {
         }
     }
 
+    /// Begins again with a0 = φ0 after a step that an event has cut to a much shorter one than `h`: there a0 − φ0, and φ0
+    /// of the constraint on the position alone, are roundoff of z over the last step.
+    fn leave_cut(&mut self, t: f64, h: f64, state: &mut AlphaState) -> Result<(), StepError> {
+        if self.is_warm || state.h == 0.0 || (h / state.h).abs() <= MOST_RATIO {
+            return Ok(());
+        }
+        if self.reactions == Reactions::Position {
+            self.acceleration
+                .solve(&mut self.model.general, t, &state.y, &state.z)?;
+            copy(&mut state.phi, &self.acceleration.z_dot);
+        }
+        copy(&mut state.a, &state.phi);
+        state.h = 0.0;
+        Ok(())
+    }
+
     /// The unknowns on the line through those of the last step.
     fn extrapolate(&mut self, step: AlphaStep) {
         let at = &mut self.solver;
@@ -255,6 +274,7 @@ impl Stepper for Alpha {
     type State = AlphaState;
 
     fn step(&mut self, t: f64, h: f64, state: &mut AlphaState) -> Result<(), StepError> {
+        self.leave_cut(t, h, state)?;
         let step = AlphaStep { t, h, state };
         let attempted = newton::attempt(&mut AlphaAttempt { alpha: self, step }, h);
         attempted.inspect_err(|_| self.is_warm = false)?;

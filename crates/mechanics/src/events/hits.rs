@@ -11,6 +11,9 @@ use liouville_problem::{Carried, Dynamics, Impact, Jump, Refused, Restart};
 
 /// Times that differ by so many roundings are the same.
 const SAME: f64 = 4.0 * f64::EPSILON;
+/// A switch in so small a first part of a step needs no step of its own: velocities are known to a rounding of the
+/// coordinates over the step.
+const AT_START: f64 = 1e-6;
 /// Where the motion is looked at after a reset that leaves the rate of e at zero, as a part of a step.
 const SHORTLY: f64 = 1.0 / 1024.0;
 
@@ -50,7 +53,7 @@ impl<State: Carried + Checkpoint + Clone, M: Dynamics> DenseDetector<State, M> {
             if !counts {
                 continue;
             }
-            if self.events[index].is_switch && self.snapped(x).0 == 0.0 {
+            if self.events[index].is_switch && (x < AT_START || self.snapped(x).0 == 0.0) {
                 continue;
             }
             if let Some(noise) = self.recedes(k, state)? {

@@ -23,6 +23,9 @@ use knot::Knot;
 use liouville_base::error::StepError;
 use liouville_base::linalg::copy;
 
+/// Knots before the last step count where steps are at least as long as this part of it.
+const APART: f64 = 1e-2;
+
 /// The last few knots of a trajectory, and its polynomials through them.
 #[derive(Debug)]
 pub struct Path<M: Dynamics = Model> {
@@ -229,11 +232,14 @@ impl<M: Dynamics> Path<M> {
     }
 }
 
-/// Knots, the last step's first.
+/// Knots, the last step's first, as far back as they are apart: third differences over a much shorter step, such as the
+/// end of one that an event has cut, are roundoff.
 fn by_closeness(knots: &[Knot]) -> impl Iterator<Item = &Knot> + Clone {
     let count = knots.len();
+    let length = move |back: usize| (knots[count - back + 1].t - knots[count - back].t).abs();
     let order = [2, 1, 3, 4].into_iter();
     order
         .filter(move |back| *back <= count)
+        .take_while(move |back| *back <= 2 || length(*back) >= APART * length(2))
         .map(move |back| &knots[count - back])
 }
