@@ -717,6 +717,26 @@ def test_controlled_steps_of_a_ball_joint_with_a_spring_end_at_half_a_turn():
     assert solution.invariant_drift("energy").max() < 1e-7  # 1e-2 without the ends of steps there
 
 
+@pytest.mark.parametrize("is_ensemble", [False, True])
+def test_equal_steps_past_half_a_turn_of_a_spring_say_so(is_ensemble):
+    m = lv.bodies.Assembly()
+    m.body("ball", mass=1.0, inertia=(0.5, 0.5, 0.5), at=(0, 0, 0))
+    m.spherical("S", m.ground, "ball", at=(0, 0, 0), spring=0.5)
+    system = m.system()
+    starts = [m.start(rates={"S": (0, 0, rate)}) for rate in (2.0, 4.0)]
+    if is_ensemble:  # sin t * rate: the second one passes pi at t = 0.903
+        start = {name: np.stack([own[name] for own in starts]) for name in starts[0]}
+        run, member = lv.ensemble, " of member 1"
+    else:
+        start, run, member = starts[1], lv.integrate, ""
+    solution = run(system, lv.Spark(3), t=(0, 1), h=0.05, **start)
+    assert f"joint 'S'{member} passes half a turn between t = 0.9 and 0.95" in solution.message
+    below = lv.integrate(system, lv.Spark(3), t=(0, 3), h=0.05, **starts[0])
+    controlled = lv.integrate(system, lv.Spark(3), t=(0, 1), rtol=1e-6, **starts[1])
+    assert not below.message
+    assert "half a turn" not in controlled.message
+
+
 @pytest.mark.parametrize("revolute", [False, True])
 def test_a_chain_of_bodies_has_programs_no_longer_than_one_by_hand(revolute):
     count = 10

@@ -20,6 +20,7 @@ from liouville.bodies.joints import KINDS, MOTION, Joint, drawn
 from liouville.bodies.normal_forces import multipliers, normal_forces
 from liouville.bodies.poses import Poses, kinetic
 from liouville.bodies.rolling import is_across, rolled
+from liouville.systems.traced import HALF_TURN
 
 if TYPE_CHECKING:
     from liouville.bodies.chaining import Gear
@@ -86,7 +87,7 @@ class Model:
             for name, own in switches(joint).items()
         }
         balls = [joint for joint in joints if "stiffness" in joint.sizes]
-        self.switches |= {f"half a turn of {x.name}": self._half_turn(x) for x in balls}
+        self.switches |= {f"{HALF_TURN}{x.name}": self._half_turn(x) for x in balls}
 
     def _compute(self, t: ca.SX, q: ca.SX, v: ca.SX, params: Any) -> None:
         """Make the expressions that all functions are parts of."""

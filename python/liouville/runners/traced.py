@@ -19,6 +19,7 @@ from liouville.points import Points
 from liouville.runners.runner import Request, Runner, kept
 from liouville.runners.watch import Watch, initial_of
 from liouville.systems import Mechanics, SemiExplicit
+from liouville.systems.traced import HALF_TURN
 
 if TYPE_CHECKING:
     from liouville.runners.adjoint import Adjoint
@@ -83,6 +84,38 @@ class TracedRunner(Runner):
         self._directions: ConstrainedDirections | None = None
         #: Tangents at events, by their names.
         self._moved_events: dict[str, tuple[np.ndarray, np.ndarray | None]] = {}
+
+    def remark(self, t: np.ndarray, rows: np.ndarray, events: Mapping[str, Points]) -> str:
+        """Return sentences on records that cannot be right; empty where there is none."""
+        said = super().remark(t, rows, events)
+        return "; ".join(filter(None, [said, self._half_turns(t, rows)]))
+
+    def _half_turns(self, t: np.ndarray, rows: np.ndarray) -> str:
+        """Say where the first spring of a ball joint changes sides, if steps do not end there."""
+        n = len(self.system.coordinates)
+        if self._sees_switches or not self._states or not np.isfinite(t).all():
+            return ""
+        found, each = [], np.moveaxis(rows.reshape(len(t), -1, rows.shape[-1])[..., :n], 1, 0)
+        for name, tape in self.system.switch_tapes.items():
+            if not name.startswith(HALF_TURN):
+                continue
+            others = [np.zeros((len(t), size)) for size in tape.inputs[2:-1]]
+            for k, y in enumerate(each):
+                params = np.atleast_2d(self._each_values)
+                args = [t[:, None], np.ascontiguousarray(y), *others]
+                side = tape.map(params[k % len(params)], args)[:, 0]
+                turned = np.flatnonzero(side[1:] * side[:-1] < 0)
+                if turned.size:
+                    member = f" of member {k}" if self.members else ""
+                    joint = f"joint '{name.removeprefix(HALF_TURN)}'{member}"
+                    found.append((turned[0], joint))
+        if not found:
+            return ""
+        k, joint = min(found)
+        return (
+            f"{joint} passes half a turn between t = {t[k]:g} and {t[k + 1]:g}, where its spring "
+            "changes sides: steps lose their order there, but for those of Spark with rtol="
+        )
 
     def _controls_taken(self) -> Takes:
         """Return the controls of the steps that the method takes."""

@@ -36,6 +36,8 @@ SHOWN = 20
 #: The prefix of invariants among the expressions and in a record.
 INVARIANT = "invariant "
 
+#: The beginning of the names of switches where springs of ball joints change sides.
+HALF_TURN = "half a turn of "
 #: The prefix of switches among the expressions.
 SWITCH = "switch "
 
