@@ -11,6 +11,7 @@ from test_tangents import DENSE, directions_of, general, pendulum
 
 import liouville as lv
 from liouville.problems import load
+from liouville.runners import execute
 
 
 def paired(system, method, t, start, directions, least=0.0, **run):
@@ -277,3 +278,23 @@ def test_bad_input_is_refused_by_a_sentence(call, given, sentence):
                  "wrt": ["q"], "q": [1.2, -1.6], "v": [1.6, 1.2]} | call  # fmt: skip
     with pytest.raises((TypeError, ValueError), match=sentence):
         lv.vjp(**arguments)[1](**(given or {}))
+
+
+def test_recorded_steps_have_the_gradients_of_repeated_ones(monkeypatch):
+    """The first call follows what the run has recorded, others repeat it: to the same bits."""
+    system, found = pendulum(), []
+    start = system.consistent(q=[1.2, -1.6], v=[1.6, 1.2])
+    call = {"wrt": ["q", "v", "params.l", "t1"], "t": (0, 3), "steps": 300, "every": 50, **start}
+    cotangents = np.random.default_rng(5).standard_normal((7, 2))
+    ends_before = np.where(np.arange(7)[:, None] < 3, cotangents, 0)
+    for size in (execute.RECORDED, 2**16):  # of all steps, and of a third
+        monkeypatch.setattr(execute, "RECORDED", size)
+        for given in (cotangents, ends_before):
+            pullback = lv.vjp(system, lv.Spark(2), **call)[1]
+            found.append((given is cotangents, pullback(q=given)))
+            found.append((given is cotangents, pullback(q=given)))
+    for is_whole in (True, False):
+        first, *others = [gradients for which, gradients in found if which == is_whole]
+        for gradients in others:
+            for name, x in first.items():
+                np.testing.assert_array_equal(gradients[name], x)

@@ -118,19 +118,14 @@ class Mechanical:
 
 @final
 class Pullback:
-    def __new__(
-        cls,
-        problem: Mechanical | SecondOrder | SemiExplicit,
-        method: object,
-        job: object,
-        sensitivity: Sensitivity | SemiExplicitSensitivity,
-        alpha: tuple[tuple[Tape, _Pattern, Tape, Tape, Tape], Tape, Tape, Tape] | None,
-    ) -> Pullback: ...
+    @property
+    def run(self) -> Run: ...
+    def forget(self) -> None: ...
     def give(self, rows: NDArray[np.float64]) -> None: ...
     def give_events(self, rows: list[NDArray[np.float64]]) -> None: ...
     def follow(
         self,
-        saved: NDArray[np.float64],
+        saved: NDArray[np.float64] | None,
         last: int,
         kept: NDArray[np.int64],
         rows: NDArray[np.float64],
@@ -245,6 +240,13 @@ def run(
     method: object,
     job: object,
 ) -> Run | _Error: ...
+def pullback(
+    problem: Mechanical | SecondOrder | SemiExplicit,
+    method: object,
+    job: object,
+    sensitivity: Sensitivity | SemiExplicitSensitivity,
+    alpha: tuple[tuple[Tape, _Pattern, Tape, Tape, Tape], Tape, Tape, Tape] | None,
+) -> Pullback | _Error: ...
 def run_each(
     members: Sequence[tuple[Hamiltonian, object, object]], threads: int
 ) -> Run | _Error: ...

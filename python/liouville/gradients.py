@@ -49,8 +49,9 @@ class Pullback:
     one by one, each from a run of its own with the same bits, on as many threads as :func:`vjp`
     was given; wave functions from the run of all, where what it leaves fits in memory.
 
-    The states between are made again from checkpoints, about the square root of the number of
-    steps of them, so a call takes one more run, and as much again and somewhat more for the
+    On constraints the run records its steps, at most 64 MiB of them, and the first call follows
+    these back. All others are made again from checkpoints, at most the square root of the number of
+    steps of them, so a call takes up to one more run, and as much again and somewhat more for the
     transposed steps. Memory grows with that root. On constraints steps behind the last cotangent
     that is not zero are left out: what has no derivative there, as hits that accumulate, does not
     matter.

@@ -1,8 +1,11 @@
 //! Recorded steps: a pullback repeats the steps of a run by a stepper that keeps each of them, with the unknowns that
 //! solve its equations.
 
+use crate::checkpoint::Checkpoint;
 use crate::error::StepError;
 use crate::method::{Estimating, Stats, Stepper, Symmetric};
+use std::marker::PhantomData;
+use std::ops::Range;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// A method whose steps can be followed back.
@@ -26,6 +29,21 @@ pub struct StepRecord<S> {
     pub unknowns: Vec<f64>,
 }
 
+impl<S: Clone> StepRecord<S> {
+    /// Room for a step of such states.
+    pub fn like(state: &S) -> Self {
+        let (before, end) = (state.clone(), state.clone());
+        let (t, h, unknowns) = (0.0, 0.0, Vec::new());
+        Self {
+            t,
+            h,
+            before,
+            end,
+            unknowns,
+        }
+    }
+}
+
 impl<S> StepRecord<S> {
     /// Time at its end.
     pub fn time(&self) -> f64 {
@@ -36,19 +54,73 @@ impl<S> StepRecord<S> {
 /// Recorded steps, in memory that is used again.
 #[derive(Clone, Debug)]
 pub struct StepRecords<S> {
-    all: Vec<StepRecord<S>>,
-    count: usize,
+    /// Start and length of each step, and where its numbers end.
+    steps: Vec<(f64, f64, usize)>,
+    /// The states and unknowns of all: a small step takes less time than memory of its own.
+    numbers: Vec<f64>,
+    states: PhantomData<fn() -> S>,
 }
 
 impl<S> StepRecords<S> {
     /// Forgets all steps.
     pub fn clear(&mut self) {
-        self.count = 0;
+        self.steps.clear();
+        self.numbers.clear();
     }
 
-    /// The steps, in their order.
-    pub fn steps(&self) -> &[StepRecord<S>] {
-        &self.all[..self.count]
+    /// How many steps there are.
+    pub fn len(&self) -> usize {
+        self.steps.len()
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.steps.is_empty()
+    }
+
+    /// Where the numbers of a step begin.
+    fn place(&self, step: usize) -> usize {
+        step.checked_sub(1).map_or(0, |last| self.steps[last].2)
+    }
+
+    /// Forgets the last step.
+    fn pop(&mut self) {
+        self.steps.pop();
+        self.numbers.truncate(self.place(self.steps.len()));
+    }
+}
+
+impl<S: Checkpoint> StepRecords<S> {
+    /// Reads a step, into one of such states.
+    ///
+    /// # Panics
+    /// There is no such step, or its states are of other sizes.
+    pub fn read(&self, step: usize, out: &mut StepRecord<S>) {
+        let end;
+        (out.t, out.h, end) = self.steps[step];
+        let mut numbers = &self.numbers[self.place(step)..end];
+        for state in [&mut out.before, &mut out.end] {
+            let is_whole = state.restore(0, &mut numbers);
+            is_whole.expect("a state of the run that was recorded");
+        }
+        out.unknowns.clear();
+        out.unknowns.extend_from_slice(numbers);
+    }
+
+    /// Some steps, of states like this one.
+    ///
+    /// # Panics
+    /// There are no such steps, or their states are of other sizes.
+    pub fn copies(&self, steps: Range<usize>, like: &S) -> Vec<StepRecord<S>>
+    where
+        S: Clone,
+    {
+        let copy = |step| {
+            let mut out = StepRecord::like(like);
+            self.read(step, &mut out);
+            out
+        };
+        steps.map(copy).collect()
     }
 }
 
@@ -64,8 +136,12 @@ impl<S> Clone for SharedRecords<S> {
 
 impl<S> Default for SharedRecords<S> {
     fn default() -> Self {
-        let (all, count) = (Vec::new(), 0);
-        Self(Arc::new(Mutex::new(StepRecords { all, count })))
+        let (steps, numbers, states) = (Vec::new(), Vec::new(), PhantomData);
+        Self(Arc::new(Mutex::new(StepRecords {
+            steps,
+            numbers,
+            states,
+        })))
     }
 }
 
@@ -81,40 +157,37 @@ impl<S> SharedRecords<S> {
 pub struct Recorder<M: Stepper> {
     method: M,
     records: SharedRecords<M::State>,
+    unknowns: Vec<f64>,
 }
 
 impl<M: Stepper> Recorder<M> {
     /// The method, and where it records.
     pub fn new(method: M, records: SharedRecords<M::State>) -> Self {
-        Self { method, records }
+        Self {
+            method,
+            records,
+            unknowns: Vec::new(),
+        }
     }
 }
 
 impl<M: Recordable> Stepper for Recorder<M>
 where
-    M::State: Clone + Send,
+    M::State: Checkpoint,
 {
     type State = M::State;
 
     fn step(&mut self, t: f64, h: f64, state: &mut M::State) -> Result<(), StepError> {
         let mut records = self.records.lock();
-        let StepRecords { all, count } = &mut *records;
-        if *count == all.len() {
-            all.push(StepRecord {
-                t,
-                h,
-                before: state.clone(),
-                end: state.clone(),
-                unknowns: Vec::new(),
-            });
-        }
-        let record = &mut all[*count];
-        (record.t, record.h) = (t, h);
-        record.before.clone_from(state);
-        self.method.step(t, h, state)?;
-        record.end.clone_from(state);
-        self.method.write_unknowns(state, &mut record.unknowns);
-        *count += 1;
+        let StepRecords { steps, numbers, .. } = &mut *records;
+        let place = numbers.len();
+        state.save(0, numbers);
+        let made = self.method.step(t, h, state);
+        made.inspect_err(|_| numbers.truncate(place))?;
+        state.save(0, numbers);
+        self.method.write_unknowns(state, &mut self.unknowns);
+        numbers.extend_from_slice(&self.unknowns);
+        steps.push((t, h, numbers.len()));
         Ok(())
     }
 
@@ -127,11 +200,11 @@ where
     }
 }
 
-impl<M: Recordable + Symmetric> Symmetric for Recorder<M> where M::State: Clone + Send {}
+impl<M: Recordable + Symmetric> Symmetric for Recorder<M> where M::State: Checkpoint {}
 
 impl<M: Recordable + Estimating> Estimating for Recorder<M>
 where
-    M::State: Clone + Send,
+    M::State: Checkpoint,
 {
     fn error(&self) -> f64 {
         self.method.error()
@@ -143,7 +216,7 @@ where
 
     fn undo(&mut self, state: &mut M::State) {
         self.method.undo(state);
-        self.records.lock().count -= 1;
+        self.records.lock().pop();
     }
 }
 

@@ -63,7 +63,7 @@ mod _core {
     #[pymodule_export]
     use super::project::{independent_rows, project, project_linear};
     #[pymodule_export]
-    use super::pullback::Pullback;
+    use super::pullback::{Pullback, pullback};
     #[pymodule_export]
     use super::run::{Run, run, run_each};
     #[pymodule_export]

@@ -3,6 +3,7 @@
 use crate::errors::{self, refused};
 use crate::job;
 use crate::mechanical::Mechanical;
+use crate::run::Run;
 use crate::second_order::SecondOrder;
 use crate::semi_explicit::SemiExplicit;
 use liouville_base::linalg::Matrix;
@@ -18,31 +19,43 @@ pub(crate) struct Pullback {
     width: usize,
 }
 
+/// The pullback of a run with these arguments, from the cotangents of nothing; or the error of its start.
+#[pyfunction]
+pub(crate) fn pullback<'py>(
+    py: Python<'py>,
+    problem: &Bound<'py, PyAny>,
+    method: &Bound<'py, PyAny>,
+    job: &Bound<'py, PyAny>,
+    sensitivity: job::SensitivityOf<'py>,
+    alpha: Option<job::AlphaOf<'py>>,
+) -> PyResult<Bound<'py, PyAny>> {
+    let width = sensitivity.width();
+    let problem = if let Ok(problem) = problem.extract::<PyRef<'_, SecondOrder>>() {
+        run::Problem::SecondOrder(problem.0.clone())
+    } else if let Ok(problem) = problem.extract::<PyRef<'_, SemiExplicit>>() {
+        run::Problem::SemiExplicit(problem.0.clone())
+    } else {
+        let problem = problem.extract::<PyRef<'_, Mechanical>>()?;
+        run::Problem::General(problem.0.clone())
+    };
+    match job::pullback(problem, &sensitivity, method, job, alpha)? {
+        Ok(inner) => Ok(Bound::new(py, Pullback { inner, width })?.into_any()),
+        Err(StartError::Invalid(sentence)) => Err(refused(sentence)),
+        Err(StartError::Failed(error)) => Ok(errors::error(py, &error)?.into_any()),
+    }
+}
+
 #[pymethods]
 impl Pullback {
-    /// The pullback of a run that was begun with these arguments, from the cotangents of nothing.
-    #[new]
-    fn new(
-        problem: &Bound<'_, PyAny>,
-        method: &Bound<'_, PyAny>,
-        job: &Bound<'_, PyAny>,
-        sensitivity: job::SensitivityOf<'_>,
-        alpha: Option<job::AlphaOf<'_>>,
-    ) -> PyResult<Self> {
-        let width = sensitivity.width();
-        let problem = if let Ok(problem) = problem.extract::<PyRef<'_, SecondOrder>>() {
-            run::Problem::SecondOrder(problem.0.clone())
-        } else if let Ok(problem) = problem.extract::<PyRef<'_, SemiExplicit>>() {
-            run::Problem::SemiExplicit(problem.0.clone())
-        } else {
-            let problem = problem.extract::<PyRef<'_, Mechanical>>()?;
-            run::Problem::General(problem.0.clone())
-        };
-        match job::pullback(problem, &sensitivity, method, job, alpha)? {
-            Ok(inner) => Ok(Self { inner, width }),
-            Err(StartError::Invalid(sentence)) => Err(refused(sentence)),
-            Err(StartError::Failed(error)) => Err(refused(error)),
-        }
+    /// The run, whose steps are recorded as they are made.
+    #[getter]
+    fn run(&self) -> Run {
+        Run::of(Box::new(self.inner.run()))
+    }
+
+    /// Forgets the steps recorded so far.
+    fn forget(&mut self) {
+        self.inner.forget();
     }
 
     /// Takes cotangents of (y, z, lam) at the times given with the run, a row for each.
@@ -74,12 +87,12 @@ impl Pullback {
         Ok(())
     }
 
-    /// Follows the steps from a saved state up to the step `last` back; rows are cotangents of (y, z, lam) at the ends
-    /// of the steps `kept`. Returns None, or the error.
+    /// Follows the steps from a saved state up to the step `last` back, or without one those recorded; rows are
+    /// cotangents of (y, z, lam) at the ends of the steps `kept`. Returns None, or the error.
     fn follow<'py>(
         &mut self,
         py: Python<'py>,
-        saved: PyReadonlyArray1<'py, f64>,
+        saved: Option<PyReadonlyArray1<'py, f64>>,
         last: usize,
         kept: PyReadonlyArray1<'py, i64>,
         rows: PyReadonlyArray2<'py, f64>,
@@ -88,11 +101,12 @@ impl Pullback {
             return Err(refused("cotangents are rows of (y, z, lam)"));
         }
         let kept = crate::convert::indices(&kept)?;
-        let (saved, values) = (saved.as_slice()?, rows.as_slice()?);
-        let width = self.width;
+        let (values, width) = (rows.as_slice()?, self.width);
         let rows = Matrix::from_fn(kept.len(), width, |i, j| values[i * width + j]);
         let inner = &mut self.inner;
-        inner.restore(saved).map_err(refused)?;
+        if let Some(saved) = saved {
+            inner.restore(saved.as_slice()?).map_err(refused)?;
+        }
         match py.detach(|| inner.follow(last, &kept, &rows)) {
             Ok(()) => Ok(None),
             Err(error) => Ok(Some(errors::error(py, &error)?.into_any())),

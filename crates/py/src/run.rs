@@ -73,6 +73,12 @@ pub(crate) struct Run {
 }
 
 impl Run {
+    /// A run in which no exceptions are raised.
+    pub(crate) fn of(inner: Box<dyn Advance>) -> Self {
+        let caught = Vec::new();
+        Self { inner, caught }
+    }
+
     /// A run for Python, or the error of its start; Python may raise exceptions inside its steps.
     fn started(
         py: Python<'_>,

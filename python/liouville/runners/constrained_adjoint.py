@@ -63,7 +63,9 @@ class ConstrainedAdjoint(Adjoint):
         longer, more = 0.0, np.zeros(0)
         if runner.shares_multipliers:
             rows, more, longer = runner.pulled_multipliers(solution, rows)
-        core = runner.pullback()
+        recorder, recorded = checkpoints.recorded()
+        core = recorder or runner.pullback()
+        assert not isinstance(core, dict), "a run that has begun"
         core.give_events(self._rows_of_events(solution, cotangents))
         kept = np.minimum(np.arange(len(rows)) * runner.every, steps)
         steps = self._last(solution, cotangents, kept)
@@ -74,7 +76,9 @@ class ConstrainedAdjoint(Adjoint):
             kept, rows = np.zeros(1, int), np.zeros((1, rows.shape[1]))
         for first, last, saved in checkpoints.reversed(steps):
             own = (first < kept) & (kept <= last)
-            error = core.follow(saved, last, kept[own], np.ascontiguousarray(rows[own]))
+            is_made = recorder is not None and first == recorded
+            state = None if is_made else saved
+            error = core.follow(state, last, kept[own], np.ascontiguousarray(rows[own]))
             if error is not None:
                 raise self._error(error)
         found = core.end(np.ascontiguousarray(rows[0]))

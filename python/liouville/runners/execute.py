@@ -26,6 +26,9 @@ from liouville.systems import SemiExplicit
 #: Seconds between two looks at the signals and the progress bar.
 SLICE = 0.05
 
+#: Bytes of recorded steps that a run may leave, and what each takes beside its numbers.
+RECORDED, OVERHEAD = 2**26, 512
+
 #: How a run ended: "done", "interrupted", or the error of the core.
 Outcome = str | dict[str, Any]
 
@@ -33,7 +36,9 @@ Outcome = str | dict[str, Any]
 class Checkpoints:
     """States from which a run is repeated: about as many as there are steps between two of them.
 
-    Of a run whose number of steps is not known every second is dropped as it grows.
+    Where a core records the steps there are fewer, as many as keep the steps between two of them
+    within memory: those behind the last need not be repeated. Of a run whose number of steps is not
+    known every second is dropped as it grows.
 
     Attributes
     ----------
@@ -43,10 +48,29 @@ class Checkpoints:
 
     def __init__(self, steps: int | None) -> None:
         self.stop = Event()
+        self._steps = steps
         self.stride = 1 if steps is None else math.isqrt(steps - 1) + 1
         self._most = math.inf if steps is not None else 4
         self.next = 0
         self._saved: list[np.ndarray] = []
+        #: What records the steps, once.
+        self._recorders: list[_core.Pullback] = []
+
+    def start(self, runner: Runner) -> _core.Run | dict[str, Any]:
+        """Start the run of a runner, or return the error of its start."""
+        recorder = runner.recorder()
+        if recorder is None or isinstance(recorder, dict):
+            return runner.start() if recorder is None else recorder
+        self._recorders.append(recorder)
+        return recorder.run
+
+    def recorded(self) -> tuple[_core.Pullback | None, int]:
+        """Give up what has recorded the steps, if it is there, and from which step on it has."""
+        try:
+            recorder = self._recorders.pop()
+        except IndexError:
+            recorder = None
+        return recorder, (len(self._saved) - 1) * self.stride
 
     def take(self, run: _core.Run) -> None:
         """Save a run that has come to where it is to be saved."""
@@ -55,6 +79,13 @@ class Checkpoints:
             return
         saved = run.save()
         assert saved is not None
+        for recorder in self._recorders:
+            recorder.forget()
+            if not self._saved and self._steps is not None:
+                # a record is two states and what solves the equations between
+                fit = RECORDED // (2 * saved.nbytes + OVERHEAD) + 1
+                pieces = -(-self._steps // fit)
+                self.stride = max(self.stride, -(-self._steps // pieces))
         self._saved.append(saved)
         if len(self._saved) > self._most * self.stride:
             self._saved = self._saved[::2]
@@ -79,7 +110,7 @@ def execute(
 ) -> Solution:
     """Run to the end, and return the solution; IntegrationError if a step fails."""
     clock = time.perf_counter()
-    run = runner.start()
+    run = runner.start() if checkpoints is None else checkpoints.start(runner)
     outcome: Outcome
     events: dict[str, Points] = {}
     reached, endings = runner.steps.t0, dict[int, str]()

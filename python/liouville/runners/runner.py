@@ -158,6 +158,13 @@ class Runner(ABC):
         del parts
         return {}
 
+    def recorder(self) -> _core.Pullback | dict[str, Any] | None:
+        """Return what records the steps of the run as it makes them, or the error of its start.
+
+        None where a pullback repeats all steps.
+        """
+        return None
+
     def adjoint(self, request: Request, wrt: Any) -> Adjoint:
         """Return the transposed derivative of the run by what `wrt` names, before it begins.
 

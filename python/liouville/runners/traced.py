@@ -161,12 +161,19 @@ class TracedRunner(Runner):
 
         return ConstrainedAdjoint(self, request, wrt)
 
-    def pullback(self) -> _core.Pullback:
-        """Return the pullback of the run in the core; the run itself keeps its start alone."""
+    def recorder(self) -> _core.Pullback | dict[str, Any] | None:
+        """Return the pullback that records the run, unless events or given times part steps."""
+        return self.pullback(self.every) if self._watched is None else None
+
+    def pullback(self, every: int = MOST_STEPS) -> _core.Pullback | dict[str, Any]:
+        """Return the pullback of the run in the core, or the error of its start.
+
+        The run itself keeps one state in `every`, and its start alone by default.
+        """
         job, steps = self._job(), self.steps
-        job.span = (steps.t0, steps.t1, steps.count, MOST_STEPS)
+        job.span = (steps.t0, steps.t1, steps.count, every)
         assert not isinstance(self._problem, _core.Separable)
-        return _core.Pullback(self._problem, self.choice, job, *self.sensitivity())
+        return _core.pullback(self._problem, self.choice, job, *self.sensitivity())
 
     @abstractmethod
     def sensitivity(self) -> tuple[Sensitivity, AlphaTransposed | None]:

@@ -10,6 +10,7 @@
 
 use super::pullback::StepAdjoint;
 use crate::events::{Before, FollowEvents, Given, LinearReset, Meeting, SlopesModel};
+use liouville_base::checkpoint::Checkpoint;
 use liouville_base::error::{Obstacle, StepError};
 use liouville_base::linalg::{Matrix, add_scaled};
 use liouville_base::recorder::{SharedRecords, StepRecord};
@@ -106,22 +107,22 @@ pub(super) struct EventRecorder<S> {
     pub(super) parts: usize,
 }
 
-impl<S: Clone> EventRecorder<S> {
-    /// How many steps were recorded, and those of which this part of the last one was made.
+impl<S: Checkpoint + Clone> EventRecorder<S> {
+    /// How many steps were recorded, and those of which this part of the last one was made, of states like this one.
     #[allow(clippy::float_cmp)] // 0 and 1 are the ends of the step
-    fn steps(&self, part: f64) -> (usize, Vec<StepRecord<S>>) {
+    fn steps(&self, part: f64, like: &S) -> (usize, Vec<StepRecord<S>>) {
         let whole = self.whole.lock();
         let (partial, last) = (self.partial.lock(), self.parts);
         let steps = match part {
-            0.0 => &[],
-            1.0 => &whole.steps()[whole.steps().len() - last..],
-            _ => &partial.steps()[partial.steps().len() - last..],
+            0.0 => Vec::new(),
+            1.0 => whole.copies(whole.len() - last..whole.len(), like),
+            _ => partial.copies(partial.len() - last..partial.len(), like),
         };
-        (whole.steps().len(), steps.to_vec())
+        (whole.len(), steps)
     }
 }
 
-impl<S: Clone + Send + Sync> FollowEvents<S> for EventRecorder<S> {
+impl<S: Checkpoint + Clone> FollowEvents<S> for EventRecorder<S> {
     fn begin(&mut self, _: &mut S) {
         self.partial.lock().clear();
     }
@@ -129,7 +130,7 @@ impl<S: Clone + Send + Sync> FollowEvents<S> for EventRecorder<S> {
     fn align(&mut self, _: f64, _: &mut S) {}
 
     fn meet(&mut self, met: Meeting<'_>, state: &mut S) -> Result<(), StepError> {
-        let (place, steps) = self.steps(met.part);
+        let (place, steps) = self.steps(met.part, state);
         self.journal.lock().events.push(Entry {
             place,
             t: met.t,
@@ -150,7 +151,7 @@ impl<S: Clone + Send + Sync> FollowEvents<S> for EventRecorder<S> {
 
     fn hold(&mut self, at: Given, state: &mut S) -> Result<(), StepError> {
         let part = if at.is_after { 0.0 } else { at.part };
-        let (place, steps) = self.steps(part);
+        let (place, steps) = self.steps(part, state);
         let given = &mut self.journal.lock().given;
         // that before a reset
         given.pop_if(|last| last.t.to_bits() == at.t.to_bits());

@@ -12,6 +12,7 @@ mod job;
 mod journal;
 mod member;
 mod pullback;
+mod shared;
 mod spark_pullback;
 mod tangents;
 
@@ -20,6 +21,7 @@ pub use job::{
     Tangents,
 };
 pub use pullback::{Follow, Pullback, StepAdjoint};
+pub use shared::SharedRun;
 
 use liouville_alpha::Reactions;
 use liouville_base::ensemble::{Ensemble, RecordLayout};

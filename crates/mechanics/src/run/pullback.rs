@@ -4,6 +4,7 @@ use super::Starter;
 use super::given_times::GivenTimes;
 use super::journal::{Entry, EventAdjoint, EventRecorder, GivenEntry, Journal};
 use super::member::{BoxedStepper, Member, MonitoredSteps};
+use super::shared::SharedRun;
 use crate::events::{DenseDetector, LinearReset};
 use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch};
 use liouville_base::error::StepError;
@@ -16,14 +17,20 @@ use std::time::Duration;
 
 /// The adjoint of a run, which takes cotangents back to its start, from checkpoint to checkpoint.
 pub trait Follow: Send + Sync {
+    /// The run, whose steps are recorded as they are made.
+    fn run(&self) -> SharedRun;
+
+    /// Forgets the steps recorded so far: a checkpoint was saved behind them.
+    fn forget(&mut self);
+
     /// Restores a checkpoint of the run.
     ///
     /// # Errors
     /// It is one of another run.
     fn restore(&mut self, saved: &[f64]) -> Result<(), CheckpointMismatch>;
 
-    /// Repeats the steps up to the step `last`, and takes cotangents back over them. `rows` are cotangents of
-    /// (y, z, λ) at the ends of the steps `kept`, both in their order.
+    /// Makes the steps up to the step `last` that are not made, and takes cotangents back over those recorded. `rows`
+    /// are cotangents of (y, z, λ) at the ends of the steps `kept`, both in their order.
     ///
     /// # Errors
     /// A step cannot be repeated, or its adjoint fails.
@@ -81,8 +88,10 @@ pub trait StepAdjoint: Send + Sync {
 
 /// The pullback of a run at the steps that it has made.
 pub struct Pullback<A: StepAdjoint> {
-    run: Box<dyn Advance>,
+    run: SharedRun,
     records: SharedRecords<A::State>,
+    /// The step that is followed back.
+    step: Vec<StepRecord<A::State>>,
     adjoint: A,
     point: A::Point,
     /// The start, and whether the whole carried state was given there.
@@ -199,13 +208,15 @@ where
         let with =
             |detector: DenseDetector<A::State, _>| detector.followed(Box::new(recorder), slopes);
         let start = method.start;
+        let step = vec![StepRecord::like(&start); parts];
         let run = starter.launch_observed(stepping, of, start.clone(), observed, with)?;
         Ok(Self {
             cotangents: Cotangents::zeros(A::sizes(n), width),
             point,
             parts,
             start: (starter.job.span.t0, start, method.is_given),
-            run,
+            run: SharedRun::new(run),
+            step,
             records: whole,
             adjoint: method.adjoint,
             times,
@@ -280,12 +291,20 @@ impl<A: StepAdjoint> Pullback<A> {
 }
 
 impl<A: StepAdjoint> Follow for Pullback<A> {
+    fn run(&self) -> SharedRun {
+        self.run.clone()
+    }
+
+    fn forget(&mut self) {
+        self.records.lock().clear();
+    }
+
     fn restore(&mut self, saved: &[f64]) -> Result<(), CheckpointMismatch> {
+        self.forget();
         self.run.restore(saved)
     }
 
     fn follow(&mut self, last: usize, kept: &[usize], rows: &Matrix) -> Result<(), StepError> {
-        self.records.lock().clear();
         let status = self.run.advance_to(last, Duration::MAX);
         if let Status::Failed { error, .. } = status {
             return Err(error);
@@ -294,13 +313,18 @@ impl<A: StepAdjoint> Follow for Pullback<A> {
         let shared = self.records.clone();
         let records = shared.lock();
         let (mut entries, mut given) = self.journal.take();
-        let (mut number, last, parts) = (self.run.done(), records.steps().len(), self.parts);
+        // a run that was recorded as it was made may go beyond the last cotangent
+        let (mut number, parts) = (self.run.done().min(last), self.parts);
+        let last = records.len() - (self.run.done() - number) * parts;
         for place in (1..=last / parts).rev().map(|k| k * parts) {
             let own = entries.split_off(entries.partition_point(|entry| entry.place < place));
             let cut = own.iter().rfind(|entry| entry.is_cut());
             let mut within = given.split_off(given.partition_point(|entry| entry.place < place));
             let behind = within.split_off(within.partition_point(|entry| !entry.is_after));
-            let step = &records.steps()[place - parts..place];
+            for (k, part) in self.step.iter_mut().enumerate() {
+                records.read(place - parts + k, part);
+            }
+            let step = std::mem::take(&mut self.step);
             // a step that an event has parted is one with that to its end
             let is_whole = cut.is_none_or(|entry| !entry.goes_on() || is_over && place == last);
             if is_whole && let Ok(row) = kept.binary_search(&number) {
@@ -316,8 +340,9 @@ impl<A: StepAdjoint> Follow for Pullback<A> {
             self.leave_given(&behind)?;
             match cut {
                 Some(entry) => self.leave_cut(entry)?,
-                None => self.leave_step(step)?,
+                None => self.leave_step(&step)?,
             }
+            self.step = step;
             self.leave_given(&within)?;
             for entry in own.iter().filter(|entry| !entry.is_cut()) {
                 self.leave_event(entry)?;

@@ -6,13 +6,14 @@ mod events;
 
 use counting::allocations;
 use liouville_alpha::{Alpha, Reactions};
+use liouville_base::checkpoint::Checkpoint;
 use liouville_base::composition::Composed;
 use liouville_base::linalg::{Factor, Matrix, Pattern, Rows};
 use liouville_base::method::Tolerance;
 use liouville_base::method::{Estimating, Stepper};
 use liouville_base::observe::Monitor;
 use liouville_base::real::{BATCH, Lanes, Scalar};
-use liouville_base::recorder::{Recordable, Recorder, SharedRecords};
+use liouville_base::recorder::{Recordable, Recorder, SharedRecords, StepRecord};
 use liouville_base::tableau;
 use liouville_fields::problem::{Piece, Polynomials, Split};
 use liouville_fields::volume::{Determinant, Volume};
@@ -153,10 +154,10 @@ fn tangents(functions: &Functions, params: &[f64], y: &[f64], solver: Solver) ->
     let mut of = Cotangents::zeros([n; 3], width);
     of.y.fill(1.0);
     let steps = records.lock();
+    let mut record = StepRecord::like(&recorded);
     let mut follow = |k: usize| {
-        adjoint
-            .follow(&steps.steps()[k], &mut of)
-            .expect("a step back");
+        steps.read(k, &mut record);
+        adjoint.follow(&record, &mut of).expect("a step back");
     };
     follow(9);
     [of_steps, allocations(|| (0..9).rev().for_each(&mut follow))]
@@ -307,7 +308,7 @@ fn a_step_of_the_alpha_family_takes_no_memory() {
 /// Allocations of recorded steps, where as many were recorded before.
 fn recorded<M: Recordable>(method: M, mut t: f64, state: &mut M::State) -> usize
 where
-    M::State: Clone + Send,
+    M::State: Checkpoint,
 {
     let records = SharedRecords::default();
     let mut recorder = Recorder::new(method, records.clone());
