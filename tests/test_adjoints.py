@@ -7,7 +7,7 @@ are compared with differences in `test_tangents`, and a few gradients here.
 import casadi as ca
 import numpy as np
 import pytest
-from test_tangents import DENSE, directions_of, general, pendulum
+from test_tangents import DENSE, SIZE, WEIGHTS, directions_of, general, moved, pendulum
 
 import liouville as lv
 from liouville.problems import load
@@ -162,7 +162,7 @@ def test_a_cotangent_of_the_start_alone_is_projected():
     by = pullback(v=at_start)
     np.testing.assert_allclose(by["v"], across[0] * across, rtol=0, atol=1e-15)
     np.testing.assert_allclose(by["q"], -q[0] / 4 * (v @ across) * across, rtol=0, atol=1e-15)
-    assert repr(pullback) == "<Pullback of q, v, lam to q, v, params.l>"
+    assert repr(pullback) == "<Pullback of q, v, lam, invariants.energy to q, v, params.l>"
     assert solution.stats["steps"] == 4
 
 
@@ -266,18 +266,52 @@ def test_what_is_no_method_is_refused(call, method):
     ({"wrt": ["params.length"]}, None, "there is no direction 'params.length'"),
     ({"wrt": ["t1"], "steps": None, "rtol": 1e-6}, None, "where steps are controlled"),
     ({"wrt": "q"}, None, "wrt is a sequence of names"),
+    ({"wrt": ["q", ["v"]]}, None, r"there is no direction \['v'\]"),
     ({"method": lv.Spark(2, newton_tol=1e-6)}, None, "leave newton_tol out"),
     ({}, {}, "no cotangents are given"),
     ({}, {"x": 1.0}, "there is no cotangent of 'x'"),
     ({}, {"q": [1.0, 2.0]}, r"has shape \(2,\), wanted \(5, 2\)"),
     ({}, {"lam": np.full((5, 1), np.nan)}, "the cotangent of 'lam' is not finite"),
     ({}, {"q": np.full((5, 2), 1j)}, "is an array of real numbers"),
+    ({}, {"q": [[1.0], [1.0, 2.0]]}, "is an array of real numbers"),
+    ({}, {"invariants": np.ones(5)}, "cotangents of invariants are a mapping of their names"),
+    ({}, {"invariants": {"spin": np.ones(5)}}, "there is no cotangent of 'invariants.spin'"),
+    ({}, {"invariants": {"energy": np.ones(4)}}, r"has shape \(4,\), wanted \(5,\)"),
 ])  # fmt: skip
 def test_bad_input_is_refused_by_a_sentence(call, given, sentence):
     arguments = {"system": pendulum(), "method": lv.Spark(2), "t": (0, 1), "steps": 4,
                  "wrt": ["q"], "q": [1.2, -1.6], "v": [1.6, 1.2]} | call  # fmt: skip
     with pytest.raises((TypeError, ValueError), match=sentence):
         lv.vjp(**arguments)[1](**(given or {}))
+
+
+@pytest.mark.parametrize("run", [{}, {"t_eval": [0.15, 0.33, 0.6]}], ids=str)
+def test_cotangents_of_invariants(run):
+    """They depend on time and parameters themselves, and on the states that are kept."""
+    system = lv.Lagrangian(
+        lambda t, q, v, params: params.m * ca.dot(v, v) / 2 - params.m * params.g * q[1],
+        lambda t, q, params: {"rod": ca.dot(q, q) - params.l**2},
+        force=lambda t, q, v, params: -params.c * (1 + t) * v,
+        invariants={"spin": lambda t, q, v, params: params.l * ca.cos(t) * (q[0] * v[1])},
+        q=("x", "y"),
+        params={"m": 1.5, "g": 9.81, "l": 2.0, "c": 0.3},
+    )
+    start, t, method = {"q": [1.2, -1.6], "v": [1.6, 1.2]}, (0.1, 0.7), lv.Spark(2)
+    directions, run = directions_of(system, "t0", "t1"), {"steps": 20, **run}
+    solution, pullback = lv.vjp(system, method, wrt=[*directions], t=t, **run, **start)
+    rng = np.random.default_rng(4)
+    weights = {x: rng.standard_normal(len(solution.t)) for x in ("energy", "spin")}
+    gradients = pullback(invariants=weights)
+    found = sum(np.sum(gradients[name] * direction) for name, direction in directions.items())
+    wanted = 0.0
+    for count, weight in WEIGHTS.items():
+        for step in (count * SIZE, -count * SIZE):
+            at = t[0] + step * directions["t0"], t[1] + step * directions["t1"]
+            own, params = moved(system, at[0], start, directions, step)
+            values = lv.integrate(system, method, t=at, params=params, **run, **own).invariants
+            part = sum(x @ values[name] for name, x in weights.items())
+            wanted += np.sign(step) * weight / SIZE * part
+    assert abs(found - wanted) < 1e-9 * abs(wanted)
 
 
 def test_recorded_steps_have_the_gradients_of_repeated_ones(monkeypatch):

@@ -20,7 +20,7 @@ from liouville.integrate import integrate
 from liouville.methods import Method
 from liouville.progress import Progress
 from liouville.runners import Request, check_system, runner_of
-from liouville.runners.adjoint import EVENTS, Adjoint, Gradients
+from liouville.runners.adjoint import EVENTS, INVARIANTS, Adjoint, Gradients
 from liouville.runners.execute import execute, finished
 from liouville.runners.tangents import ENDS, PARAMS
 from liouville.solution import Solution
@@ -41,7 +41,8 @@ class Pullback:
     It is called with cotangents by the names of the states, ``q``, ``v`` and ``lam`` of a
     Lagrangian: the derivatives of some scalar by these arrays of the solution, of the same shapes.
     It returns the derivatives of that scalar by everything in `wrt`. Those by times of events and
-    by the states there are ``events={"name": {"t": ..., "q": ...}}``.
+    by the states there are ``events={"name": {"t": ..., "q": ...}}``, those by invariants of a
+    mechanical or semi-explicit system ``invariants={"energy": ...}``.
 
     Cotangents of an ensemble have the member as their second axis, as its solution has, and its
     gradients have it as their first. Those of events are rows as in ``solution.events``, of one
@@ -79,14 +80,15 @@ class Pullback:
     @property
     def states(self) -> tuple[str, ...]:
         """The states that have cotangents."""
-        return tuple(name for name in self._shapes if not name.startswith(EVENTS))
+        others = EVENTS, INVARIANTS
+        return tuple(name for name in self._shapes if not name.startswith(others))
 
     def __repr__(self) -> str:
         """Name what it takes and what it gives."""
         return f"<Pullback of {', '.join(self._shapes)} to {', '.join(self.wrt)}>"
 
     def __call__(self, **cotangents: Any) -> Gradients:
-        """Pull cotangents of the states back, and of events; see :class:`Pullback`.
+        """Pull cotangents of states, events and invariants back; see :class:`Pullback`.
 
         Raises
         ------
@@ -101,7 +103,13 @@ class Pullback:
             hint = 'write events={"name": {"t": ...}}'
             raise TypeError(hinted("cotangents of events are mappings of their states", hint))
         of_events = {f"{EVENTS}{e}.{x}": y for e, own in events.items() for x, y in own.items()}
-        return self.adjoint.pulled(self._solution, self._checked(cotangents | of_events))
+        invariants = cotangents.pop("invariants", {})
+        if not isinstance(invariants, Mapping):
+            hint = 'write invariants={"energy": ...}'
+            raise TypeError(hinted("cotangents of invariants are a mapping of their names", hint))
+        of_invariants = {f"{INVARIANTS}{name}": x for name, x in invariants.items()}
+        named = cotangents | of_events | of_invariants
+        return self.adjoint.pulled(self._solution, self._checked(named))
 
     def _checked(self, cotangents: Mapping[str, ArrayLike]) -> dict[str, np.ndarray]:
         """Return cotangents of all states, zero where none is given."""
@@ -115,7 +123,10 @@ class Pullback:
         is_complex, parts = self.adjoint.is_complex, {}
         kinds, kind = ("iufc", "complex") if is_complex else ("iuf", "real")
         for name, shape in self._shapes.items():
-            value = np.asarray(cotangents[name]) if name in cotangents else np.zeros(shape)
+            try:
+                value = np.asarray(cotangents[name]) if name in cotangents else np.zeros(shape)
+            except ValueError:  # of rows of several lengths
+                value = np.empty(0, dtype=object)
             if value.dtype.kind not in kinds:
                 raise TypeError(f"the cotangent of '{name}' is an array of {kind} numbers")
             if value.shape != shape:

@@ -12,8 +12,8 @@ from liouville.runners.execute import Checkpoints
 from liouville.runners.runner import Runner
 from liouville.solution import Solution
 
-#: The prefix of cotangents of events, among those of states.
-EVENTS = "events."
+#: The prefixes of cotangents of events and of invariants, among those of states.
+EVENTS, INVARIANTS = "events.", "invariants."
 
 #: Gradients by name, each of the shape of what it is by.
 Gradients = dict[str, Any]

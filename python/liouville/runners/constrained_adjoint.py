@@ -11,7 +11,7 @@ import numpy as np
 
 from liouville.errors import IntegrationError, hinted
 from liouville.events import AFTER
-from liouville.runners.adjoint import EVENTS, Adjoint, Gradients
+from liouville.runners.adjoint import EVENTS, INVARIANTS, Adjoint, Gradients
 from liouville.runners.execute import Checkpoints, execute, finished
 from liouville.runners.runner import Request
 from liouville.runners.tangents import PARAMS, check_wrt, gradients_of, shapes_of
@@ -44,6 +44,11 @@ class ConstrainedAdjoint(Adjoint):
         if runner.multipliers != len(runner.constraints) and not runner.shares_multipliers:
             names = names[:2]
         found = {name: solution.states[name].shape for name in names}
+        # imported here: few runs are differentiated
+        from liouville.systems._invariants import traced_names
+
+        for name in traced_names(runner.system):
+            found[f"{INVARIANTS}{name}"] = solution.invariants[name].shape
         for event, points in solution.events.items():
             found[f"{EVENTS}{event}.t"] = points.t.shape
             alike = names if runner.multipliers == len(runner.constraints) else names[:2]
@@ -63,6 +68,10 @@ class ConstrainedAdjoint(Adjoint):
         longer, more = 0.0, np.zeros(0)
         if runner.shares_multipliers:
             rows, more, longer = runner.pulled_multipliers(solution, rows)
+        by_point, of_ends, stretched = self._of_invariants(solution, cotangents)
+        n = rows.shape[1] - runner.multipliers
+        rows[:, :n] += by_point
+        more, longer = more + of_ends if more.size else of_ends, longer + stretched
         recorder, recorded = checkpoints.recorded()
         core = recorder or runner.pullback()
         assert not isinstance(core, dict), "a run that has begun"
@@ -89,6 +98,27 @@ class ConstrainedAdjoint(Adjoint):
             of_tau = of_tau + more
         moved = runner.pulled_start((of_y, of_z, of_tau))
         return gradients_of(runner.system, runner.steps, moved, stretch + longer, self.wrt)
+
+    def _of_invariants(
+        self, solution: Solution, cotangents: Mapping[str, np.ndarray]
+    ) -> tuple[np.ndarray, np.ndarray, float]:
+        """Return cotangents of y and z, of time and parameters, and of the stretch of the steps."""
+        runner, none = self.runner, np.zeros(len(solution.t))
+        given = [cotangents.get(f"{INVARIANTS}{x}", none) for x in solution.invariants]
+        first, second = (solution.states[x] for x in runner.system.states[:2])
+        by_point, wide = np.zeros((len(first), first.shape[1] + second.shape[1])), 1
+        if not any(x.any() for x in given):
+            return by_point, np.zeros(wide + runner._values.size), 0.0
+        # imported here: few runs are differentiated
+        from liouville.systems._invariants import pulled_invariants
+
+        points, weights = (solution.t, first, second), np.stack(given, axis=1)
+        found = pulled_invariants(runner.system, points, runner._values, weights)
+        if runner.times is not None:
+            found[:, 0] = 0.0  # times that are held
+        of_t, by_point, of_params = np.split(found, [wide, wide + by_point.shape[1]], axis=1)
+        tau = np.concatenate([of_t.sum(axis=0), of_params.sum(axis=0)])
+        return by_point, tau, float(of_t[:, 0] @ (solution.t - runner.steps.t0))
 
     def _last(
         self, solution: Solution, cotangents: Mapping[str, np.ndarray], kept: np.ndarray

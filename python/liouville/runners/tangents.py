@@ -282,7 +282,7 @@ def check_names(wrt: Any, places: Mapping[str, Place], first: str) -> tuple[str,
         hint = f'write wrt=["{first}", "params.name"]'
         raise TypeError(hinted(f"wrt is a sequence of names, not {wrt!r}", hint))
     for name in wrt:
-        if name not in places:
+        if not isinstance(name, str) or name not in places:
             raise ValueError(_unknown(name, places))
     return tuple(wrt)
 
