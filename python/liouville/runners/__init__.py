@@ -98,6 +98,8 @@ def check_system(system: Any) -> None:
 
 def _check_method(method: Any) -> None:
     """Refuse a class of methods, or its name, where one of them is wanted."""
+    if isinstance(method, Method):
+        return
     classes = [*METHODS.values(), Composition]
     named = next((cls for cls in classes if method in (cls, cls.__name__)), None)
     if named is not None:

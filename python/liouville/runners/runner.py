@@ -192,14 +192,16 @@ class Runner(ABC):
         return "; ".join(filter(None, [said, self.outweighed(self.largest(rows))]))
 
     def largest(self, rows: np.ndarray) -> float:
-        """Return the largest coordinate of records, 0 where none is asked for."""
-        width = self.columns.get(self.system.states[0], 0) if self._is_atol_default else 0
+        """Return the largest coordinate of records, 0 where they have none or none is asked for."""
+        if self.steps.asked is None or not self._is_atol_default:
+            return 0.0
+        width = self.columns.get(self.system.states[0], 0)
         return float(np.fmax.reduce(np.abs(rows[..., :width]), axis=None, initial=0.0))
 
     def outweighed(self, largest: float) -> str:
         """Return a sentence on a tolerance by default that is too large for all coordinates."""
         control = self.steps.asked
-        if control is None or control[0] == "reversible" or not self._is_atol_default:
+        if control is None or control[0] == "reversible" or not largest:
             return ""
         _, rtol, atol, *_ = control
         if not 0 < rtol * largest < atol[0]:

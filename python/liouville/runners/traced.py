@@ -92,13 +92,13 @@ class TracedRunner(Runner):
 
     def _half_turns(self, t: np.ndarray, rows: np.ndarray) -> str:
         """Say where the first spring of a ball joint changes sides, if steps do not end there."""
-        n = len(self.system.coordinates)
-        if self._sees_switches or not self._states or not np.isfinite(t).all():
+        tapes, n = self.system.switch_tapes, len(self.system.coordinates)
+        springs = [name for name in tapes if name.startswith(HALF_TURN)]
+        if not springs or self._sees_switches or not self._states or not np.isfinite(t).all():
             return ""
         found, each = [], np.moveaxis(rows.reshape(len(t), -1, rows.shape[-1])[..., :n], 1, 0)
-        for name, tape in self.system.switch_tapes.items():
-            if not name.startswith(HALF_TURN):
-                continue
+        for name in springs:
+            tape = tapes[name]
             others = [np.zeros((len(t), size)) for size in tape.inputs[2:-1]]
             for k, y in enumerate(each):
                 params = np.atleast_2d(self._each_values)

@@ -141,10 +141,10 @@ def numbers(value: Any) -> np.ndarray | None:
     if isinstance(value, np.ma.MaskedArray) and np.ma.is_masked(value):
         return None  # what is masked is no number
     try:
-        array = np.asarray(value)
+        array = np.array(value)
     except (TypeError, ValueError):  # symbols, or rows of different lengths
         return None
-    return array.astype(float) if array.dtype.kind in "iuf" else None
+    return array.astype(float, copy=False) if array.dtype.kind in "iuf" else None
 
 
 def vector(name: str, value: Any, places: tuple[str, ...]) -> np.ndarray:
