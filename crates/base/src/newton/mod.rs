@@ -90,7 +90,7 @@ pub trait Equations<R: Real = f64> {
 const LARGE_CORRECTION: f64 = 0.1;
 /// Coordinates further from uniform motion than this fraction of the yardstick may be on another branch.
 const LARGE_DEVIATION: f64 = 0.5;
-/// A single ratio of corrections is not sufficient where the first correction is larger than this.
+/// A single ratio of corrections is not sufficient where the first correction is larger than this: another follows.
 const DOUBTFUL: f64 = 1e-3;
 /// Corrections below this are small enough for the residual to be checked, and for the floor to be measured.
 const SMALL_CORRECTION: f64 = 1e-6;
@@ -192,17 +192,16 @@ pub fn solve(equations: &mut impl Equations, most: usize) -> Result<Solved, Step
         path.add(equations, size, iterations);
         let verdict = progress.judge(size, iterations, most);
         let failed = StepError::NotConverged { iterations, size };
-        let is_converged = if verdict == CONVERGED {
-            path.is_doubtful(iterations) == 0.0 || equations.is_residual_roundoff()?
-        } else if verdict == FAILED {
-            iterations < most
-                && is_at_floor(equations, size)?
-                && equations.is_residual_roundoff()?
-        } else {
+        if verdict == ACTIVE || (verdict == CONVERGED && path.is_doubtful(iterations) != 0.0) {
             continue;
-        };
-        if !is_converged {
-            return Err(failed);
+        }
+        if verdict == FAILED {
+            let is_solved = iterations < most
+                && is_at_floor(equations, size)?
+                && equations.is_residual_roundoff()?;
+            if !is_solved {
+                return Err(failed);
+            }
         }
         let is_near = path.is_near() != 0.0;
         return Ok(Solved {
@@ -307,11 +306,12 @@ pub fn solve_each<R: Real>(
         let mut done = R::splat(0.0);
         for (member, stands) in members.iter_mut().enumerate() {
             let (verdict, size) = (verdicts.member(member), sizes.member(member));
-            if *stands != Member::Active || verdict == ACTIVE {
+            let is_open =
+                verdict == ACTIVE || (verdict == CONVERGED && is_doubtful.member(member) != 0.0);
+            if *stands != Member::Active || is_open {
                 continue;
             }
-            let is_trusted = is_near.member(member) != 0.0 && is_doubtful.member(member) == 0.0;
-            *stands = if verdict == CONVERGED && is_trusted {
+            *stands = if verdict == CONVERGED && is_near.member(member) != 0.0 {
                 done.set_member(member, 1.0);
                 Member::Converged(iterations)
             } else {

@@ -4,8 +4,8 @@ use liouville_base::cancel::{self, CancelToken};
 use liouville_base::error::{Quantity, StepError};
 use liouville_base::linalg::Matrix;
 use liouville_base::newton::{
-    Attempts, Backoff, BranchAttempts, Broyden, Continuation, Equations, Slot, Solved, Start, Stop,
-    attempt, solve_full,
+    Attempts, Backoff, BranchAttempts, Broyden, Continuation, Equations, Member, Slot, Solved,
+    Start, Stop, attempt, solve_each, solve_full,
 };
 
 /// Corrects with one matrix, and counts.
@@ -294,16 +294,25 @@ fn what_is_far_from_its_start_is_not_near() {
 }
 
 #[test]
-fn one_ratio_is_believed_only_with_a_residual() {
-    for (first, is_solved, is_believed) in [
-        (0.05, true, true),
-        (0.05, false, false),
-        (1e-4, false, true),
+fn one_ratio_is_believed_after_small_corrections_only() {
+    for (sizes, made) in [
+        (&[0.05, 1e-20, 1e-20][..], Some(3)),
+        (&[1e-4, 1e-20, 1e-20], Some(2)),
+        (&[0.05, 1e-14, 0.05, 1.0, 2.0, 4.0], None),
     ] {
-        let sizes = [first, 1e-20];
-        let mut equations = Watched::new(&sizes);
-        equations.is_solved = is_solved;
-        assert_eq!(equations.outcome().is_ok(), is_believed, "{first}");
+        let outcome = Watched::new(sizes).outcome();
+        assert_eq!(
+            outcome.ok().map(|solved| solved.iterations),
+            made,
+            "{sizes:?}"
+        );
+        let mut members = [Member::Active];
+        let each = solve_each(&mut Watched::new(sizes), sizes.len(), &mut members);
+        let iterations = match members {
+            [Member::Converged(iterations)] => Some(iterations),
+            _ => None,
+        };
+        assert_eq!((each.is_ok(), iterations), (true, made), "{sizes:?}");
     }
 }
 
