@@ -363,9 +363,10 @@ def test_controlled_steps_end_at_the_switches_of_a_system():
     # each is the end of a step
     crossed = np.abs(seeing.v[:, 0, None] / width - np.array([-8, -3, -1, 1, 3, 8])).min(axis=0)
     assert crossed.max() < 1e-10
-    np.testing.assert_array_equal(
+    np.testing.assert_allclose(
         lv.integrate(block(switches=edges), lv.Spark(3), rtol=1e-6, t_eval=[1.2, 4.1], **call).q,
         seeing([1.2, 4.1]).q,
+        rtol=1e-14,
     )
     equal = [
         lv.integrate(block(**more), lv.Spark(3), h=0.1, **call)

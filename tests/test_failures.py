@@ -65,9 +65,9 @@ FAILURES = [
         sliding(lambda t, q, v, params: [0, 0, ca.log(q[0])]),
         TOWARDS_0,
         {},
-        63,
+        None,  # at 0 or a rounding beside it
         "z",
-        "force of coordinate 'z' is not finite at t = 1\n",
+        r"force of coordinate 'z' is not finite at t = 1(\.00\d+)?\n",
     ),
     (
         "a root in the potential",

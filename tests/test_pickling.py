@@ -305,7 +305,7 @@ def test_pickles_are_small(system, most):
 def test_a_broken_tape_is_refused():
     t = ca.SX.sym("t")
     whole = tape.record("x", {"t": t, "params": ca.SX(0, 1)}, ca.sin(t) + 0.5)
-    unpacked, (inputs, outputs, program, _) = whole.__reduce__()
+    unpacked, (inputs, outputs, program, *_) = whole.__reduce__()
     assert unpacked(inputs, outputs, program).map(np.empty(0), [np.zeros((1, 1))])[0, 0] == 0.5
     for k in range(len(program)):
         with pytest.raises(ValueError, match=r"tape|output|slot"):

@@ -6,6 +6,7 @@ use super::{CONSTRAINTS, COORDINATES, LAM, Small, Z};
 use liouville_base::compensated::Compensated;
 use liouville_base::linalg::{add_compensated, sum_compensated};
 use liouville_base::newton;
+use liouville_base::real::Real;
 use liouville_base::simd::dispatch_simd;
 use liouville_problem::{Model, State, Step};
 
@@ -61,6 +62,9 @@ impl<L: Layout> End<L> {
     }
 }
 
+/// What residuals imply below the last bit of V is at most this part of the speed of the coordinates.
+const LAST_BITS: f64 = 64.0 * f64::EPSILON;
+
 impl<L: Layout> Small<L> {
     /// (U1)–(U3) at the last iterate; `None` where that is not finite.
     pub(super) fn finish(
@@ -100,6 +104,7 @@ impl<L: Layout> Small<L> {
             y_low, p_low, z, ..
         } = step.state;
         let end = &mut self.end;
+        let last_bits = (self.speed * L::splat(LAST_BITS)).every();
         for q in 0..n {
             (end.y_low[q], end.p_low[q]) = (y_low[q], p_low[q]);
             (end.y_lost[q], end.p_lost[q]) = (L::splat(0.0), L::splat(0.0));
@@ -109,7 +114,13 @@ impl<L: Layout> Small<L> {
                 let b = L::factor(&self.weights[0], row);
                 let mut moved = self.moved[q].as_ref()[row];
                 if loses {
-                    moved -= self.velocity[q].as_ref()[row] * b;
+                    // more than that is roundoff as a stiff force sees it, and no part of V
+                    let lost = self.velocity[q].as_ref()[row].zip(
+                        last_bits,
+                        #[inline(always)]
+                        |lost, most| if lost.abs() <= most { lost } else { 0.0 },
+                    );
+                    moved -= lost * b;
                 }
                 let start = self.start_of_iteration.z[q].as_ref()[row] * b;
                 let sum = Compensated::sum(start, moved);

@@ -260,9 +260,12 @@ impl CompensatedProgram {
     }
 }
 
+/// An operation on a value and the number of a column, or on two values.
+type Exact = fn(&[Column], f64, f64) -> f64;
+
 /// Operations of tables, whose values are exact. Neighbouring pieces have the same value where they meet: low parts do
 /// not choose between them.
-fn exact(op: Op) -> Option<fn(&[Column], f64, f64) -> f64> {
+fn exact(op: Op) -> Option<Exact> {
     Some(match op {
         Op::Search => |columns, x, column| search(columns, column, x),
         Op::Entry => |columns, place, column| entry(columns, column, place),
