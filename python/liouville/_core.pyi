@@ -44,6 +44,7 @@ __all__ = [
     "processor_degree",
     "project",
     "project_linear",
+    "pullback",
     "run",
     "run_each",
     "spark_tableau",

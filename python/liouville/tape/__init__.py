@@ -13,7 +13,8 @@ import numpy as np
 from liouville import _casadi as ca
 from liouville._core import OPERATIONS, Column, Tape
 from liouville.errors import hinted
-from liouville.tape.lookups import LOOKUP, Lookup, column_of, numbers_of
+from liouville.tape.lookups import LOOKUP, column_of, numbers_of
+from liouville.tape.lookups import Lookup as Lookup
 
 _INPUT, _CONSTANT, _OUTPUT = -1, -2, -3
 
@@ -246,7 +247,7 @@ def _constants_of(function: ca.Function, codes: np.ndarray) -> np.ndarray:
 def _called(function: ca.Function, codes: np.ndarray) -> dict[int, ca.Function]:
     """Return the functions that instructions with these codes call."""
     at = np.flatnonzero(codes == ca.OP_CALL).tolist()
-    nodes = function.instructions_sx().nz if at else []
+    nodes: Any = function.instructions_sx().nz if at else []
     return {k: nodes[k].which_function() for k in at}
 
 
@@ -263,7 +264,8 @@ def _with_columns(
         held = [column_of(column) for column in numbers_of(lookup)]
         slots[lines[at, 1]] = [first + columns.setdefault(x, len(columns)) for x in held]
         lines[at, 3] = slots[lines[at, 1]][0]
-    for at in np.flatnonzero((lines[:, 0] == floor) & np.isin(lines[:, 2], [*slots])):
+    is_looked_up = (lines[:, 0] == floor) & np.isin(lines[:, 2], [*slots])
+    for at in np.flatnonzero(is_looked_up).tolist():
         lines[at, 0], lines[at, 3] = entry, slots[lines[at, 2]][1]
     numbers = np.zeros((len(columns), 4), dtype=np.int64)
     numbers[:, 0], numbers[:, 1] = _CONSTANT, first + np.arange(len(columns))

@@ -6,6 +6,7 @@ import hashlib
 import weakref
 from collections.abc import Callable
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -32,7 +33,7 @@ class Lookup(str):
     @classmethod
     def of(cls, function: ca.Function) -> Lookup:
         """Name a function by its numbers."""
-        digests = (hashlib.blake2b(x, digest_size=4).hexdigest() for x in numbers_of(function))
+        digests = (hashlib.blake2b(x.data, digest_size=4).hexdigest() for x in numbers_of(function))
         found = cls("_".join((LOOKUP, *digests)))
         found.function = function
         return found
@@ -54,13 +55,14 @@ def lookups(starts: np.ndarray, *columns: np.ndarray) -> list[Callable[[ca.SX], 
     """
     x = ca.MX.sym("x")
     piece = ca.low(ca.MX(ca.DM([-np.inf, *starts, np.inf])), x)
-    constant = {"never_inline": True, "is_diff_in": [False], "is_diff_out": [False]}
-    found = []
+    constant: Any = {"never_inline": True, "is_diff_in": [False], "is_diff_out": [False]}
+    found = list[Callable[[ca.SX], ca.SX]]()
     for column in columns:
         exponents = np.frexp(column[column != 0])[1]
         shift = np.clip(53 - exponents.min(initial=53), 0, 1022 - exponents.max(initial=0))
         whole = np.rint(np.ldexp(column, shift))
-        function = ca.Function(LOOKUP, [x], [ca.MX(ca.DM(whole))[piece]], constant)
+        value: Any = ca.MX(ca.DM(whole))[piece]
+        function = ca.Function(LOOKUP, [x], [value], constant)
         found.append(partial(_looked_up, function, float(np.ldexp(1.0, -shift))))
     return found
 
@@ -81,7 +83,7 @@ def numbers_of(lookup: ca.Function) -> tuple[np.ndarray, np.ndarray]:
 
 def column_of(column: np.ndarray) -> Column:
     """Return the column as the core holds it, the same for the same numbers."""
-    digest = hashlib.blake2b(column).digest()
+    digest = hashlib.blake2b(column.data).digest()
     found = _COLUMNS.get(digest)
     if found is None:
         found = _COLUMNS[digest] = Column(column)
