@@ -5,7 +5,7 @@ use liouville_base::at_nodes;
 use liouville_base::linalg::choice::SPARSE_NODE_SCHUR;
 use liouville_base::linalg::{Matrix, Singular};
 use liouville_base::real::Real;
-use liouville_base::simd::dispatch_simd;
+use liouville_base::simd::dispatch_simd_long;
 use liouville_problem::{Mass, Mechanical, SparseSchur};
 
 /// `g_y` at the nodes 1..k, `r_λ` at the nodes 0..k−1, and the Schur complement between them.
@@ -64,9 +64,9 @@ impl<R: Real> SparseNodeSchur<R> {
         d_z: &mut Matrix<R>,
     ) {
         at_nodes!(R, self.nodes, (K, k) => {
-            dispatch_simd::<R, _>(#[inline(always)] || self.apply_g::<K>(k, a_bar, u, g, h));
+            dispatch_simd_long::<R, _>(u.cols(), #[inline(always)] || self.apply_g::<K>(k, a_bar, u, g, h));
             self.schur.solve(&mut self.multipliers);
-            dispatch_simd::<R, _>(#[inline(always)] || {
+            dispatch_simd_long::<R, _>(u.cols(), #[inline(always)] || {
                 self.apply_r::<K>(k, a_hat, residual, d_z);
                 let m = self.multipliers.len() / k;
                 for (l, d_lam) in d_lam.chunks_exact_mut(m).enumerate() {
@@ -148,7 +148,7 @@ impl<R: Real> SparseNodeSchur<R> {
         moves: &mut Matrix<R>,
     ) {
         let m = nu.len() / self.nodes;
-        at_nodes!(R, self.nodes, (K, k) => dispatch_simd::<R, _>(#[inline(always)] || {
+        at_nodes!(R, self.nodes, (K, k) => dispatch_simd_long::<R, _>(d_z.cols(), #[inline(always)] || {
             let (multipliers, vectors) = (&mut self.multipliers[..], &mut self.vectors[..]);
             for (l, nu) in nu.chunks_exact(m).enumerate() {
                 for (out, nu) in multipliers.chunks_exact_mut(k).zip(nu) {

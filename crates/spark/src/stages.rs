@@ -6,7 +6,7 @@ use liouville_base::error::{Quantity, StepError};
 use liouville_base::linalg::{Matrix, all_finite, combine, copy, copy_scaled, sum_compensated};
 use liouville_base::newton::Stop;
 use liouville_base::real::Real;
-use liouville_base::simd::{dispatch_simd, dispatch_simd_nested};
+use liouville_base::simd::dispatch_simd_long;
 use liouville_base::tableau;
 use liouville_base::tape::CompensatedTape;
 use liouville_problem::{Mechanical, Model, State, Step, Times, finite, finite_k};
@@ -182,11 +182,12 @@ impl<R: Real> Stages<R> {
         model: &mut Model<R>,
         step: Step<R>,
     ) -> Result<(), StepError> {
-        self.evaluate_values(model, step, self.tableau.intervals);
-        self.compensate(step);
-        let is_finite = dispatch_simd::<R, _>(
+        let is_finite = dispatch_simd_long::<R, _>(
+            self.y.cols(),
             #[inline(always)]
             || {
+                self.evaluate_each(model, step, self.tableau.intervals);
+                self.compensate(step);
                 self.subtract_impulses(step);
                 all_finite(self.momentum_residual.flat())
                     && (model.problem.patterns.v_z.is_none()
@@ -205,7 +206,8 @@ impl<R: Real> Stages<R> {
     /// Evaluates the model at the current unknowns: points, forces, and constraints and reactions up
     /// to the node `last`.
     pub(super) fn evaluate_values(&mut self, model: &mut Model<R>, step: Step<R>, last: usize) {
-        dispatch_simd::<R, _>(
+        dispatch_simd_long::<R, _>(
+            self.y.cols(),
             #[inline(always)]
             || self.evaluate_each(model, step, last),
         );
@@ -222,17 +224,11 @@ impl<R: Real> Stages<R> {
             let (residual, impulse) = (&mut self.velocity_residual, &mut self.impulses);
             let (unknown, weight) = (&self.unknowns.v, step.h * self.tableau.b[i]);
             copy(self.p.row_mut(i), p);
-            dispatch_simd_nested::<R, _>(
-                p.len(),
-                #[inline(always)]
-                || {
-                    copy_scaled(impulse.row_mut(i), weight, f);
-                    let both = unknown.row(i).iter().zip(v);
-                    for (out, (unknown, v)) in residual.row_mut(i).iter_mut().zip(both) {
-                        *out = *unknown - *v;
-                    }
-                },
-            );
+            copy_scaled(impulse.row_mut(i), weight, f);
+            let both = unknown.row(i).iter().zip(v);
+            for (out, (unknown, v)) in residual.row_mut(i).iter_mut().zip(both) {
+                *out = *unknown - *v;
+            }
         }
         self.evaluations += s;
         if self.k.cols() > 0 {
@@ -246,11 +242,7 @@ impl<R: Real> Stages<R> {
                 copy(self.g.row_mut(j), g);
                 let impulse = self.impulses.row_mut(s + j);
                 let weight = step.h * self.tableau.b_hat[j];
-                dispatch_simd_nested::<R, _>(
-                    r.len(),
-                    #[inline(always)]
-                    || copy_scaled(impulse, weight, r),
-                );
+                copy_scaled(impulse, weight, r);
             }
         }
     }
@@ -285,75 +277,62 @@ impl<R: Real> Stages<R> {
     /// Y_i = y0 + Σ μᵛ_ij (h b_j V_j) and Ŷ_i = y0 + Σ μ̄_ij (h b_j V_j), the low part of y0 first.
     #[inline(always)]
     fn move_points(&mut self, step: Step<R>) {
-        dispatch_simd_nested::<R, _>(
-            self.y.cols(),
+        for (j, b) in self.tableau.b.iter().enumerate() {
+            copy_scaled(
+                self.displacements.row_mut(j),
+                step.h * b,
+                self.unknowns.v.row(j),
+            );
+        }
+        let State { y, y_low, .. } = step.state;
+        combine(
+            self.y.flat_mut(),
+            &self.tableau.mu_v,
+            &self.displacements,
             #[inline(always)]
-            || {
-                for (j, b) in self.tableau.b.iter().enumerate() {
-                    copy_scaled(
-                        self.displacements.row_mut(j),
-                        step.h * b,
-                        self.unknowns.v.row(j),
-                    );
-                }
-                let State { y, y_low, .. } = step.state;
-                combine(
-                    self.y.flat_mut(),
-                    &self.tableau.mu_v,
-                    &self.displacements,
-                    #[inline(always)]
-                    |_, k, sums| {
-                        let at = k..k + sums.len();
-                        let given = y[at.clone()].iter().zip(&y_low[at]);
-                        for (sum, (y, low)) in sums.iter_mut().zip(given) {
-                            *sum = *y + (*low + *sum);
-                        }
-                    },
-                );
-                combine(
-                    self.node_low.flat_mut(),
-                    &self.tableau.mu_bar,
-                    &self.displacements,
-                    #[inline(always)]
-                    |_, k, sums| {
-                        for (sum, low) in sums.iter_mut().zip(&y_low[k..]) {
-                            *sum = *low + *sum;
-                        }
-                    },
-                );
-                let n = y.len().max(1);
-                let rows = self.node_low.flat_mut().chunks_exact_mut(n);
-                for (node, low) in self.node_y.flat_mut().chunks_exact_mut(n).zip(rows) {
-                    sum_compensated(y, low, node);
+            |_, k, sums| {
+                let at = k..k + sums.len();
+                let given = y[at.clone()].iter().zip(&y_low[at]);
+                for (sum, (y, low)) in sums.iter_mut().zip(given) {
+                    *sum = *y + (*low + *sum);
                 }
             },
         );
+        combine(
+            self.node_low.flat_mut(),
+            &self.tableau.mu_bar,
+            &self.displacements,
+            #[inline(always)]
+            |_, k, sums| {
+                for (sum, low) in sums.iter_mut().zip(&y_low[k..]) {
+                    *sum = *low + *sum;
+                }
+            },
+        );
+        let n = y.len().max(1);
+        let rows = self.node_low.flat_mut().chunks_exact_mut(n);
+        for (node, low) in self.node_y.flat_mut().chunks_exact_mut(n).zip(rows) {
+            sum_compensated(y, low, node);
+        }
     }
 
     /// P_i − p0 − Σ μᶠ_ij (h b_j F_j) − Σ_{j<k} μ̂_ij (h b̂_j R_j) − Σ μʳ_ij (h b_j R_j).
     #[inline(always)]
     pub(super) fn subtract_impulses(&mut self, step: Step<R>) {
-        let (stage_p, n) = (&self.p, self.impulses.cols());
+        let stage_p = &self.p;
         let out = self.momentum_residual.flat_mut();
-        dispatch_simd_nested::<R, _>(
-            n,
+        let State { p, p_low, .. } = step.state;
+        combine(
+            out,
+            &self.force_weights,
+            &self.impulses,
             #[inline(always)]
-            || {
-                let State { p, p_low, .. } = step.state;
-                combine(
-                    out,
-                    &self.force_weights,
-                    &self.impulses,
-                    #[inline(always)]
-                    |i, k, sums| {
-                        let at = k..k + sums.len();
-                        let given = stage_p.row(i)[at.clone()].iter().zip(&p[at.clone()]);
-                        for ((sum, (stage_p, p)), low) in sums.iter_mut().zip(given).zip(&p_low[at])
-                        {
-                            *sum = (*stage_p - *p) - (*low + *sum);
-                        }
-                    },
-                );
+            |i, k, sums| {
+                let at = k..k + sums.len();
+                let given = stage_p.row(i)[at.clone()].iter().zip(&p[at.clone()]);
+                for ((sum, (stage_p, p)), low) in sums.iter_mut().zip(given).zip(&p_low[at]) {
+                    *sum = (*stage_p - *p) - (*low + *sum);
+                }
             },
         );
     }

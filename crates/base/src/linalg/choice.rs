@@ -33,7 +33,7 @@ pub const MOST_NODES: usize = 8;
 /// Constraints from which a saddle's Schur complement is sparse, where most of `g_y` is zero.
 ///
 /// Measured on plane chains, sparse over dense: 0.97 of a step with 10 links, 0.9 with 16, 0.84 with 24.
-pub const SPARSE_SADDLE: usize = 12;
+pub const SPARSE_SADDLE: usize = 10;
 
 /// Constraints from which a saddle whose Schur complement is not sparse is solved as the KKT matrix.
 ///

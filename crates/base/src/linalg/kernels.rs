@@ -3,7 +3,6 @@
 
 use super::Matrix;
 use crate::real::Real;
-use crate::simd::{dispatch_simd_long, dispatch_simd_nested};
 use std::ops::Mul;
 
 /// `out += factor * x`
@@ -29,8 +28,8 @@ macro_rules! short {
 }
 pub(super) use short;
 
-/// Columns that are summed in registers.
-const BLOCK: usize = 32;
+/// Columns that are summed in registers at a time, where there are so many.
+const BLOCK: usize = 16;
 
 /// `out_ik = Σ_j weights_ij x_jk`, for as many rows as both `out` and `weights` have; then `finish(i, k, sums)`
 /// does what is left to do to some that follow one another.
@@ -39,7 +38,7 @@ pub fn combine<R: Real>(
     out: &mut [R],
     weights: &Matrix,
     x: &Matrix<R>,
-    finish: impl Fn(usize, usize, &mut [R]),
+    finish: impl Fn(usize, usize, &mut [R]) + Copy,
 ) {
     if R::IS_SINGLE {
         combine_alone(out, weights, x, finish);
@@ -47,16 +46,6 @@ pub fn combine<R: Real>(
         // a sum of several members is kept in registers as it is
         combine_members(out, weights, x, finish);
     }
-}
-
-#[inline(always)]
-fn combine_alone<R: Real>(
-    out: &mut [R],
-    weights: &Matrix,
-    x: &Matrix<R>,
-    finish: impl Fn(usize, usize, &mut [R]),
-) {
-    short!(x.cols(), N => combine_short::<R, N>(out, weights, x, finish), combine_long(out, weights, x, finish));
 }
 
 #[inline(always)]
@@ -80,24 +69,31 @@ fn combine_members<R: Real>(
     }
 }
 
+#[inline(always)]
+fn combine_alone<R: Real>(
+    out: &mut [R],
+    weights: &Matrix,
+    x: &Matrix<R>,
+    finish: impl Fn(usize, usize, &mut [R]) + Copy,
+) {
+    short!(
+        x.cols(),
+        N => combine_short::<R, N>(out, weights, x, finish),
+        combine_long(out, weights, x, finish)
+    );
+}
+
+/// Not inlined in each instruction set: a copy for each length would take the compiler a minute.
 #[inline]
 fn combine_short<R: Real, const N: usize>(
     out: &mut [R],
     weights: &Matrix,
     x: &Matrix<R>,
-    finish: impl Fn(usize, usize, &mut [R]),
+    finish: impl Fn(usize, usize, &mut [R]) + Copy,
 ) {
-    let (out, x) = (out.as_chunks_mut::<N>().0, x.flat().as_chunks::<N>().0);
     let rows = weights.flat().chunks_exact(weights.cols());
-    for (i, (out, weights)) in out.iter_mut().zip(rows).enumerate() {
-        let mut sum = [R::splat(0.0); N];
-        for (weight, x) in weights.iter().zip(x) {
-            for k in 0..N {
-                sum[k] += x[k] * *weight;
-            }
-        }
-        finish(i, 0, &mut sum);
-        *out = sum;
+    for ((i, out), weights) in out.chunks_exact_mut(N).enumerate().zip(rows) {
+        combine_blocks::<R, N>((i, 0), out, weights, x, finish);
     }
 }
 
@@ -106,30 +102,39 @@ fn combine_long<R: Real>(
     out: &mut [R],
     weights: &Matrix,
     x: &Matrix<R>,
-    finish: impl Fn(usize, usize, &mut [R]),
+    finish: impl Fn(usize, usize, &mut [R]) + Copy,
 ) {
-    let cols = x.cols();
     let rows = weights.flat().chunks_exact(weights.cols());
-    for (i, (out, weights)) in out.chunks_exact_mut(cols).zip(rows).enumerate() {
-        let (blocks, rest) = out.as_chunks_mut::<BLOCK>();
-        for (b, out) in blocks.iter_mut().enumerate() {
-            let mut sum = [R::splat(0.0); BLOCK];
-            for (j, weight) in weights.iter().enumerate() {
-                let x = &x.row(j).as_chunks::<BLOCK>().0[b];
-                for k in 0..BLOCK {
+    for ((i, out), weights) in out.chunks_exact_mut(x.cols()).enumerate().zip(rows) {
+        let first = combine_blocks::<R, BLOCK>((i, 0), out, weights, x, finish);
+        let first = combine_blocks::<R, 4>((i, first), out, weights, x, finish);
+        combine_blocks::<R, 1>((i, first), out, weights, x, finish);
+    }
+}
+
+/// As many blocks of columns as there are from this one on; returns the first column that is left.
+#[inline(always)]
+fn combine_blocks<R: Real, const SIZE: usize>(
+    (i, mut first): (usize, usize),
+    out: &mut [R],
+    weights: &[f64],
+    x: &Matrix<R>,
+    finish: impl Fn(usize, usize, &mut [R]),
+) -> usize {
+    for out in out[first..].as_chunks_mut::<SIZE>().0 {
+        let mut sum = [R::splat(0.0); SIZE];
+        for (j, weight) in weights.iter().enumerate() {
+            if let Some(x) = x.row(j)[first..].first_chunk::<SIZE>() {
+                for k in 0..SIZE {
                     sum[k] += x[k] * *weight;
                 }
             }
-            finish(i, b * BLOCK, &mut sum);
-            *out = sum;
         }
-        let first = cols - rest.len();
-        rest.fill(R::splat(0.0));
-        for (j, weight) in weights.iter().enumerate() {
-            add_scaled(rest, *weight, &x.row(j)[first..]);
-        }
-        finish(i, first, rest);
+        finish(i, first, &mut sum);
+        *out = sum;
+        first += SIZE;
     }
+    first
 }
 
 /// `out = x`
@@ -168,15 +173,9 @@ pub fn copy_scaled<R: Real + Mul<F, Output = R>, F: Copy>(out: &mut [R], factor:
 /// `x_i *= factors_i`
 #[inline(always)]
 pub fn scale_each<R: Real>(x: &mut [R], factors: &[R]) {
-    dispatch_simd_nested::<R, _>(
-        x.len(),
-        #[inline(always)]
-        || {
-            for (x, factor) in x.iter_mut().zip(factors) {
-                *x *= *factor;
-            }
-        },
-    );
+    for (x, factor) in x.iter_mut().zip(factors) {
+        *x *= *factor;
+    }
 }
 
 /// The largest difference of two vectors, in a unit, and where it is; the first NaN is larger than any.
@@ -199,7 +198,7 @@ pub fn furthest(a: &[f64], b: &[f64], unit: f64) -> (f64, usize) {
 #[inline(always)]
 pub fn max_norm<R: Real>(x: &[R]) -> R {
     if let Some(x) = R::alone(x) {
-        return R::splat(max_norm_alone(x));
+        return R::splat(largest(x));
     }
     let mut largest = R::splat(0.0);
     for x in x {
@@ -217,15 +216,6 @@ pub fn max_norm<R: Real>(x: &[R]) -> R {
 }
 
 const SIGN: u64 = 1 << 63;
-
-#[inline]
-fn max_norm_alone(x: &[f64]) -> f64 {
-    dispatch_simd_long::<f64, _>(
-        x.len(),
-        #[inline(always)]
-        || largest(x),
-    )
-}
 
 #[inline(always)]
 fn largest(x: &[f64]) -> f64 {
@@ -250,17 +240,11 @@ fn largest(x: &[f64]) -> f64 {
 #[inline(always)]
 pub fn all_finite<R: Real>(x: &[R]) -> bool {
     // without a way out, so that several are looked at in one instruction
-    dispatch_simd_nested::<R, _>(
-        x.len(),
-        #[inline(always)]
-        || {
-            let mut all = true;
-            for x in x {
-                all &= x.all(f64::is_finite);
-            }
-            all
-        },
-    )
+    let mut all = true;
+    for x in x {
+        all &= x.all(f64::is_finite);
+    }
+    all
 }
 
 /// The sums of [`combine`] as they are.

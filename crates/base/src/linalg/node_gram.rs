@@ -21,7 +21,7 @@ use super::node_block::{
 use super::product::Pairs;
 use super::{Matrix, Pattern, Singular, inverse};
 use crate::real::{BATCH, Lanes, Real};
-use crate::simd::dispatch_simd;
+use crate::simd::dispatch_simd_long;
 use std::sync::Arc;
 
 /// Runs `$body` with `$k` equal to `$nodes` and the constant `$K` no less: K itself for one member, so that loops over
@@ -34,7 +34,12 @@ macro_rules! at_nodes {
     (@ $R:ty, $nodes:expr, $K:ident, $k:ident, $body:expr, $($size:literal)*) => {
         if <$R as $crate::real::Scalar>::IS_SINGLE {
             match $nodes {
-                $($size => { const $K: usize = $size; let $k = $K; $body })*
+                $($size => {
+                    const $K: usize = $size;
+                    #[allow(non_upper_case_globals)] // a variable would be captured by closures, and read there
+                    const $k: usize = $K;
+                    $body
+                })*
                 more => unreachable!("{more} nodes"),
             }
         } else {
@@ -139,7 +144,7 @@ impl<R: Real> NodeGram<R> {
     /// When there are fewer values than entries.
     #[inline(never)]
     pub fn factor(&mut self, a: &[R], b: &[R]) -> Result<(), Singular> {
-        at_nodes!(R, self.nodes, (K, k) => dispatch_simd::<R, _>(#[inline(always)] || {
+        at_nodes!(R, self.nodes, (K, k) => dispatch_simd_long::<R, _>(k * k, #[inline(always)] || {
             self.multiply::<K>(k, a, b);
             self.eliminate::<K>(k)
         }))
@@ -150,7 +155,7 @@ impl<R: Real> NodeGram<R> {
     /// # Panics
     /// When `b` is too short.
     pub fn solve(&mut self, b: &mut [R]) {
-        at_nodes!(R, self.nodes, (K, k) => dispatch_simd::<R, _>(#[inline(always)] || {
+        at_nodes!(R, self.nodes, (K, k) => dispatch_simd_long::<R, _>(k * k, #[inline(always)] || {
             self.gather::<K>(k, b, true);
             self.substitute::<K, false>(k);
             self.scatter::<K>(k, b, false);
@@ -231,7 +236,7 @@ impl<R: Real> NodeGram<R> {
     /// # Panics
     /// When `b` is too short.
     pub fn solve_transposed(&mut self, b: &mut [R]) {
-        at_nodes!(R, self.nodes, (K, k) => dispatch_simd::<R, _>(#[inline(always)] || {
+        at_nodes!(R, self.nodes, (K, k) => dispatch_simd_long::<R, _>(k * k, #[inline(always)] || {
             self.gather::<K>(k, b, false);
             self.substitute::<K, true>(k);
             self.scatter::<K>(k, b, true);

@@ -114,9 +114,9 @@ pub fn dispatch_fused<O>(f: impl FnOnce() -> O) -> O {
     f()
 }
 
-/// Vectors of one member are long from here on. Measured on steps of plane chains, time with dispatch over time without:
-/// 1.0 with 20 coordinates, 0.87 with 32, 0.83 with 48.
-const LONG: usize = 32;
+/// Vectors of one member are long from here on. Measured on steps of Andrews' mechanism, with 7 coordinates: without wide
+/// registers 1.1 of the time.
+const LONG: usize = 5;
 
 /// [`dispatch_simd`], and for one member where vectors have such a `length` that they pay for the call.
 #[inline(always)]
@@ -125,16 +125,6 @@ pub fn dispatch_simd_long<R: Scalar, O>(length: usize, f: impl FnOnce() -> O) ->
         dispatch_if_long(length, f)
     } else {
         widest(f)
-    }
-}
-
-/// [`dispatch_simd_long`] inside a closure that is dispatched already where there are several members.
-#[inline(always)]
-pub fn dispatch_simd_nested<R: Scalar, O>(length: usize, f: impl FnOnce() -> O) -> O {
-    if R::IS_SINGLE {
-        dispatch_if_long(length, f)
-    } else {
-        f()
     }
 }
 
