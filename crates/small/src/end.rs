@@ -4,8 +4,8 @@
 use super::layout::Layout;
 use super::{CONSTRAINTS, COORDINATES, LAM, Small, Z};
 use liouville_base::compensated::Compensated;
-use liouville_base::linalg::{add_compensated, sum_compensated};
-use liouville_base::newton;
+use liouville_base::linalg::{add_compensated, max_norm, sum_compensated};
+use liouville_base::newton::{self, Projection, Stop};
 use liouville_base::real::Real;
 use liouville_base::simd::dispatch_simd;
 use liouville_problem::{Model, State, Step};
@@ -71,7 +71,7 @@ impl<L: Layout> Small<L> {
         &mut self,
         model: &mut Model<L>,
         step: Step<L>,
-        (loses, projections): (bool, usize),
+        (loses, stop): (bool, Stop),
     ) -> Option<()> {
         dispatch_simd::<L::Row, _>(
             #[inline(always)]
@@ -83,7 +83,7 @@ impl<L: Layout> Small<L> {
         dispatch_simd::<L, _>(
             #[inline(always)]
             || {
-                self.project(model, step, projections);
+                self.project(model, step, Projection::new(stop));
                 self.correct_end(model, step);
             },
         );
@@ -152,32 +152,36 @@ impl<L: Layout> Small<L> {
 
     /// Moves y1 onto the constraints at t1, along M⁻¹ r_λ.
     #[inline(always)]
-    fn project(&mut self, model: &mut Model<L>, step: Step<L>, corrections: usize) {
+    fn project(&mut self, model: &mut Model<L>, step: Step<L>, mut projection: Projection<L>) {
         let (n, m) = (
             self.problem.n.min(COORDINATES),
             self.problem.m.min(CONSTRAINTS),
         );
-        if m == 0 || corrections == 0 {
+        if m == 0 || !projection.is_wanted() {
             return;
         }
         let t = step.t + self.tables.c_hat.0[self.tables.intervals] * step.h;
         self.update_mass(model, t);
         let blocks = self.end_blocks(model, t);
         let end = &mut self.end;
-        for _ in 0..corrections {
+        while projection.is_wanted() {
             let [g, _] = model.node(t, &end.y[..n], &end.lam[..m]);
             let mut sides = [L::splat(0.0); CONSTRAINTS];
             for c in 0..m {
                 sides[c] = -g[c];
             }
             let impulses = solve_small(m, &blocks.s, sides);
+            let mut moved = [L::splat(0.0); COORDINATES];
             for q in 0..n {
-                let mut low = end.y_low[q];
                 for c in 0..m {
-                    low += blocks.mass_r[c][q] * impulses[c];
+                    moved[q] += blocks.mass_r[c][q] * impulses[c];
                 }
-                let sum = Compensated::sum(end.y[q], low);
-                (end.y[q], end.y_low[q]) = (sum.high, sum.low);
+            }
+            let taken = projection.take(max_norm(&moved[..n]), max_norm(&end.y[..n]));
+            for q in 0..n {
+                let sum = Compensated::sum(end.y[q], end.y_low[q] + moved[q]);
+                end.y[q] = taken.choose(sum.high, end.y[q]);
+                end.y_low[q] = taken.choose(sum.low, end.y_low[q]);
             }
         }
     }

@@ -246,7 +246,7 @@ impl<L: Layout> Small<L> {
             return None;
         }
         let loses = self.problem.patterns.p_y.is_empty() && stop.is_roundoff();
-        self.finish(model, step, (loses, stop.projections()))
+        self.finish(model, step, (loses, stop))
     }
 
     fn begin(&mut self, model: &mut Model<L>, from: StepStart<L>, step: Step<L>) -> Option<()> {

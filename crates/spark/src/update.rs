@@ -15,7 +15,7 @@ use liouville_base::error::{Quantity, StepError};
 use liouville_base::linalg::{
     add_compensated, add_scaled, copy, copy_scaled, max_norm, sum_compensated,
 };
-use liouville_base::newton::{self, Equations};
+use liouville_base::newton::{self, Equations, Projection};
 use liouville_base::real::Real;
 use liouville_base::simd::{dispatch_simd, dispatch_simd_long};
 use liouville_problem::{Model, Saddle, State, Step, finite, finite_k};
@@ -159,14 +159,14 @@ impl<R: Real> Update<R> {
         stages: &Stages<R>,
         t: f64,
     ) -> Result<(), StepError> {
-        let corrections = stages.stop.projections();
-        if corrections == 0 {
+        let mut projection = Projection::new(stages.stop);
+        if !projection.is_wanted() {
             return Ok(());
         }
         self.take_multipliers(stages);
         (self.saddle).update(model, t, &self.y, &self.z, &self.multipliers)?;
         let m = model.problem.m;
-        for _ in 0..corrections {
+        while projection.is_wanted() {
             let [g, _] = model.node(t, &self.y, &self.multipliers[..m]);
             finite(g, Quantity::Constraint, t)?;
             self.hidden.fill(R::splat(0.0));
@@ -176,11 +176,10 @@ impl<R: Real> Update<R> {
                 .solve(model, &mut self.momentum, &mut self.hidden);
             self.v.fill(R::splat(0.0));
             self.saddle.mass.add_velocity(&self.momentum, &mut self.v);
+            let taken = projection.take(max_norm(&self.v), max_norm(&self.y));
             for ((y, low), moved) in self.y.iter_mut().zip(&mut self.y_low).zip(&self.v) {
-                Compensated {
-                    high: *y,
-                    low: *low,
-                } = Compensated::sum(*y, *low + *moved);
+                let sum = Compensated::sum(*y, *low + *moved);
+                (*y, *low) = (taken.choose(sum.high, *y), taken.choose(sum.low, *low));
             }
         }
         Ok(())

@@ -8,6 +8,9 @@ const MANY_STEPS: f64 = 1e8;
 
 /// Errors left by corrections above this are larger than rounding errors.
 const NEAR: f64 = 1e-6;
+/// Corrections of a projection that fall more slowly are roundoff; so is what is below this part of a point.
+const SLOWEST: f64 = 0.5;
+const LAST_BIT: f64 = 0.25 * f64::EPSILON;
 /// No iteration to roundoff ends with a correction of this size, and roundings are far below it.
 const ROUGH: f64 = 1e-9;
 
@@ -75,15 +78,59 @@ impl Stop {
     pub fn is_roundoff(&self) -> bool {
         self.tolerance < f64::EPSILON
     }
+}
 
-    /// The number of corrections with one matrix that project y1 onto the constraints, each by a factor of about the
-    /// tolerance; it is the same for all members.
-    pub fn projections(&self) -> usize {
-        if self.is_roundoff() {
-            return 0;
+/// The corrections with one matrix that project a point onto constraints: each member takes them until the next one is
+/// expected below the last bit.
+#[derive(Clone, Copy, Debug)]
+pub struct Projection<R> {
+    /// 1 for members that take the next correction, else 0.
+    wanted: R,
+    /// The size of the last correction.
+    last: R,
+}
+
+impl<R: Real> Projection<R> {
+    /// The projection at the end of a step whose equations are solved so far; none where they are solved to roundoff.
+    pub fn new(stop: Stop) -> Self {
+        Self {
+            wanted: R::splat(f64::from(u8::from(!stop.is_roundoff()))),
+            last: R::splat(f64::INFINITY),
         }
-        let falls = (1..).take_while(|i| self.tolerance.powi(*i) > f64::EPSILON);
-        falls.count() + 1
+    }
+
+    /// Whether a member takes another correction.
+    #[inline(always)]
+    #[allow(clippy::inline_always)] // other functions are compiled without the caller's instruction set
+    pub fn is_wanted(&self) -> bool {
+        !self.wanted.all(
+            #[inline(always)]
+            |wanted| wanted == 0.0,
+        )
+    }
+
+    /// 1 for members that take a correction of this size, else 0; points are as large as `unit`.
+    #[inline(always)]
+    #[allow(clippy::inline_always)]
+    pub fn take(&mut self, size: R, unit: R) -> R {
+        let taken = self.wanted;
+        self.wanted = R::each(
+            [taken, size, self.last, unit],
+            #[inline(always)]
+            |[taken, size, last, unit]| {
+                // nothing is known of the rate at first
+                let rate = if last == f64::INFINITY {
+                    1.0
+                } else {
+                    size / last
+                };
+                let converges = last == f64::INFINITY || rate < SLOWEST;
+                let follows = converges && size * rate > LAST_BIT * unit;
+                if follows { taken } else { 0.0 }
+            },
+        );
+        self.last = size;
+        taken
     }
 }
 

@@ -55,10 +55,15 @@ impl Tape {
     ) -> Option<PointRegisters<P>> {
         self.plain()?;
         // asked for at once: aligned memory that grows is moved each time
-        let mut registers = Vec::with_capacity(one.len() * points);
-        for x in one {
-            registers.extend(std::iter::repeat_n(number(*x), points));
-        }
+        let registers = if points == 1 {
+            one.iter().map(|x| number(*x)).collect()
+        } else {
+            let mut registers = Vec::with_capacity(one.len() * points);
+            for x in one {
+                registers.extend(std::iter::repeat_n(number(*x), points));
+            }
+            registers
+        };
         Some(PointRegisters {
             registers,
             points,
