@@ -150,3 +150,33 @@ def test_controlled_steps_that_end_at_switches():
     run = {"rtol": 1e-10, "every": 10_000}
     check(system, lv.Spark(3), (0.0, 4.0), start, directions, **run)
     assert paired(system, lv.Spark(3), (0.0, 4.0), start, directions, **run) < 1e-12
+
+
+@pytest.mark.parametrize("terminal", ["x", "y", None])
+@pytest.mark.parametrize("seen", [0, 1])
+def test_pullbacks_of_all_resets_at_the_end_of_a_run(terminal, seen):
+    """In a corner, where one of them may end the run too, and with a plain event."""
+    square = lv.Lagrangian(
+        lambda t, q, v, params: ca.dot(v, v) / 2 - params.g * q[1] / 9,
+        q=("x", "y"), params={"a": 1.0, "g": 1.0},
+    )  # fmt: skip
+    end = 1.125
+    events = {
+        "x": lv.Event(
+            lambda t, q, v, lam, params: q[0] - params.a * end, "up",
+            reset=lv.Impact(0.5), terminal=terminal == "x",
+        ),
+        "y": lv.Event(
+            lambda t, q, v, lam, params: q[1] - end + params.g * end**2 / 18, "up",
+            reset=lambda t, q, v, lam, params: -params.a * v * (1 + t), terminal=terminal == "y",
+        ),
+        "seen": lv.Event(lambda t, q, v, lam, params: t + q[0] - 2 * end, terminal=seen),
+    }  # fmt: skip
+    directions = {"q": np.array([0.3, 0.7]), "v": np.array([0.2, -0.4])}
+    directions |= {"params.a": 1.0, "params.g": 0.5}
+    call = {"t": (0.0, end), "h": 0.125, "events": events}
+    start = {"q": np.zeros(2), "v": np.ones(2)}
+    run = lv.integrate(square, lv.Spark(2), **call, **start)
+    assert [len(points) for points in run.events.values()] == [1, 1, 1]
+    assert run.t[-1] == end
+    assert paired(square, lv.Spark(2), start=start, directions=directions, **call) < 1e-12

@@ -352,3 +352,105 @@ def test_members_that_an_event_ended_have_made_the_steps_of_runs_alone(t, every)
     ]
     assert [member.stats["steps"] for member in many] == alone
     assert many.stats["steps"] == max(alone) < 30
+
+
+FREE = lv.Lagrangian(lambda t, q, v, params: ca.dot(v, v) / 2, q=2)
+STEPS = {
+    "equal": (lv.Spark(2), {"h": 0.25}),
+    "uneven": (lv.Spark(2), {"h": 0.3}),
+    "rattle": (lv.LobattoPair(2), {"h": 0.25}),
+    "controlled": (lv.HHT(0.0), {"rtol": 1e-6}),
+    "reversible": (lv.Spark(2), {"h": 0.25, "control": lv.Reversible()}),
+    "given times": (lv.Spark(2), {"h": 0.25, "t_eval": lambda t: np.linspace(*t, 4)}),
+}
+
+
+def free(kind, t, events, q=(0.0, 0.0), v=(1.0, 1.0)):
+    method, more = STEPS[kind]
+    times = {"t_eval": more["t_eval"](t)} if "t_eval" in more else {}
+    return lv.integrate(FREE, method, t=t, q=q, v=v, events=events, **{**more, **times})
+
+
+@pytest.mark.parametrize("kind", STEPS)
+@pytest.mark.parametrize("way", [1, -1])
+def test_an_event_where_a_run_is_split_is_met_once(kind, way):
+    """A zero at the very end belongs to the run, one at the very start does not."""
+    at_one = lambda t, q, v, lam, params: q[0] - way  # noqa: E731
+    rising = {1: "up", -1: "down"}[way]
+    for direction, count in (("both", 1), (rising, 1), ({"up": "down", "down": "up"}[rising], 0)):
+        events = {"one": lv.Event(at_one, direction)}
+        first = free(kind, (0, way), events, v=(1.0, 1.0))
+        assert first.events["one"].t.tolist() == [way] * count
+        second = free(kind, (way, 2 * way), events, q=first.q[-1], v=first.v[-1])
+        assert len(second.events["one"]) == 0
+        ends = free(kind, (0, way), {"one": lv.Event(at_one, direction, terminal=True)})
+        assert ends.message.startswith(f"event 'one' at t = {way}") == bool(count)
+        assert ends.t[-1] == way
+
+
+def test_runs_that_are_split_at_their_events_have_those_of_the_whole():
+    events = {
+        "turning": spin,
+        "lowest": lambda t, q, v, lam, params: q[0],
+        "tension": lambda t, q, v, lam, params: lam[0] - 15,
+        "time": lambda t, q, v, lam, params: t - 4 + 0 * q[0],
+    }
+    whole = swing(lv.Spark(4), (0, 6), events)
+    cuts = np.unique([t for points in whole.events.values() for t in points.t])
+    found, start = {name: [] for name in events}, {}
+    for t0, t1 in zip([0.0, *cuts], [*cuts, 6.0], strict=True):
+        part = swing(lv.Spark(4), (t0, t1), events, h=min(0.05, t1 - t0), **start)
+        start = {"q": part.q[-1], "v": part.v[-1]}
+        for name, points in part.events.items():
+            found[name].extend(points.t)
+    assert len(cuts) > 10
+    for name, points in whole.events.items():
+        np.testing.assert_allclose(found[name], points.t, rtol=1e-7)
+
+
+def test_the_end_of_a_run_is_no_event_where_the_function_only_touches_zero():
+    ball = lv.Lagrangian(lambda t, q, v, params: v[0] ** 2 / 2 - q[0], q=1)
+    functions = {
+        "top": lambda t, q, v, lam, params: q[0] - 0.5,
+        "at rest": lambda t, q, v, lam, params: ca.fmax(0.375 - q[0], 0),
+        "rising": lambda t, q, v, lam, params: v[0],
+        "edge": lambda t, q, v, lam, params: ca.sqrt(1 - t) + 0 * q[0],
+    }
+    run = lv.integrate(ball, lv.Spark(2), t=(0, 1), h=0.25, q=[0.0], v=[1.0], events=functions)
+    assert [len(points) for points in run.events.values()] == [0, 0, 1, 1]
+
+
+def test_a_function_may_end_where_the_run_starts():
+    root = {"root": lambda t, q, v, lam, params: ca.sqrt(q[0]) - 1}
+    run = free("equal", (0, 2), root)
+    np.testing.assert_allclose(run.events["root"].t, [1.0], rtol=1e-14)
+
+
+@pytest.mark.parametrize("names", [("ends", "seen", "lam"), ("seen", "ends", "lam")])
+@pytest.mark.parametrize("scale", [1.0, 3e3])
+def test_all_events_of_the_time_at_which_one_ends_the_run_are_kept(names, scale):
+    """Also where roundoff of large states parts them."""
+    level = 0.7 * scale
+    functions = {
+        "ends": lv.Event(lambda t, q, v, lam, params: q[0] - level, terminal=True),
+        "seen": lambda t, q, v, lam, params: 3 * (q[1] / 3 - level),
+        "lam": lambda t, q, v, lam, params: (q[0] + q[1]) / 7 - 4 * level / 7,
+        "later": lambda t, q, v, lam, params: q[0] - level * (1 + 1e-9),
+    }
+    for offset in (0.0, 1 / 3, 0.1):
+        events = {name: functions[name] for name in [*names, "later"]}
+        run = free("equal", (offset, 2), events, (0.0, 2 * level), (scale, scale))
+        assert [len(points) for points in run.events.values()] == [1, 1, 1, 0]
+        assert {points.t[0] for name, points in run.events.items() if name != "later"} <= {
+            run.t[-1], np.nextafter(run.t[-1], 0),
+        }  # fmt: skip
+        assert run.message.startswith("event 'ends' at")
+
+
+def test_a_second_zero_in_the_last_step_is_beyond_the_end():
+    events = {
+        "ends": lv.Event(lambda t, q, v, lam, params: q[0] - 0.3, terminal=True),
+        "pair": lambda t, q, v, lam, params: (q[0] - 0.3) * (q[0] - 0.4),
+    }
+    run = free("equal", (0, 2), events)
+    assert [len(points) for points in run.events.values()] == [1, 1]

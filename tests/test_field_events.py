@@ -190,3 +190,40 @@ def test_planes_crossed_within_a_step_are_all_found(h):
     np.testing.assert_allclose(found.x[:, 0], np.arange(1, 9), rtol=1e-13)
     with pytest.raises(lv.IntegrationError, match=r"more planes are crossed(?s:.*)a longer period"):
         lv.section(wind, lv.VolumeSplitting(), period=1e-6, **run)
+
+
+@pytest.mark.parametrize("way", [1, -1])
+@pytest.mark.parametrize("direction", ["both", "up", "down"])
+def test_an_event_where_a_run_is_split_is_met_once(way, direction):
+    """A zero at the very end belongs to the run, also of members, and one at the start does not."""
+    wind = lv.PolynomialField(lambda t, x, params: [1.0, ca.cos(x[0])], x=2)
+    count = int(direction != {1: "down", -1: "up"}[way])
+    for terminal in (False, True):
+        events = {"one": level(way, direction=direction, terminal=terminal)}
+        call = {"h": 0.25, "events": events}
+        method = lv.VolumeSplitting()
+        first = lv.integrate(wind, method, t=(0, way), x=[0.0, 0.0], **call)
+        assert first.events["one"].t.tolist() == [way] * count
+        assert first.message == f"event 'one' at t = {way}" * (count * terminal)
+        second = lv.integrate(wind, method, t=(way, 2 * way), x=first.x[-1], **call)
+        assert len(second.events["one"]) == 0
+        many = lv.ensemble(wind, method, t=(0, way), x=[[0.0, 0.0], [-9.0, 0.0]], **call)
+        assert many.events["one"].member.tolist() == [0] * count
+        surface = {"plane": lambda t, x, params: x[0], "offset": way, "direction": direction}
+        found = lv.section(wind, method, t=(0, way), h=0.25, x=[[0.0, 0.0]], **surface)
+        assert found.t.tolist() == [way] * count
+
+
+@pytest.mark.parametrize("names", [("ends", "seen"), ("seen", "ends")])
+def test_all_events_of_the_time_at_which_one_ends_the_run_are_kept(names):
+    events = {
+        "ends": level(0.7, terminal=True),
+        "seen": lambda t, x, params: 3 * (x[0] / 3 - 0.7 / 3),
+        "later": level(0.7 + 1e-9),
+    }
+    wind = lv.PolynomialField(lambda t, x, params: [1.0, ca.cos(x[0])], x=2)
+    for t0 in (0.0, 1 / 3, 0.1):
+        call = {"events": {name: events[name] for name in [*names, "later"]}, "h": 0.25}
+        run = lv.integrate(wind, lv.VolumeSplitting(), t=(t0, 3), x=[0.0, 0.0], **call)
+        assert [len(points) for points in run.events.values()] == [1, 1, 0]
+        np.testing.assert_allclose(run.events["seen"].t, run.t[-1:], rtol=1e-15)

@@ -447,3 +447,48 @@ def test_a_ball_that_starts_on_its_ground_needs_a_direction(direction, met):
     assert run.v[0, 0] == (0.5 if met else -1)
     assert (run.q[-1, 0] > 0) == met
     assert run.message == ""
+
+
+@pytest.mark.parametrize("kind", ["equal", "rattle", "controlled", "reversible", "alpha"])
+def test_a_hit_at_the_end_of_a_run_is_of_that_run(kind):
+    """It is reset there, and the run that goes on has left the ground."""
+    method, more = CONTROLS[kind]
+    more = {"h": 0.125} | more
+    first = drop(method, (0, 1), ground(0.8), **more)
+    hit = first.events["ground"]
+    np.testing.assert_allclose([hit.t, hit.v[:, 0], hit.v_after[:, 0]], [[1], [-1], [0.8]], 1e-12)
+    np.testing.assert_array_equal(first.v[-1], hit.v_after[-1])
+    again = drop(method, (1, 2.6), ground(0.8), **more | {"q": first.q[-1], "v": first.v[-1]})
+    np.testing.assert_allclose(again.events["ground"].t, [2.6], rtol=1e-12)
+    last = drop(method, (1, 2.6), ground(0.8, terminal=True), **more | {"q": [0], "v": first.v[-1]})
+    assert last.message == "event 'ground' at t = 2.6"
+    np.testing.assert_allclose(last.v[-1], [0.64], rtol=1e-12)
+
+
+@pytest.mark.parametrize("names", [("x", "y", "end"), ("end", "y", "x"), ("y", "end", "x")])
+@pytest.mark.parametrize("last", [True, False], ids=["at the end", "ended"])
+def test_all_resets_of_the_time_at_which_a_run_ends_are_made(names, last):
+    """In a corner, at the end of the run or where an event ends it, however they are listed."""
+    square = lv.Lagrangian(lambda t, q, v, params: ca.dot(v, v) / 2, q=("x", "y"))
+    events = {
+        "x": lv.Event(lambda t, q, v, lam, params: q[0] - 1, "up", reset=lv.Impact()),
+        "y": lv.Event(lambda t, q, v, lam, params: q[1] - 1, "up", reset=lv.Impact(0.5)),
+        "end": lv.Event(lambda t, q, v, lam, params: q[0] + q[1] - 2, terminal=not last),
+    }
+    call = {"t": (0, 1 if last else 2), "h": 0.25, "q": (0, 0), "v": (1, 1)}
+    run = lv.integrate(square, lv.Spark(2), events={name: events[name] for name in names}, **call)
+    assert [run.events[name].t.tolist() for name in names] == [[1.0]] * 3
+    np.testing.assert_allclose(run.v[-1], [-1, -0.5], rtol=1e-14)
+    assert run.message == ("" if last else "event 'end' at t = 1")
+
+
+def test_a_second_reset_at_the_end_is_left_out_where_the_first_turns_the_motion():
+    """Two walls at one place, of which the first sends the ball back."""
+    events = {
+        name: lv.Event(lambda t, q, v, lam, params: q[0] - 1, "up", reset=lv.Impact(loss))
+        for name, loss in (("first", 0.5), ("second", 0.25))
+    }
+    for end in (1, 1.5):
+        run = lv.integrate(FREE, lv.Spark(2), t=(0, end), h=0.25, q=[0], v=[1], events=events)
+        assert [len(points) for points in run.events.values()] == [1, 0]
+        assert run.v[-1, 0] == -0.5

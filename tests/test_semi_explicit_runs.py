@@ -367,3 +367,21 @@ def test_radau_points_damp_what_gauss_points_leave_oscillating():
         assert abs(found.residuals["constraint"]).max() < 1e-14
     assert left["radau"] < 1e-10
     assert left["gauss"] > 0.09
+
+
+# --- events at the end ---------------------------------------------------------------------------
+
+
+def test_an_event_at_the_end_of_a_run_is_of_that_run():
+    """It ends it or resets it there; the run that goes on does not meet it."""
+    turn = lambda t, y, z, params: {"y": ca.vertcat(y[:2], -y[2:])}  # noqa: E731
+    for more in ({}, {"terminal": True}, {"reset": turn}):
+        now = lv.Event(lambda t, y, z, params: t - 0.6 + 0 * y[0], **more)
+        call = {"h": 0.05, "events": {"now": now, "seen": lambda t, y, z, params: (t - 0.6) * y[1]}}
+        run = lv.integrate(pendulum(), lv.Spark(3), t=(0, 0.6), **call, **SWING)
+        assert [points.t.tolist() for points in run.events.values()] == [[0.6], [0.6]]
+        assert run.message == "event 'now' at t = 0.6" * ("terminal" in more)
+        assert (run.y[-1, 3] < 0) == ("reset" in more)
+        end = {"y": run.y[-1], "z": run.z[-1]}
+        again = lv.integrate(pendulum(), lv.Spark(3), t=(0.6, 0.8), **call, **end)
+        assert [len(points) for points in again.events.values()] == [0, 0]

@@ -90,13 +90,14 @@ class Event:
         ``function(t, x, params)``.
     direction : {"both", "up", "down"}
         Whether :math:`e` must grow or fall where it changes its sign, in the order of the run:
-        one that goes backwards in time passes it the other way. A function that is zero where the
-        run starts is not met there, as it is not known from which side it came. An exception is an
+        one that goes backwards in time passes it the other way. A function that comes to zero where
+        the run ends is met there. One that is zero where the run starts is not, as it is not known
+        from which side it came, and as the run before has met it. An exception is an
         event with a direction and a reset that turns the motion back, as an :class:`Impact` does,
         from which the motion would go on in that direction: a ball that starts on its ground needs
         ``"down"``, and falls through with ``"both"``.
     terminal : bool or int, default False
-        Whether the event ends the run, or how many of it do.
+        Whether the event ends the run, or how many of it do. All events at that time are kept.
     reset : Impact or callable, optional
         The state after the event, with which the run goes on: an :class:`Impact`, or a function of
         the same arguments that returns the velocities after it (``p`` of a ``Hamiltonian``, ``z``

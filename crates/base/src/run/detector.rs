@@ -18,14 +18,14 @@ pub trait EventDetector<State>: Checkpoint {
     /// Called before each step.
     fn before(&mut self, t: f64, state: &mut State);
 
-    /// Called after each step, which led to `state`. Where the run ends or restarts within the step, `state` becomes the
-    /// state there.
+    /// Called after each step, which led to `state` at this time; with whether it is the last of the run. Where the run ends
+    /// or restarts within the step, `state` becomes the state there.
     ///
     /// # Errors
     /// An event function is not finite, or a state cannot be recorded.
     fn after(
         &mut self,
-        t: f64,
+        end: (f64, bool),
         state: &mut State,
         records: &mut Records,
     ) -> Result<Outcome, StepError>;

@@ -13,7 +13,7 @@ pub use control::{Adaptive, BetweenTimes, Fixed, Reversible, StepControl, StepSi
 pub use detector::{Ending, EventDetector, Events, Hits, Outcome};
 pub use events::{
     Crossing, EventRule, FunctionInStep, InterpolationAccuracy, NOISE, SAMPLES, Search, Substep,
-    SubstepDetector, WatchedFunction,
+    SubstepDetector, WatchedFunction, is_met_at, met_at_end, same_time,
 };
 pub use record::Records;
 pub use room::reserve;
@@ -111,8 +111,8 @@ impl<State: Checkpoint> Run<State> {
     fn finish_step(&mut self) -> Result<(), StepError> {
         if let Some(events) = &mut self.events {
             self.control.stepper_mut().synchronize(&mut self.state)?;
-            let t = self.control.time();
-            match events.after(t, &mut self.state, &mut self.records)? {
+            let (t, is_last) = (self.control.time(), self.control.is_over());
+            match events.after((t, is_last), &mut self.state, &mut self.records)? {
                 Outcome::Continue => {}
                 Outcome::End(end) => self.end = Some(end),
                 Outcome::Shorten(end) => {

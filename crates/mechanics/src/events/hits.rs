@@ -1,21 +1,16 @@
-//! The events of a step in the order of time, and their effect on the run.
+//! The events of a step in the order of time.
 
+use super::DenseDetector;
 use super::function::noise;
-use super::reset::RATE;
 use super::slopes::Meeting;
-use super::{DenseDetector, at, interpolated};
 use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch, Numbers};
-use liouville_base::error::{Obstacle, Quantity, StepError};
-use liouville_base::run::{Crossing, Ending, NOISE, Outcome, Records, reserve};
-use liouville_problem::{Carried, Dynamics, Impact, Jump, Refused, Restart};
+use liouville_base::error::{Obstacle, StepError};
+use liouville_base::run::{Crossing, Ending, Outcome, Records, reserve, same_time};
+use liouville_problem::{Carried, Dynamics, Restart};
 
-/// Times that differ by so many roundings are the same.
-const SAME: f64 = 4.0 * f64::EPSILON;
 /// A switch in so small a first part of a step needs no step of its own: velocities are known to a rounding of the
 /// coordinates over the step.
 const AT_START: f64 = 1e-6;
-/// Where the motion is looked at after a reset that leaves the rate of e at zero, as a part of a step.
-const SHORTLY: f64 = 1.0 / 1024.0;
 
 /// A motion is on an event where the function is not farther from zero than so many times its roundoff.
 pub(super) const HOLDS: f64 = 16.0;
@@ -39,21 +34,21 @@ impl<State> Checkpoint for Restarts<State> {
 }
 
 impl<State: Carried + Checkpoint + Clone, M: Dynamics> DenseDetector<State, M> {
-    /// Keeps the events of a step in the order of time, up to one that ends the run or resets its state.
+    /// Keeps the events of a step, perhaps the last of the run, in the order of time, up to one that ends the run or
+    /// changes its motion.
     pub(super) fn keep(
         &mut self,
         state: &mut State,
         records: &mut Records,
+        is_last: bool,
     ) -> Result<Outcome, StepError> {
         self.found.sort_by(|a, b| a.x.total_cmp(&b.x));
         for k in 0..self.found.len() {
             let Crossing {
                 x, index, counts, ..
             } = self.found[k];
-            if !counts {
-                continue;
-            }
-            if self.events[index].is_switch && (x < AT_START || self.snapped(x).0 == 0.0) {
+            let is_end = is_last && self.is_end(x);
+            if !counts || self.events[index].is_switch && (is_end || self.is_start(x)) {
                 continue;
             }
             if let Some(noise) = self.recedes(k, state)? {
@@ -66,24 +61,22 @@ impl<State: Carried + Checkpoint + Clone, M: Dynamics> DenseDetector<State, M> {
                         return Err(StepError::Undifferentiable { event, t, why });
                     }
                     self.end(index, t, Some(t));
-                    state.clone_from(&self.substep.state);
-                    return Ok(Outcome::End(t));
+                    self.found[k].counts = false;
+                    return self.cut((k, true), state, records);
                 }
                 continue;
             }
-            if !self.events[index].is_plain() {
-                return self.cut(k, state, records);
+            if !self.events[index].is_plain() || self.ends(index) {
+                return self.cut((k, is_end), state, records);
             }
-            if let Some(t) = self.keep_one(x, index, state)? {
-                state.clone_from(&self.substep.state);
-                return Ok(Outcome::End(t));
-            }
+            let t = self.substep.advance_to_fraction(x, state)?;
+            self.keep_one(index, (x, t), false)?;
         }
         Ok(Outcome::Continue)
     }
 
     /// The roundoff of e, where the rate of an event with a reset has the wrong sign for its zero; else none.
-    fn recedes(&mut self, k: usize, end: &State) -> Result<Option<f64>, StepError> {
+    pub(super) fn recedes(&mut self, k: usize, end: &State) -> Result<Option<f64>, StepError> {
         let Crossing { x, index, sign, .. } = self.found[k];
         if self.events[index].reset.is_none() {
             return Ok(None);
@@ -102,23 +95,38 @@ impl<State: Carried + Checkpoint + Clone, M: Dynamics> DenseDetector<State, M> {
         noise(&mut self.path, &mut self.events[index], t, state).map(Some)
     }
 
-    /// Keeps an event that changes nothing; returns the time, if it ends the run.
-    fn keep_one(&mut self, x: f64, index: usize, end: &State) -> Result<Option<f64>, StepError> {
-        let t = self.substep.advance_to_fraction(x, end)?;
-        self.follow(index, (x, t))?;
-        self.keep_state(index, t)?;
-        self.met.found[index].times.push(t);
-        let event = &mut self.events[index];
-        event.function.count += 1;
-        if event.function.count != event.function.rule.terminal {
-            return Ok(None);
-        }
-        self.end(index, t, None);
-        Ok(Some(t))
+    /// Whether the next of these events ends the run.
+    pub(super) fn ends(&self, index: usize) -> bool {
+        let function = &self.events[index].function;
+        function.count + 1 == function.rule.terminal
     }
 
-    /// Differentiates the event that a part of the step has led to.
-    fn follow(&mut self, index: usize, (part, t): (f64, f64)) -> Result<(), StepError> {
+    /// Keeps an event that changes nothing, to which a part of the step has led; no more of the step may be made.
+    pub(super) fn keep_one(
+        &mut self,
+        index: usize,
+        (x, t): (f64, f64),
+        is_last: bool,
+    ) -> Result<(), StepError> {
+        let is_end = self.ends(index);
+        let is_last = is_last && is_end && self.met.end.is_none();
+        self.follow(index, (x, t), is_last)?;
+        self.keep_state(index, t)?;
+        self.met.found[index].times.push(t);
+        self.events[index].function.count += 1;
+        if is_end {
+            self.end(index, t, None);
+        }
+        Ok(())
+    }
+
+    /// Differentiates the event that a part of the step has led to, and that may be the last thing done in it.
+    pub(super) fn follow(
+        &mut self,
+        index: usize,
+        (part, t): (f64, f64),
+        is_last: bool,
+    ) -> Result<(), StepError> {
         if self.follower.is_none() {
             return Ok(());
         }
@@ -138,14 +146,14 @@ impl<State: Carried + Checkpoint + Clone, M: Dynamics> DenseDetector<State, M> {
             lam: self.path.lam(),
             needs_lam: event.needs_lam,
             height: event.function.samples.iter().fold(0.0, size),
-            is_last: event.function.count + 1 == event.function.rule.terminal || event.is_switch,
+            is_last,
             obstacle,
         };
         follower.meet(met, state)
     }
 
     /// Keeps the state that parts of a step have led to.
-    fn keep_state(&mut self, index: usize, t: f64) -> Result<(), StepError> {
+    pub(super) fn keep_state(&mut self, index: usize, t: f64) -> Result<(), StepError> {
         let state = &self.substep.state;
         self.path.solve(t, state)?;
         let hits = &mut self.met.found[index];
@@ -165,8 +173,9 @@ impl<State: Carried + Checkpoint + Clone, M: Dynamics> DenseDetector<State, M> {
         }
     }
 
-    fn end(&mut self, event: usize, t: f64, limit: Option<f64>) {
-        self.met.end = Some(Ending {
+    /// Ends the run by an event, if no other one has.
+    pub(super) fn end(&mut self, event: usize, t: f64, limit: Option<f64>) {
+        self.met.end.get_or_insert(Ending {
             event,
             t,
             limit,
@@ -174,181 +183,25 @@ impl<State: Carried + Checkpoint + Clone, M: Dynamics> DenseDetector<State, M> {
         });
     }
 
+    /// Whether a fraction of the step is none of it but for roundoff, or so little that a switch needs no step of its own.
+    pub(super) fn is_start(&self, x: f64) -> bool {
+        x < AT_START || self.snapped(x).0 == 0.0
+    }
+
+    /// Whether a fraction of the step is all of it but for roundoff.
+    #[allow(clippy::float_cmp)] // 1 is the end of the step
+    pub(super) fn is_end(&self, x: f64) -> bool {
+        self.snapped(x).0 == 1.0
+    }
+
     /// A fraction of the step, set to 0 or 1 where it differs from that by roundoff; and the bound of that roundoff.
     pub(super) fn snapped(&self, x: f64) -> (f64, f64) {
-        let substep = &self.substep;
-        let near = SAME * substep.t.abs().max(substep.end.abs()) / substep.h.abs();
+        let near = same_time((self.substep.t, self.substep.h));
         let x = match x {
             x if x <= near => 0.0,
             x if 1.0 - x <= near => 1.0,
             x => x,
         };
         (x, near)
-    }
-
-    /// Goes on anew from the crossing `k`; plain events at the same time come before.
-    fn cut(
-        &mut self,
-        k: usize,
-        state: &mut State,
-        records: &mut Records,
-    ) -> Result<Outcome, StepError> {
-        let index = self.found[k].index;
-        let (x, near) = self.snapped(self.found[k].x);
-        for other in k + 1..self.found.len() {
-            let crossing = self.found[other];
-            let is_plain = crossing.counts && self.events[crossing.index].is_plain();
-            if !is_plain || crossing.x > self.found[k].x + near {
-                continue;
-            }
-            if let Some(t) = self.keep_one(crossing.x, crossing.index, state)? {
-                state.clone_from(&self.substep.state);
-                return Ok(Outcome::End(t));
-            }
-        }
-        self.record_times(self.time_of(x), None, records)?;
-        let t = self.substep.advance_to_fraction(x, state)?;
-        self.follow(index, (x, t))?;
-        self.path.end_at(t, &self.substep.state)?;
-        if self.events[index].is_switch {
-            state.clone_from(&self.substep.state);
-            self.begin_piece((k, near), t, state)?;
-            return Ok(Outcome::Shorten(t));
-        }
-        self.reset_at((k, near), t, (state, records))
-    }
-
-    /// Resets the state at the crossing `k`.
-    fn reset_at(
-        &mut self,
-        (k, near): (usize, f64),
-        t: f64,
-        (state, records): (&mut State, &mut Records),
-    ) -> Result<Outcome, StepError> {
-        let Crossing { index, sign, .. } = self.found[k];
-        let kept = self.met.found[index].rows.len();
-        self.keep_state(index, t)?;
-        let reset = self.reset(index, t, state);
-        let rates = reset.inspect_err(|_| self.met.found[index].rows.truncate(kept))?;
-        let of_time = rates.map_or(0.0, |rates| NOISE * (t * rates[0]).abs());
-        let before = &self.substep.state;
-        let noise = noise(&mut self.path, &mut self.events[index], t, before)?.max(of_time);
-        let event = &mut self.events[index];
-        event.function.count += 1;
-        let is_last = event.function.count == event.function.rule.terminal;
-        let way = self.substep.h.signum();
-        let mut limit = event.reset.as_mut().and_then(|reset| {
-            let limit = reset.intervals.hit(t, self.substep.h, noise);
-            reset.intervals.rate = rates.map_or(f64::NAN, |rates| rates[1]);
-            limit
-        });
-        self.path.begin(t, state)?;
-        self.begin_piece((k, near), t, state)?;
-        let after = match rates {
-            None => 0.0,
-            Some([before, after]) if after.abs() > RATE * before.abs() => way * after.signum(),
-            Some(_) => {
-                let soon = t + SHORTLY * self.substep.h;
-                let value = interpolated(&mut self.path, &mut self.events[index], soon)?;
-                if value * sign > 0.0 && self.events[index].function.last.abs() <= HOLDS * noise {
-                    limit = limit.or(Some(t));
-                }
-                value.signum()
-            }
-        };
-        self.events[index].function.sign = after;
-        self.record_after(t, state, records)?;
-        if is_last || limit.is_some() {
-            self.end(index, t, limit.filter(|_| !is_last));
-            return Ok(Outcome::End(t));
-        }
-        Ok(Outcome::Restart(t))
-    }
-
-    /// Sets `state` by the reset of an event, and records it; returns the rates of e before and after, where
-    /// they are known.
-    fn reset(
-        &mut self,
-        index: usize,
-        t: f64,
-        state: &mut State,
-    ) -> Result<Option<[f64; 2]>, StepError> {
-        let (event, before) = (&mut self.events[index], &self.substep.state);
-        let (Some(reset), Some(restart)) = (&mut event.reset, &mut self.restart.0) else {
-            return Ok(None);
-        };
-        let rate = reset.rate(t, (before.y(), before.z()), index)?;
-        let [y, z] = &mut self.jump;
-        y.clear();
-        z.clear();
-        y.extend_from_slice(before.y());
-        z.extend_from_slice(before.z());
-        let is_impact = reset.is_impact;
-        let values = reset.at(t, (before.y(), before.z()), (self.path.lam(), index))?;
-        let impact = is_impact.then(|| Impact {
-            gradient: &values[1..],
-            change: -(1.0 + values[0]) * rate.unwrap_or(0.0),
-        });
-        if !is_impact {
-            let n = y.len();
-            y.copy_from_slice(&values[..n]);
-            z.copy_from_slice(&values[n..]);
-        }
-        let jump = Jump { y, z, impact };
-        restart.restart(t, before, jump, state).map_err(|refused| {
-            let missed = match refused {
-                Refused::Failed(error) => return error,
-                Refused::Locked => None,
-                Refused::Violated(missed) => {
-                    let first = match missed.quantity() {
-                        Quantity::Nonholonomic => self.holonomic,
-                        _ => 0,
-                    };
-                    Some((missed.quantity(), first + missed.index, missed.value))
-                }
-            };
-            let event = index;
-            StepError::Reset { event, t, missed }
-        })?;
-        if let Some(follower) = &mut self.follower {
-            follower.reset((index, t), self.path.lam(), (before, state))?;
-        }
-        let after = reset.rate(t, (state.y(), state.z()), index)?;
-        self.path.solve(t, state)?;
-        let hits = &mut self.met.found[index];
-        hits.times.push(t);
-        for part in [state.y(), state.z(), self.path.lam()] {
-            hits.rows.extend_from_slice(part);
-        }
-        if let Some(follower) = &mut self.follower {
-            follower.record(t, state, &mut hits.rows)?;
-        }
-        Ok(rate.zip(after).map(|(before, after)| [before, after]))
-    }
-
-    /// Begins a piece of the motion at a state; an event that was about to be met is met there.
-    fn begin_piece(
-        &mut self,
-        (k, near): (usize, f64),
-        t: f64,
-        state: &State,
-    ) -> Result<(), StepError> {
-        let x = self.found[k].x;
-        for index in 0..self.events.len() {
-            let mut own = self.found.iter().filter(|other| other.index == index);
-            let next = own.clone().next();
-            let last = own.rfind(|crossing| crossing.x <= x + near);
-            let event = &mut self.events[index];
-            event.function.sign = match last {
-                None => next.map_or(event.function.sign, |crossing| -crossing.sign),
-                Some(crossing) if crossing.x < x - near => crossing.sign,
-                // a reset at the same time is still to come
-                Some(crossing) if event.reset.is_some() && crossing.counts => -crossing.sign,
-                Some(_) => 0.0,
-            };
-            event.function.earlier = None;
-            event.function.last = at(&mut self.path, event, t, state)?;
-        }
-        Ok(())
     }
 }

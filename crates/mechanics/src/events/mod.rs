@@ -1,5 +1,6 @@
 //! Events of a mechanical or semi-explicit system, and its states at given times.
 
+mod cut;
 mod event;
 mod function;
 mod hits;
@@ -27,7 +28,7 @@ use liouville_base::method::Stepper;
 use liouville_base::observe::Observe;
 use liouville_base::run::{
     Crossing, Ending, EventDetector, Events, FunctionInStep, Hits, InterpolationAccuracy, Outcome,
-    Records, SAMPLES, Search, Substep, WatchedFunction,
+    Records, SAMPLES, Search, Substep, WatchedFunction, is_met_at, met_at_end,
 };
 use liouville_problem::{Carried, Dynamics, Model, Path, Point, Restart};
 
@@ -44,6 +45,8 @@ pub struct DenseDetector<State: Checkpoint, M: Dynamics = Model> {
     search: Search,
     /// Zeros of all events in a step.
     found: Vec<Crossing>,
+    /// Those at the time at which the run ends or begins anew.
+    same: Vec<usize>,
     /// Signs and values of their functions before the step.
     sides: Vec<Signs>,
     met: Met,
@@ -93,14 +96,14 @@ impl<State: Carried + Checkpoint + Clone, M: Dynamics> FunctionInStep for InStep
         at(self.path, self.event, t, &self.substep.state)
     }
 
-    fn near_start(&mut self, parts: [f64; 2]) -> Result<f64, StepError> {
-        self.path
-            .move_near(self.substep.t, &self.substep.start, parts);
+    fn near(&mut self, x: f64, parts: [f64; 2]) -> Result<f64, StepError> {
+        let t = self.substep.advance_to_fraction(x, self.end)?;
+        self.path.move_near(t, &self.substep.state, parts);
         if self.event.needs_lam {
             self.path.solve_there()?;
         }
         let Point { y, z, .. } = self.path.point();
-        self.event.at(self.substep.t, (y, z), self.path.lam())
+        self.event.at(t, (y, z), self.path.lam())
     }
 }
 
@@ -125,6 +128,7 @@ impl<State: Carried + Checkpoint + Clone, M: Dynamics> DenseDetector<State, M> {
             events,
             search: Search::default(),
             found: Vec::new(),
+            same: Vec::new(),
             sides: Vec::new(),
             met,
             restart: Restarts(None),
@@ -201,13 +205,13 @@ impl<State: Carried + Checkpoint + Clone, M: Dynamics> DenseDetector<State, M> {
         Ok(())
     }
 
-    /// The zeros of all events in a step.
-    fn find(&mut self, end: &State) -> Result<(), StepError> {
+    /// The zeros of all events in a step, perhaps the last of the run.
+    fn find(&mut self, end: &State, is_last: bool) -> Result<(), StepError> {
         self.found.clear();
         self.sample(end)?;
         for index in 0..self.events.len() {
             if !self.take_side(index)? {
-                self.search(index, end)?;
+                self.search(index, end, is_last)?;
             }
         }
         Ok(())
@@ -215,7 +219,7 @@ impl<State: Carried + Checkpoint + Clone, M: Dynamics> DenseDetector<State, M> {
 
     /// [`Self::find`], in a shorter step where parts of the whole one cannot be made to locate a zero, though steps of
     /// this size can; returns whether it is shorter, and leaves `end` at its end.
-    fn find_in_step(&mut self, end: &mut State) -> Result<bool, StepError> {
+    fn find_in_step(&mut self, end: &mut State, is_last: bool) -> Result<bool, StepError> {
         let own = |event: &Event| {
             (
                 event.function.sign,
@@ -226,7 +230,7 @@ impl<State: Carried + Checkpoint + Clone, M: Dynamics> DenseDetector<State, M> {
         self.sides.clear();
         self.sides.extend(self.events.iter().map(own));
         let is_controlled = self.events.iter().any(|event| event.is_switch);
-        let (mut found, mut part, mut is_shorter) = (self.find(end), 1.0, false);
+        let (mut found, mut part, mut is_shorter) = (self.find(end, is_last), 1.0, false);
         for _ in 0..MOST_PARTS {
             match &found {
                 Err(error) if is_controlled && self.follower.is_none() && is_of_step(error) => {}
@@ -243,13 +247,13 @@ impl<State: Carried + Checkpoint + Clone, M: Dynamics> DenseDetector<State, M> {
             end.clone_from(&self.substep.state);
             self.path.end_at(t, end)?;
             (self.substep.end, self.substep.h) = (t, t - self.substep.t);
-            (found, part, is_shorter) = (self.find(end), 1.0, true);
+            (found, part, is_shorter) = (self.find(end, false), 1.0, true);
         }
         found.map(|()| is_shorter)
     }
 
     /// The zeros of one event in a step, appended to `found`.
-    fn search(&mut self, index: usize, end: &State) -> Result<(), StepError> {
+    fn search(&mut self, index: usize, end: &State, is_last: bool) -> Result<(), StepError> {
         let accuracy = if self.path.is_coarse() {
             InterpolationAccuracy::COARSE
         } else {
@@ -263,7 +267,27 @@ impl<State: Carried + Checkpoint + Clone, M: Dynamics> DenseDetector<State, M> {
             end,
         };
         self.search
-            .find(&mut function, index, step, accuracy, &mut self.found)
+            .find(&mut function, index, step, accuracy, &mut self.found)?;
+        if is_last && !function.event.is_switch {
+            self.found.extend(met_at_end(&mut function, index, step)?);
+        }
+        Ok(())
+    }
+
+    /// Whether another event's crossing counts and is met where the crossing `k` before it is.
+    fn is_met_at(&mut self, k: usize, later: usize, end: &State) -> Result<bool, StepError> {
+        let (at, met) = (self.found[k], self.found[later]);
+        if !met.counts || met.index == at.index {
+            return Ok(false);
+        }
+        let step = (self.substep.t, self.substep.h);
+        let mut function = InStep {
+            path: &mut self.path,
+            substep: &mut self.substep,
+            event: &mut self.events[met.index],
+            end,
+        };
+        is_met_at(&mut function, at.x, step, met)
     }
 }
 
@@ -295,7 +319,7 @@ impl<State: Carried + Checkpoint + Clone, M: Dynamics> EventDetector<State>
 
     fn after(
         &mut self,
-        t: f64,
+        (t, is_last): (f64, bool),
         state: &mut State,
         records: &mut Records,
     ) -> Result<Outcome, StepError> {
@@ -306,8 +330,8 @@ impl<State: Carried + Checkpoint + Clone, M: Dynamics> EventDetector<State>
         let mut outcome = Outcome::Continue;
         if !self.events.is_empty() {
             self.path.push(t, state)?;
-            let is_shorter = self.find_in_step(state)?;
-            outcome = self.keep(state, records)?;
+            let is_shorter = self.find_in_step(state, is_last)?;
+            outcome = self.keep(state, records, is_last && !is_shorter)?;
             if is_shorter && outcome == Outcome::Continue {
                 outcome = Outcome::Shorten(self.substep.end);
             }

@@ -338,9 +338,12 @@ impl<A: StepAdjoint> Follow for Pullback<A> {
             }
             number -= usize::from(is_whole);
             self.leave_given(&behind)?;
-            match cut {
-                Some(entry) => self.leave_cut(entry)?,
-                None => self.leave_step(&step)?,
+            if cut.is_none() {
+                self.leave_step(&step)?;
+            }
+            // several resets may follow each other where the run ends
+            for entry in own.iter().rev().filter(|entry| entry.is_cut()) {
+                self.leave_cut(entry)?;
             }
             self.step = step;
             self.leave_given(&within)?;

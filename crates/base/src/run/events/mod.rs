@@ -9,7 +9,7 @@ mod substep_detector;
 
 pub use function::{EventRule, WatchedFunction};
 pub use search::{FunctionInStep, InterpolationAccuracy};
-pub use step::{Crossing, Search};
+pub use step::{Crossing, Search, is_met_at, met_at_end, same_time};
 pub use substep::Substep;
 pub use substep_detector::SubstepDetector;
 

@@ -28,11 +28,11 @@ pub trait FunctionInStep {
     /// It is not finite, or the step cannot be made.
     fn exact(&mut self, x: f64) -> Result<f64, StepError>;
 
-    /// e at the start of the step, each number of the state changed by a fraction of itself, by these two in turn.
+    /// e after a substep of this fraction, each number of the state changed by a part of itself, by these two in turn.
     ///
     /// # Errors
-    /// It is not finite.
-    fn near_start(&mut self, parts: [f64; 2]) -> Result<f64, StepError>;
+    /// It is not finite, or the step cannot be made.
+    fn near(&mut self, x: f64, parts: [f64; 2]) -> Result<f64, StepError>;
 }
 
 /// A value of the function, and whether it is that of the exact one.

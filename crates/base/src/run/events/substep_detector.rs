@@ -8,6 +8,7 @@ use super::super::{Ending, EventDetector, Events, Hits, Outcome, Records, reserv
 use super::interpolant::{Interpolant, KNOTS};
 use super::{
     Crossing, FunctionInStep, InterpolationAccuracy, SAMPLES, Search, Substep, WatchedFunction,
+    is_met_at, met_at_end,
 };
 use crate::checkpoint::Checkpoint;
 use crate::error::StepError;
@@ -56,9 +57,9 @@ impl<State: Checkpoint + Clone> FunctionInStep for InStep<'_, State> {
         self.function.at([&[t], self.interpolant.point()])
     }
 
-    fn near_start(&mut self, parts: [f64; 2]) -> Result<f64, StepError> {
-        let t = self.substep.t;
-        self.interpolant.read(t, &self.substep.start)?;
+    fn near(&mut self, x: f64, parts: [f64; 2]) -> Result<f64, StepError> {
+        let t = self.substep.advance_to_fraction(x, self.end)?;
+        self.interpolant.read(t, &self.substep.state)?;
         self.interpolant.perturb(parts);
         self.function.at([&[t], self.interpolant.point()])
     }
@@ -87,8 +88,8 @@ impl<State: Checkpoint + Clone> SubstepDetector<State> {
         }
     }
 
-    /// The zeros of all functions in a step that led to `end`, in the order of time.
-    fn find(&mut self, end: &State) -> Result<(), StepError> {
+    /// The zeros of all functions in a step that led to `end`, perhaps that of the run, in the order of time.
+    fn find(&mut self, end: &State, is_last: bool) -> Result<(), StepError> {
         let (t, h) = (self.substep.t, self.substep.h);
         // of the first step there are no ends before
         for part in 1..if self.interpolant.len() == 1 {
@@ -118,6 +119,9 @@ impl<State: Checkpoint + Clone> SubstepDetector<State> {
                 InterpolationAccuracy::COARSE,
                 &mut self.found,
             )?;
+            if is_last {
+                self.found.extend(met_at_end(&mut function, index, (t, h))?);
+            }
         }
         self.found.sort_by(|a, b| a.x.total_cmp(&b.x));
         Ok(())
@@ -148,7 +152,7 @@ impl<State: Checkpoint + Clone> SubstepDetector<State> {
         Ok(())
     }
 
-    /// Keeps the events of a step, up to one that ends the run.
+    /// Keeps the events of a step, up to one that ends the run and those at the same time.
     fn keep(&mut self, state: &mut State) -> Result<Outcome, StepError> {
         for k in 0..self.found.len() {
             let Crossing {
@@ -157,16 +161,17 @@ impl<State: Checkpoint + Clone> SubstepDetector<State> {
             if !counts {
                 continue;
             }
+            let function = &self.functions[index];
+            let is_end = function.count + 1 == function.rule.terminal;
+            for later in k + 1..self.found.len() {
+                if is_end && self.is_met_at(k, later, state)? {
+                    let t = self.substep.advance_to_fraction(x, state)?;
+                    self.keep_one(t, self.found[later].index)?;
+                }
+            }
             let t = self.substep.advance_to_fraction(x, state)?;
-            self.interpolant.read(t, &self.substep.state)?;
-            let hits = &mut self.hits[index];
-            reserve(&mut hits.times, 1)?;
-            reserve(&mut hits.rows, self.interpolant.point().len())?;
-            hits.times.push(t);
-            hits.rows.extend_from_slice(self.interpolant.point());
-            let function = &mut self.functions[index];
-            function.count += 1;
-            if function.count == function.rule.terminal {
+            self.keep_one(t, index)?;
+            if is_end {
                 self.end = Some(Ending {
                     event: index,
                     t,
@@ -178,6 +183,34 @@ impl<State: Checkpoint + Clone> SubstepDetector<State> {
             }
         }
         Ok(Outcome::Continue)
+    }
+
+    /// Whether another event's crossing counts and is met where the crossing `k` before it is.
+    fn is_met_at(&mut self, k: usize, later: usize, end: &State) -> Result<bool, StepError> {
+        let met = self.found[later];
+        if !met.counts || met.index == self.found[k].index {
+            return Ok(false);
+        }
+        let step = (self.substep.t, self.substep.h);
+        let mut function = InStep {
+            substep: &mut self.substep,
+            interpolant: &mut self.interpolant,
+            function: &mut self.functions[met.index],
+            end,
+        };
+        is_met_at(&mut function, self.found[k].x, step, met)
+    }
+
+    /// Keeps an event that a part of the step has led to.
+    fn keep_one(&mut self, t: f64, index: usize) -> Result<(), StepError> {
+        self.interpolant.read(t, &self.substep.state)?;
+        let hits = &mut self.hits[index];
+        reserve(&mut hits.times, 1)?;
+        reserve(&mut hits.rows, self.interpolant.point().len())?;
+        hits.times.push(t);
+        hits.rows.extend_from_slice(self.interpolant.point());
+        self.functions[index].count += 1;
+        Ok(())
     }
 
     /// Records at the given times up to `end`.
@@ -220,14 +253,14 @@ impl<State: Checkpoint + Clone> EventDetector<State> for SubstepDetector<State> 
 
     fn after(
         &mut self,
-        t: f64,
+        (t, is_last): (f64, bool),
         state: &mut State,
         records: &mut Records,
     ) -> Result<Outcome, StepError> {
         (self.substep.end, self.substep.h) = (t, t - self.substep.t);
         let mut outcome = Outcome::Continue;
         if !self.functions.is_empty() {
-            self.find(state)?;
+            self.find(state, is_last)?;
             outcome = self.keep(state)?;
         }
         let end = match outcome {
