@@ -56,3 +56,13 @@ def test_bad_units_are_refused(run):
         run.with_units({"q": 1})
     with pytest.raises(TypeError, match="units is a mapping"):
         run.with_units("m")
+    with pytest.raises(TypeError, match="units is a mapping of names to units, not None"):
+        run.with_units()
+
+
+def test_units_by_keywords_are_refused_with_the_mapping_that_is_wanted(run):
+    with pytest.raises(TypeError) as caught:
+        run.with_units(t="s", q="m")
+    sentence, hint = str(caught.value).splitlines()
+    assert sentence == "with_units takes one mapping of names to units, not t='s', q='m'"
+    assert hint == "hint: with_units({'t': 's', 'q': 'm'})"

@@ -48,7 +48,7 @@ class States:
                 raise AttributeError(hinted(f"the solution has no attribute {name!r}", hint))
             return object.__getattribute__(self, name)  # raises the error of its own
 
-    def with_units(self, units: Mapping[str, str]) -> Solution:
+    def with_units(self, units: Mapping[str, str] | None = None, **named: Any) -> Solution:
         """Return the same solution with units for the axes of figures and the heads of tables.
 
         Parameters
@@ -57,6 +57,8 @@ class States:
             Units by quantity: ``t``, states, invariants, ``work``, ``reaction`` or observed, and
             single columns by the names that tables have: ``{"q": "m", "q[angle]": "rad"}``. They
             are words; nothing is converted.
+        **named
+            Refused: single columns have names that are no keywords.
 
         Returns
         -------
@@ -68,6 +70,10 @@ class States:
         TypeError, ValueError
             A unit is no word, or there is no such quantity.
         """
+        if named:
+            given = ", ".join(f"{name}={unit!r}" for name, unit in named.items())
+            sentence = f"with_units takes one mapping of names to units, not {given}"
+            raise TypeError(hinted(sentence, f"with_units({ {**(units or {}), **named} })"))
         if not isinstance(units, Mapping):
             raise TypeError(f"units is a mapping of names to units, not {units!r}")
         own = cast("Solution", self)
