@@ -3,12 +3,15 @@
 import math
 import re
 
+import casadi as ca
+import mpmath
 import numpy as np
 import pytest
 
 import liouville as lv
 from liouville.problems import chain, fekete, pendulum
 from liouville.program import SHOWN
+from liouville.tape import record
 
 OPERATIONS = {
     "assign": lambda a: a,
@@ -120,3 +123,27 @@ def test_a_long_program_is_printed_in_part_and_kept_whole():
     lines = str(program).splitlines()
     assert len(program.each) > 2 * SHOWN > len(lines) - 10
     assert any(line.strip().startswith("... and ") for line in lines)
+
+
+def test_roundings_bound_those_of_an_evaluation_and_little_more():
+    """In whatever unit, also where terms cancel, beside the exact value of the same program."""
+
+    def made(x, y, sqrt, sin, atan2):
+        return [x * y - x / y, sqrt(x) - (x - y) ** 2, sin(x * y) + 3 * x, atan2(x, y) - x / y]
+
+    x = ca.SX.sym("x", 2)
+    program = ca.vertcat(*made(x[0], x[1], ca.sqrt, ca.sin, ca.atan2))
+    tape = record("program", {"x": x, "params": ca.SX(0, 1)}, program)
+    random = np.random.default_rng(1)
+    for _ in range(200):
+        at = 10.0 ** random.uniform(-12, 3, 2)
+        with mpmath.workdps(60):
+            exact = made(*map(mpmath.mpf, at), mpmath.sqrt, mpmath.sin, mpmath.atan2)
+            values = tape.map(np.empty(0), [at[None]])[0]
+            errors = np.array([float(abs(a - b)) for a, b in zip(values, exact, strict=True)])
+        bounds = tape.roundings(np.empty(0), [at])
+        assert (errors <= bounds).all()
+        sizes = np.array([at.prod() + at[0] / at[1], np.sqrt(at[0]) + at.max() ** 2])
+        assert (bounds[:2] < 32 * np.finfo(float).eps * sizes).all()
+    with pytest.raises(ValueError, match="inputs have sizes"):
+        tape.roundings(np.empty(0), [at[:1]])

@@ -268,3 +268,75 @@ def test_a_start_may_be_moved_to_zero():
     found = rod.consistent(q=[0.0, 0.01], v=[1.0, 0.01])
     assert np.abs(found["q"]).max() < 1e-15
     np.testing.assert_allclose(found["v"], [1.0, 0.0], atol=1e-15)
+
+
+def circle(unit):
+    return lv.Lagrangian(
+        lambda t, q, v, params: ca.dot(v, v) / 2,
+        lambda t, q, params: ca.dot(q, q) - params.l**2,
+        q=2,
+        params={"l": unit},
+    )
+
+
+@pytest.mark.parametrize("unit", [1e-18, 1e-9, 1.0, 1e9])
+@pytest.mark.parametrize("turn", [0.0, 0.3, np.pi / 2])
+def test_a_start_in_any_unit_of_length_is_judged_alike(unit, turn):
+    """On its constraints but for roundoff it is taken, a millionth of itself off it is not."""
+    along, across = np.array([np.cos(turn), np.sin(turn)]), np.array([-np.sin(turn), np.cos(turn)])
+    call = {"t": (0, 1), "h": 0.1}
+    if unit > 1e-14:
+        for off in (1e-6, 1e-8):
+            far, fast = unit * (1 + off) * along, unit * (across + off * along)
+            with pytest.raises(ValueError, match="start violates the constraint"):
+                lv.integrate(circle(unit), lv.Spark(2), **call, q=far, v=unit * across)
+            with pytest.raises(ValueError, match="start violates the hidden constraint"):
+                lv.integrate(circle(unit), lv.Spark(2), **call, q=unit * along, v=fast)
+    for v in (unit * across, np.zeros(2), 1e-17 * unit * along):
+        lv.integrate(circle(unit), lv.Spark(2), **call, q=unit * along * (1 + 1e-15), v=v)
+
+
+@pytest.mark.parametrize("unit", [1e-9, 1.0, 1e9])
+def test_roundings_of_large_terms_are_no_violation(unit):
+    """A circle through the origin: near it g is the difference of squares of its radius."""
+    wheel = lv.Lagrangian(
+        lambda t, q, v, params: ca.dot(v, v) / 2,
+        lambda t, q, params: (q[0] - params.l) ** 2 + q[1] ** 2 - params.l**2,
+        q=2,
+        params={"l": unit},
+    )
+    for y in (0.0, 1e-9, 3e-7, 1e-3):
+        x = 1 - np.sqrt(1 - y**2)
+        start = {"q": unit * np.array([x, y]), "v": unit * np.array([y, 1 - x])}
+        lv.integrate(wheel, lv.Spark(2), t=(0, 1), h=0.1, **start)
+    off = {"q": unit * np.array([1e-4, 1e-3]), "v": unit * np.array([0, 1])}
+    with pytest.raises(ValueError, match="start violates the constraint"):
+        lv.integrate(wheel, lv.Spark(2), t=(0, 1), h=0.1, **off)
+
+
+@pytest.mark.parametrize("unit", [1e-9, 1.0, 1e9])
+def test_lengths_of_bodies_are_judged_beside_angles_in_their_own_unit(unit):
+    m = lv.bodies.Assembly(gravity=(0, 0, -unit))
+    m.body("bar", mass=1.0, inertia=unit**2 * np.ones(3), at=(unit, 0, 0))
+    m.spherical("A", m.ground, "bar", at=(0, 0, 0))
+    system, start = m.system(), m.start()
+    lv.integrate(system, lv.Spark(2), t=(0, 0.1), h=0.1, **start)
+    off = np.array(start["q"])
+    off[0] *= 1 + 1e-6
+    with pytest.raises(ValueError, match="start violates the constraint 'A"):
+        lv.integrate(system, lv.Spark(2), t=(0, 0.1), h=0.1, q=off, v=start["v"])
+
+
+@pytest.mark.parametrize("unit", [1e-9, 1.0, 1e9])
+def test_starts_of_semi_explicit_systems_are_judged_in_their_own_unit(unit):
+    wheel = lv.SemiExplicit(
+        field=lambda t, y, z, params: ca.vertcat(-y[1], y[0]) + y * z[0],
+        constraint=lambda t, y, params: ca.dot(y, y) - params.l**2,
+        y=2,
+        z=1,
+        params={"l": unit},
+    )
+    call = {"t": (0, 1), "h": 0.1, "z": [0.0]}
+    lv.integrate(wheel, lv.Spark(2), y=[unit * (1 + 1e-15), 1e-16 * unit], **call)
+    with pytest.raises(ValueError, match="start violates the constraint"):
+        lv.integrate(wheel, lv.Spark(2), y=[unit * (1 + 1e-6), 0.0], **call)

@@ -84,6 +84,9 @@ class Tape:
     def inputs(self) -> list[int]: ...
     @property
     def outputs(self) -> int: ...
+    def roundings(
+        self, params: NDArray[np.float64], args: list[NDArray[np.float64]]
+    ) -> NDArray[np.float64]: ...
     def map(
         self, params: NDArray[np.float64], args: list[NDArray[np.float64]]
     ) -> NDArray[np.float64]: ...
@@ -207,7 +210,7 @@ def violation(
     params: NDArray[np.float64],
     t: float,
     start: tuple[NDArray[np.float64], NDArray[np.float64]],
-    tolerances: tuple[float, float],
+    tolerances: tuple[float, float, Sequence[int]],
     with_hidden: bool,
 ) -> tuple[int, str, int, float, float] | None: ...
 

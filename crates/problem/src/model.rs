@@ -23,9 +23,9 @@ pub struct Model<R = f64> {
     pub(super) node: TapeRegisters<R>,
     pub(super) node_blocks: TapeRegisters<R>,
     pub(super) node_jacobian: TapeRegisters<R>,
-    end: Registers<R>,
+    pub(super) end: Registers<R>,
     acceleration: Registers<R>,
-    nonholonomic: Option<Box<Bound<R>>>,
+    pub(super) nonholonomic: Option<Box<Bound<R>>>,
     reactions: Option<Box<Registers<R>>>,
     /// n, or 0 where v is z.
     v_size: usize,

@@ -108,6 +108,13 @@ impl<R: Real> Bound<R> {
     }
 }
 
+impl Bound {
+    /// How much roundings may change k, and r_n behind it.
+    pub(super) fn roundings(&self, problem: &Nonholonomic, args: &[&[f64]]) -> Vec<f64> {
+        problem.values.roundings(&self.values, args)
+    }
+}
+
 /// The constraints, holonomic and then nonholonomic, whose gradients by z are dependent, if any are.
 ///
 /// Of several members nothing is said: each is asked alone.

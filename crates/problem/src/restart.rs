@@ -21,9 +21,10 @@ const ROUNDOFF: [f64; 2] = [2.0 * f64::EPSILON, 1e-10];
 /// A gradient yields where so much of it is not along the constraints.
 const YIELDS: f64 = 1e-12;
 /// How far constraints may be missed, as at the start of a run.
-const TOLERANCES: Tolerances = Tolerances {
+const TOLERANCES: Tolerances<'static> = Tolerances {
     relative: 1e-10,
     floor: 1e-14,
+    kinds: &[],
 };
 
 /// An impact along the gradient of a function.

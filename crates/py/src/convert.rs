@@ -170,6 +170,26 @@ impl Tape {
         numpy::PyArray1::from_vec(py, values).reshape([k, self.0.outputs()])
     }
 
+    /// How much the roundings of all arguments, parameters and operations may change each output at a point.
+    fn roundings<'py>(
+        &self,
+        py: Python<'py>,
+        params: PyReadonlyArray1<'py, f64>,
+        args: Vec<PyReadonlyArray1<'py, f64>>,
+    ) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        let sizes = self.0.inputs().iter().copied();
+        if !args.iter().chain([&params]).map(|arg| arg.len()).eq(sizes) {
+            return Err(PyValueError::new_err(format!(
+                "the tape's inputs have sizes {:?}",
+                self.0.inputs()
+            )));
+        }
+        let slices = args.iter().map(|arg| arg.as_slice());
+        let slices = slices.collect::<Result<Vec<_>, _>>()?;
+        let bound = self.0.bind(params.as_slice()?);
+        Ok(PyArray1::from_vec(py, self.0.roundings(&bound, &slices)))
+    }
+
     /// The same program with a constant (one value an output, or none) and terms added to its values:
     /// products (first output, input group, factor, A) add factor A x, forms (output, input group,
     /// factor, A) add factor xᵀ A x.

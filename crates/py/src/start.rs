@@ -11,7 +11,7 @@ type Violated = (usize, &'static str, usize, f64, f64);
 
 /// The first of P states (t, y, z) that violates a constraint, with the constraint's kind and number, its value and
 /// the largest allowed; None if there is none. `params` has a row for each, or one for all; tolerances are relative
-/// and of coordinates that are zero.
+/// and of coordinates that are zero, with the kind of each coordinate, or none where all have one unit.
 #[pyfunction]
 pub(crate) fn violation(
     py: Python<'_>,
@@ -19,7 +19,7 @@ pub(crate) fn violation(
     params: &Bound<'_, PyArray2<f64>>,
     t: f64,
     start: (Bound<'_, PyArray2<f64>>, Bound<'_, PyArray2<f64>>),
-    tolerances: (f64, f64),
+    tolerances: (f64, f64, Vec<usize>),
     with_hidden: bool,
 ) -> PyResult<Option<Violated>> {
     let (y, z) = start;
@@ -33,9 +33,14 @@ pub(crate) fn violation(
         return Err(refused("states and params are arrays of rows"));
     }
     let (params, y, z) = (params.to_vec()?, y.to_vec()?, z.to_vec()?);
+    let (relative, floor, kinds) = tolerances;
+    if ![0, n].contains(&kinds.len()) || kinds.iter().any(|kind| *kind > n) {
+        return Err(refused("there is a kind for each coordinate, or none"));
+    }
     let tolerances = Tolerances {
-        relative: tolerances.0,
-        floor: tolerances.1,
+        relative,
+        floor,
+        kinds: &kinds,
     };
     let found = py.detach(|| {
         let mut model: Option<Model> = None;

@@ -285,7 +285,7 @@ def _check(point: Point, a: Array) -> None:
     system = point.system
     if not system.constraints:
         return
-    limits, state = (CONSISTENT, FLOOR), (point.y[None], point.z[None])
+    limits, state = (CONSISTENT, FLOOR, system._kinds), (point.y[None], point.z[None])
     found = _core.violation(system.problem, point.params[None], point.t, state, limits, True)
     if found is not None:
         sentence = system.violated(found, point.t, "").partition("\n")[0]

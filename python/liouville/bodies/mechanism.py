@@ -91,6 +91,14 @@ class Mechanism(Lagrangian):
                 check_numbers(self.bodies[k], kinds[k], masses[k], inertias[k])
         return found
 
+    @property
+    def _kinds(self) -> Sequence[int]:
+        """Lengths are of one kind, and angles and quaternions of another."""
+        # imported here, as it knows this class
+        from liouville.bodies.scales import of_coordinates
+
+        return [int(unit) for unit in of_coordinates(self, 0.0)]
+
     def output(self, name: str, params: NDArray[np.float64], *at: ArrayLike) -> NDArray[np.float64]:
         """Return what :meth:`Model.outputs` names at (t, q, v)."""
         if name not in self._output_tapes:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from typing import Any
 
@@ -180,7 +180,13 @@ class Mechanics(TracedSystem):
         """
         if not self.constraints:
             return None
-        return _core.violation(self.problem, params, t, (y, z), (TOLERANCE, FLOOR), hidden)
+        limits = (TOLERANCE, FLOOR, self._kinds)
+        return _core.violation(self.problem, params, t, (y, z), limits, hidden)
+
+    @property
+    def _kinds(self) -> Sequence[int]:
+        """The kind of each coordinate, those of one kind having one unit; empty where all have."""
+        return ()
 
     def violated(self, violation: Violation, t: float, hint: str) -> str:
         """Return what is wrong with a start, in the user's names."""

@@ -21,6 +21,7 @@ from liouville.systems._layout import Layout, of_semi_explicit
 from liouville.systems._linear import Block
 from liouville.systems.traced import (
     FLOOR,
+    ROUNDINGS,
     TOLERANCE,
     Function,
     TracedSystem,
@@ -252,7 +253,11 @@ class SemiExplicit(TracedSystem):
         k = self._tapes["constraint"].map(params, args)[0]
         slope = self._tapes["constraint_jacobian"].map(params, args)[0]
         size = np.bincount(self._patterns["k_y"][2], np.abs(slope), len(k))
-        limit = size * (TOLERANCE * np.abs(y).max() + FLOOR)
+        largest = np.abs(y).max()
+        limit = size * (FLOOR if largest <= FLOOR else TOLERANCE * largest)
+        if (np.abs(k) > limit).any():
+            tape = self._tapes["constraint"]
+            limit = limit + ROUNDINGS * tape.roundings(params, [np.array([t]), y])
         check_residual("constraint", "k(y)", self.constraints, k, limit, t, hint)
 
     def consistent(

@@ -27,8 +27,11 @@ from liouville.tape import record
 #: A start may miss its constraints by this much of the size of what they are made of.
 TOLERANCE = 1e-10
 
-#: Roundoff of coordinates that start at zero, in their own unit.
+#: Coordinates that are all below this start at zero but for roundoff, which is as large.
 FLOOR = 1e-14
+
+#: A start may miss its constraints by so many times what roundings make of them.
+ROUNDINGS = 64
 
 #: More names than these are not all shown.
 SHOWN = 20

@@ -22,6 +22,7 @@ mod order;
 mod plan;
 mod points;
 mod program;
+mod roundings;
 mod terms;
 mod values;
 
