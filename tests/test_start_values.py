@@ -340,3 +340,35 @@ def test_starts_of_semi_explicit_systems_are_judged_in_their_own_unit(unit):
     lv.integrate(wheel, lv.Spark(2), y=[unit * (1 + 1e-15), 1e-16 * unit], **call)
     with pytest.raises(ValueError, match="start violates the constraint"):
         lv.integrate(wheel, lv.Spark(2), y=[unit * (1 + 1e-6), 0.0], **call)
+
+
+@pytest.mark.parametrize(
+    ("q", "v"),
+    [([0.8, -0.5], [1, 0]), ([0.1, 0.25], [0.5, 1]), ([3, -0.02], [1, 2]), ([1e-3, -1e-3], [2, 1])],
+)
+def test_positions_are_found_from_afar_where_velocities_are_held(q, v):
+    system = load("pendulum").system
+    found = system.consistent(hold="v", q=q, v=v)
+    np.testing.assert_array_equal(found["v"], v)
+    assert abs(np.hypot(*found["q"]) - 1) < 1e-15
+    assert abs(found["q"] @ found["v"]) < 1e-15
+    lv.integrate(system, lv.Spark(2), t=(0, 0.1), h=0.1, **found)
+
+
+@pytest.mark.parametrize("q", [[1e-3, 2e-3], [40.0, 30.0], [1e4, 0.0]])
+def test_positions_are_found_from_afar(q):
+    found = load("pendulum").system.consistent(q=q, v=[0.3, 0.2])
+    np.testing.assert_allclose(found["q"], np.array(q) / np.hypot(*q), rtol=1e-14)
+
+
+def test_a_start_without_a_solution_nearby_is_refused_still():
+    ring = lv.Lagrangian(
+        lambda t, q, v, params: ca.dot(v, v) / 2,
+        lambda t, q, params: ca.dot(q, q) + params.c,
+        q=2,
+        params={"c": 1.0},
+    )
+    with pytest.raises(ValueError, match="no consistent start is near the one given"):
+        ring.consistent(q=[0.3, 0.4], v=[0, 0])
+    with pytest.raises(ValueError, match="no consistent start is near the one given"):
+        load("pendulum").system.consistent(q=[0, 0], v=[1, 0])

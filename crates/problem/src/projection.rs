@@ -41,6 +41,14 @@ const SPREAD: f64 = 4.0;
 const LARGEST_CUTOFF: f64 = 0.1;
 /// Largest residual of dependent equations, relative to x, where the independent ones hold.
 const CONTRADICTION: f64 = 1e-9;
+/// Corrections of this part of x are near a solution, ...
+const NEAR: f64 = 0.1;
+/// ... to which so many damped ones lead at most.
+const MOST_DAMPED: usize = 100;
+/// Each takes away at least this part of what it would of linear equations ...
+const GAIN: f64 = 0.1;
+/// ... or else half of it is tried, down to this part.
+const LEAST_PART: f64 = 1.0 / (1 << 20) as f64;
 
 struct ConstraintEquations<'a> {
     projection: &'a Projection,
@@ -80,7 +88,7 @@ pub fn project(
 ) -> Result<Vec<f64>, StepError> {
     let (rows, n) = projection.pattern.shape();
     let mut equations = ConstraintEquations::new(projection, x, held, params);
-    let Err(error) = newton::solve(&mut equations, 100) else {
+    let Err(error) = equations.meet(x) else {
         return Ok(equations.x);
     };
     let may_depend = matches!(
@@ -93,8 +101,7 @@ pub fn project(
         return Err(error);
     }
     equations.leaves_out = true;
-    equations.x.copy_from_slice(x);
-    let found = newton::solve(&mut equations, 100);
+    let found = equations.meet(x);
     if found.is_err() || max_norm(&equations.c) > CONTRADICTION * equations.size() {
         return Err(error);
     }
@@ -253,6 +260,79 @@ fn check_finite(values: &[f64], quantity: Quantity) -> Result<(), StepError> {
 }
 
 impl ConstraintEquations<'_> {
+    /// Finds the point nearest to `x`, by damped corrections where whole ones do not lead to it.
+    fn meet(&mut self, x: &[f64]) -> Result<(), StepError> {
+        self.x.copy_from_slice(x);
+        let found = newton::solve(self, 100);
+        let Err(StepError::NotConverged { .. }) = found else {
+            return found.map(|_| ());
+        };
+        self.x.copy_from_slice(x);
+        self.approach()?;
+        newton::solve(self, 100).map(|_| ())
+    }
+
+    /// Goes to where corrections are small, by parts of them that take away what is missing.
+    fn approach(&mut self) -> Result<(), StepError> {
+        let mut size = f64::INFINITY;
+        for _ in 0..MOST_DAMPED {
+            self.factor()?;
+            self.solve();
+            size = self.size_of_correction();
+            if size <= NEAR {
+                return Ok(());
+            }
+            let (from, missing) = (self.x.clone(), self.missing());
+            let units = self.units[self.x.len()..].to_vec();
+            let mut part = 1.0;
+            loop {
+                for ((x, from), dx) in self.x.iter_mut().zip(&from).zip(&self.dx) {
+                    *x = from + part * dx;
+                }
+                if self.missing_in(&units) <= (1.0 - GAIN * part) * missing {
+                    break;
+                }
+                part /= 2.0;
+                if part < LEAST_PART {
+                    let iterations = MOST_DAMPED;
+                    return Err(StepError::NotConverged { iterations, size });
+                }
+            }
+        }
+        let iterations = MOST_DAMPED;
+        Err(StepError::NotConverged { iterations, size })
+    }
+
+    /// The size of what is missing of the equations that are not left out, in their units.
+    fn missing(&self) -> f64 {
+        let squares = self.rows.iter().map(|row| self.c[*row] * self.c[*row]);
+        squares.sum::<f64>().sqrt()
+    }
+
+    /// The same at the present point, in these units; infinite where the equations do not exist.
+    fn missing_in(&mut self, units: &[f64]) -> f64 {
+        let args: [&[f64]; 2] = [&self.x, self.held];
+        let c = (self.projection.residual).eval(&mut self.registers[0], args);
+        for ((out, c), unit) in self.c.iter_mut().zip(c).zip(units) {
+            *out = c / unit;
+        }
+        let missing = self.missing();
+        if missing.is_nan() {
+            f64::INFINITY
+        } else {
+            missing
+        }
+    }
+
+    /// The size of the last correction, as a part of x.
+    fn size_of_correction(&self) -> f64 {
+        let size = max_norm(&self.dx);
+        if size == 0.0 {
+            return 0.0;
+        }
+        size / max_norm(&self.x).max(self.scale).max(size)
+    }
+
     /// Evaluates everything at the present point, and factors the matrix.
     fn factor(&mut self) -> Result<(), StepError> {
         self.evaluate()?;
@@ -291,11 +371,6 @@ impl Equations for ConstraintEquations<'_> {
         for (x, dx) in self.x.iter_mut().zip(&self.dx) {
             *x += *dx;
         }
-        let size = max_norm(&self.dx);
-        Ok(if size == 0.0 {
-            0.0
-        } else {
-            size / max_norm(&self.x).max(self.scale).max(size)
-        })
+        Ok(self.size_of_correction())
     }
 }
