@@ -25,16 +25,13 @@ pub struct Sensitivity {
     /// (t, y, z, u, λ), ν behind λ → derivatives by y, z and τ of p_z u + p_y v + p_t − f − r − r_n, then of
     /// w_z u + w_y v + w_t with k_z u + k_y v + k_t below
     pub motion: Tape,
-    /// (t, y, z, u) → derivatives by y, z and τ of v_t + v_y v + v_z u; none where v = z
-    pub velocity: Option<Tape>,
     /// (t, y, z, ν) → k_τ and the derivative of r_n by τ; none where there are no nonholonomic constraints
     pub nonholonomic: Option<Tape>,
     /// Where the derivatives are not zero.
     pub patterns: SensitivityPatterns,
 }
 
-/// The sparsity of each derivative, `motion` and `rate` being the two of accelerations, `velocity` that of y'',
-/// `nonholonomic` those of k and r_n.
+/// The sparsity of each derivative, `motion` and `rate` being the two of accelerations, `nonholonomic` those of k and r_n.
 #[derive(Clone, Debug)]
 #[allow(missing_docs)]
 pub struct SensitivityPatterns {
@@ -47,7 +44,6 @@ pub struct SensitivityPatterns {
     pub w_tau: Pattern,
     pub motion: [Pattern; 3],
     pub rate: [Pattern; 3],
-    pub velocity: Option<[Pattern; 3]>,
     pub nonholonomic: Option<[Pattern; 2]>,
 }
 
@@ -63,8 +59,6 @@ impl Sensitivity {
         let v_tau = at.v_tau.as_ref();
         let has_velocity = usize::from(own.patterns.v_z.is_some());
         check("v_tau", usize::from(v_tau.is_some()), has_velocity)?;
-        let velocity = self.velocity.iter().zip(&at.velocity);
-        check("velocity", velocity.clone().count(), has_velocity)?;
         let nonholonomic = self.nonholonomic.iter().zip(&at.nonholonomic);
         let count = usize::from(own.l() > 0);
         check("nonholonomic", nonholonomic.clone().count(), count)?;
@@ -96,16 +90,11 @@ impl Sensitivity {
                 sum(&at.motion) + sum(&at.rate),
             ),
         ];
-        let in_u: [usize; 5] = [1, n, n, n, params];
-        let of_velocity = velocity
-            .clone()
-            .map(|(tape, at)| ("velocity", tape, &in_u[..], sum(at)));
         let in_nu: [usize; 5] = [1, n, n, own.l(), params];
         let of_nonholonomic = nonholonomic
             .clone()
             .map(|(tape, at)| ("nonholonomic", tape, &in_nu[..], sum(at)));
-        let optional = of_velocity.chain(of_nonholonomic);
-        for (name, tape, inputs, outputs) in tapes.into_iter().chain(optional) {
+        for (name, tape, inputs, outputs) in tapes.into_iter().chain(of_nonholonomic) {
             check(name, tape.inputs().len(), inputs.len())?;
             for (found, wanted) in tape.inputs().iter().zip(inputs) {
                 check(name, *found, *wanted)?;
@@ -127,14 +116,12 @@ impl Sensitivity {
         let motion = motion.map(|(pattern, width)| ("motion", pattern, (n, width)));
         let rate = at.rate.iter().zip(widths);
         let rate = rate.map(|(pattern, width)| ("rate", pattern, (multipliers, width)));
-        let velocity = velocity.flat_map(|(_, at)| at.iter().zip(widths));
-        let velocity = velocity.map(|(pattern, width)| ("velocity", pattern, (n, width)));
         let heights = [own.l(), n];
         let nonholonomic = nonholonomic.flat_map(|(_, at)| at.iter().zip(heights));
         let nonholonomic =
             nonholonomic.map(|(pattern, height)| ("nonholonomic", pattern, (height, tau)));
         let all = shapes.into_iter().chain(of_v).chain(motion).chain(rate);
-        for (name, pattern, shape) in all.chain(velocity).chain(nonholonomic) {
+        for (name, pattern, shape) in all.chain(nonholonomic) {
             check_pattern(name, pattern, shape)?;
         }
         Ok(self)
@@ -155,7 +142,6 @@ pub struct SensitivityModel {
     node: TapeRegisters<f64>,
     hidden: Registers<f64>,
     motion: Registers<f64>,
-    velocity: Option<Registers<f64>>,
     nonholonomic: Option<Registers<f64>>,
 }
 
@@ -170,7 +156,6 @@ impl SensitivityModel {
             node: TapeRegisters::new(&problem.node, params),
             hidden: problem.hidden.bind(params),
             motion: problem.motion.bind(params),
-            velocity: problem.velocity.as_ref().map(|tape| tape.bind(params)),
             nonholonomic: (problem.nonholonomic.as_ref()).map(|tape| tape.bind(params)),
             problem,
         }
@@ -246,15 +231,6 @@ impl SensitivityModel {
         let args: [&[f64]; 5] = [&[t], y, z, u, lam];
         let values = self.problem.motion.eval(&mut self.motion, args);
         cut(values, std::array::from_fn(of))
-    }
-
-    /// The derivatives of y'' by y, z and τ at (t, y, z), where z' is `u`; none where v is z.
-    pub fn velocity(&mut self, t: f64, [y, z, u]: [&[f64]; 3]) -> Option<Parts<'_, 3>> {
-        let (tape, at) =
-            (self.problem.velocity.as_ref()).zip(self.problem.patterns.velocity.as_ref())?;
-        let (registers, args): (_, [&[f64]; 4]) = (self.velocity.as_mut()?, [&[t], y, z, u]);
-        let sizes = std::array::from_fn(|k| at[k].len());
-        Some(cut(tape.eval(registers, args), sizes))
     }
 
     /// k_τ and the derivative of r_n by τ at (t, y, z, ν); none without nonholonomic constraints.

@@ -105,7 +105,7 @@ pub(crate) struct Sensitivity(pub(crate) Arc<liouville_problem::Sensitivity>, Ma
 
 #[pymethods]
 impl Sensitivity {
-    /// Tapes and patterns by name; there is no "v_tau" and no "velocity" where v is z, and no "nonholonomic" where
+    /// Tapes and patterns by name; there is no "v_tau" where v is z, and no "nonholonomic" where
     /// the system has no such constraint.
     #[new]
     fn new(
@@ -123,7 +123,6 @@ impl Sensitivity {
             node: tape("node")?,
             hidden: tape("hidden")?,
             motion: tape("motion")?,
-            velocity: optional(tapes, "velocity", tape)?,
             nonholonomic: optional(tapes, "nonholonomic", tape)?,
             patterns: SensitivityPatterns {
                 p_tau: pattern("p_tau")?,
@@ -139,15 +138,6 @@ impl Sensitivity {
                     pattern("motion_tau")?,
                 ],
                 rate: [pattern("rate_y")?, pattern("rate_z")?, pattern("rate_tau")?],
-                velocity: if patterns.contains("velocity_y")? {
-                    Some([
-                        pattern("velocity_y")?,
-                        pattern("velocity_z")?,
-                        pattern("velocity_tau")?,
-                    ])
-                } else {
-                    None
-                },
                 nonholonomic: if patterns.contains("k_tau")? {
                     Some([pattern("k_tau")?, pattern("rn_tau")?])
                 } else {

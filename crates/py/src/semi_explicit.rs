@@ -98,7 +98,6 @@ impl SemiExplicitSensitivity {
             field: tape("field")?,
             constraint: tape("constraint")?,
             hidden: tape("hidden")?,
-            rates: [tape("rates")?, tape("rates_transposed")?],
             patterns: SemiExplicitSensitivityPatterns {
                 f_tau: pattern("f_tau")?,
                 k_tau: pattern("k_tau")?,

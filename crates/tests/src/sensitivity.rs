@@ -45,9 +45,6 @@ impl Functions {
             [y, z, by_tau(of, rows, SIXTH, params)]
         };
         let (motion, rate) = (by(&residual, n), by(&rates, m));
-        // where v is z there are none
-        let accelerations: Vec<_> = v.iter().map(along).collect();
-        let velocity = self.v.as_ref().map(|_| by(&accelerations, n));
         let values = |parts: &[&(Pattern, Vec<Expr>)]| {
             let parts = parts.iter().map(|part| part.1.clone());
             parts.flatten().collect::<Vec<_>>()
@@ -59,10 +56,6 @@ impl Functions {
             node: tape([1, n, m, params], &values(&[&g_tau, &r_tau])),
             hidden: tape([1, n, n, params], &values(&[&w_y, &w_tau])),
             motion: tape([1, n, n, n, m, params], &values(&six)),
-            velocity: velocity.as_ref().map(|parts| {
-                let parts: Vec<_> = parts.iter().collect();
-                tape([1, n, n, n, params], &values(&parts))
-            }),
             nonholonomic: None,
             patterns: SensitivityPatterns {
                 nonholonomic: None,
@@ -75,7 +68,6 @@ impl Functions {
                 w_tau: w_tau.0,
                 motion: motion.map(|part| part.0),
                 rate: rate.map(|part| part.0),
-                velocity: velocity.map(|parts| parts.map(|part| part.0)),
             },
         };
         Arc::new(found.checked().expect("tapes and patterns fit together"))

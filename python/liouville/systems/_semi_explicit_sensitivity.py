@@ -12,11 +12,10 @@ import numpy as np
 from liouville import _casadi as ca
 from liouville import _core
 from liouville.systems._derivatives import jacobian
-from liouville.systems._form import record_blocks, total_derivative
+from liouville.systems._form import record_blocks
 from liouville.systems._linear import Block
 from liouville.systems._motion import kept
 from liouville.systems._sensitivity import Corrections, Moving
-from liouville.tape import record
 
 if TYPE_CHECKING:
     from liouville.systems.semi_explicit import SemiExplicit
@@ -39,26 +38,8 @@ def _sensitivity(system: SemiExplicit) -> _core.SemiExplicitSensitivity:
         "constraint": record_blocks("constraint", s.inputs(), [*constraint.values()]),
         "hidden": record_blocks("hidden", point, [*hidden.values()]),
     }
-    tapes |= _rates(system)
     patterns = {name: block.pattern for name, block in (field | constraint | hidden).items()}
     return _core.SemiExplicitSensitivity(system.problem, tapes, patterns)
-
-
-def _rates(system: SemiExplicit) -> dict[str, _core.Tape]:
-    """Record the derivative of dw/dt and y'' by (t, y, z, params), with z' held."""
-    s, columns = system._symbols, system._expressions.columns
-    f, w, z_dot = columns["field"], columns["hidden"], ca.SX.sym("z_dot", s.z.numel())
-    x = ca.vertcat(s.t, s.y, s.z, s.params.vector)
-    parts = [total_derivative(e, s, f) + ca.jtimes(e, s.z, z_dot) for e in (w, f)]
-    rates, found = ca.vertcat(*parts), {}
-    for name, like, is_transposed in (("rates", x, False), ("rates_transposed", rates, True)):
-        vector = ca.SX.sym("along", like.numel())
-        along = ca.densify(ca.jtimes(rates, x, vector, is_transposed))
-        inputs = s.inputs(z=s.z)
-        params = inputs.pop("params")
-        inputs |= {"z_dot": z_dot, "along": vector, "params": params}
-        found[name] = record(f"tangents of {name}", inputs, along)
-    return found
 
 
 def moved_start(

@@ -16,7 +16,7 @@ from liouville import _core
 from liouville.errors import describe, hinted
 from liouville.systems import _consistent
 from liouville.systems._derivatives import jacobian
-from liouville.systems._form import record_blocks, total_derivative
+from liouville.systems._form import record_blocks
 from liouville.systems._linear import Block
 from liouville.systems._motion import equations, kept
 from liouville.tape import record
@@ -63,12 +63,8 @@ def _sensitivity(system: Mechanics) -> _core.Sensitivity:
         "rate_z": Block(jacobian(rate, s.z)),
         "rate_tau": Block(jacobian(rate, tau)),
     }
-    velocity: dict[str, Block] = {}
     if "v_z" in system._patterns:
         stage["v_tau"] = Block(jacobian(model.v, tau))
-        rates = total_derivative(model.v, s, model.v) + ca.jtimes(model.v, s.z, u)
-        by = {"y": s.y, "z": s.z, "tau": tau}
-        velocity = {f"velocity_{x}": Block(jacobian(rates, along)) for x, along in by.items()}
     rolling: dict[str, Block] = {}
     if own.nu.numel():
         rolling = {"k_tau": Block(jacobian(own.k, tau)), "rn_tau": Block(jacobian(own.rn, tau))}
@@ -78,12 +74,10 @@ def _sensitivity(system: Mechanics) -> _core.Sensitivity:
         "hidden": record_blocks("hidden", at_stage, [*hidden.values()]),
         "motion": record_blocks("motion", at_motion, [*motion.values()]),
     }
-    if velocity:
-        tapes["velocity"] = record_blocks("velocity", s.inputs(z=s.z, u=u), [*velocity.values()])
     if rolling:
         at_nu = s.inputs(z=s.z, nu=own.nu)
         tapes["nonholonomic"] = record_blocks("nonholonomic", at_nu, [*rolling.values()])
-    blocks = stage | node | hidden | motion | velocity | rolling
+    blocks = stage | node | hidden | motion | rolling
     patterns = {name: block.pattern for name, block in blocks.items()}
     return _core.Sensitivity(system.problem, tapes, patterns)
 

@@ -21,9 +21,6 @@ pub struct SemiExplicitSensitivity {
     pub constraint: Tape,
     /// (t, y, z) → w_y, w_τ
     pub hidden: Tape,
-    /// The derivative of dw/dt and y'' along a direction, (t, y, z, z', d(t, y, z, θ)), and its transpose,
-    /// (t, y, z, z', c): z' is held.
-    pub rates: [Tape; 2],
     /// Where the derivatives are not zero.
     pub patterns: SemiExplicitSensitivityPatterns,
 }
@@ -54,13 +51,7 @@ impl SemiExplicitSensitivity {
             ("constraint", &self.constraint, place, at.k_tau.len()),
             ("hidden", &self.hidden, point, of_hidden),
         ];
-        let (x, rows) = (n + l + 1 + params, n + l);
-        let [push, pull]: [&[usize]; 2] = [&[1, n, l, l, x, params], &[1, n, l, l, rows, params]];
-        let of_rates = [
-            ("rates", &self.rates[0], push, rows),
-            ("rates", &self.rates[1], pull, x),
-        ];
-        for (name, tape, inputs, outputs) in tapes.into_iter().chain(of_rates) {
+        for (name, tape, inputs, outputs) in tapes {
             check(name, tape.inputs().len(), inputs.len())?;
             for (found, wanted) in tape.inputs().iter().zip(inputs) {
                 check(name, *found, *wanted)?;
@@ -95,7 +86,6 @@ pub struct SemiExplicitSensitivityModel {
     field: Registers<f64>,
     constraint: Registers<f64>,
     hidden: Registers<f64>,
-    rates: [Registers<f64>; 2],
     factor: Factor,
     w_y: Vec<f64>,
     w_tau: Vec<f64>,
@@ -113,7 +103,6 @@ impl SemiExplicitSensitivityModel {
             field: problem.field.bind(params),
             constraint: problem.constraint.bind(params),
             hidden: problem.hidden.bind(params),
-            rates: [0, 1].map(|k| problem.rates[k].bind(params)),
             factor: Factor::new(&problem.system.patterns.w_z),
             w_y: vec![0.0; at.w_y.len()],
             w_tau: vec![0.0; at.w_tau.len()],
@@ -131,14 +120,6 @@ impl SemiExplicitSensitivityModel {
     pub fn constraint(&mut self, t: f64, y: &[f64]) -> &[f64] {
         let tape = &self.problem.constraint;
         tape.eval(&mut self.constraint, [&[t], y])
-    }
-
-    /// The derivative of dw/dt and y'' along a direction of (t, y, z, θ), or its transpose, at (t, y, z, z').
-    pub fn rates(&mut self, t: f64, point: [&[f64]; 3], x: &[f64], is_transposed: bool) -> &[f64] {
-        let which = usize::from(is_transposed);
-        let [y, z, z_dot] = point;
-        let args = [&[t], y, z, z_dot, x];
-        self.problem.rates[which].eval(&mut self.rates[which], args)
     }
 
     /// Linearises the hidden constraint at (t, y, z).
