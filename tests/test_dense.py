@@ -11,6 +11,8 @@ from registry import ALL
 import liouville as lv
 from liouville import problems
 from liouville.cli.models import times_at
+from liouville.runners import between
+from liouville.runners.execute import execute
 
 wire = problems.load("moving_wire")
 
@@ -311,3 +313,23 @@ def test_events_and_times_of_waves_are_refused_with_what_helps():
         lv.integrate(wave, "auto", t=(0, 1), events={"e": sum}, psi=[1, 0, 0, 0])
     with pytest.raises(TypeError, match=r"t_eval is not for .*\nhint: t= takes the times"):
         lv.integrate(wave, "auto", t=(0, 1), t_eval=[0.5], psi=[1, 0, 0, 0])
+
+
+def test_all_parts_of_steps_are_made_in_one_run(monkeypatch):
+    runs, pendulum = [], problems.load("pendulum")
+
+    def counted(runner):
+        runs.append(runner)
+        return execute(runner)
+
+    monkeypatch.setattr(between, "execute", counted)
+    for method in (lv.Spark(3), lv.HHT()):
+        run = lv.integrate(pendulum.system, method, t=(0, 5), h=0.1, **pendulum.start)
+        times = np.linspace(0, 5, 333)
+        found = run(times)
+        assert len(runs) == 1
+        runs.clear()
+        one = [run(t) for t in times[::37]]
+        np.testing.assert_array_equal(found.q[::37], [x.q for x in one])
+        np.testing.assert_array_equal(found.lam[::37], [x.lam for x in one])
+        runs.clear()

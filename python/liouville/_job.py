@@ -80,6 +80,9 @@ class Job:
         Whether the rows are members of an ensemble.
     is_reversible : bool
         Whether the alpha family meets a tolerance by reversible steps.
+    parts : list of tuple
+        Instead of a run a part of a step from each row of the start: when it begins, when it ends,
+        and how many of the times of `watch` are in it.
     records : list of WaveRecord
         Where runs of wave functions leave what their derivatives need, one for each member.
     """
@@ -97,4 +100,5 @@ class Job:
     threads: int = 1
     is_ensemble: bool = False
     is_reversible: bool = False
+    parts: list[tuple[float, float, int]] = field(default_factory=list)
     records: list[_core.WaveRecord] = field(default_factory=list)

@@ -303,6 +303,7 @@ struct MechanicalJob<'py> {
     threads: usize,
     is_ensemble: bool,
     is_reversible: bool,
+    parts: Vec<run::Part>,
 }
 
 impl MechanicalJob<'_> {
@@ -327,6 +328,7 @@ impl MechanicalJob<'_> {
             start: start.collect::<PyResult<_>>()?,
             params: self.params.to_vec()?,
             members: self.is_ensemble.then_some(members),
+            parts: self.parts.clone(),
             span: Span {
                 t0,
                 t1,

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import groupby
 from typing import Any
 
 import numpy as np
 
 from liouville.methods import Method
 from liouville.runners import Request, runner_of
-from liouville.runners.execute import execute
+from liouville.runners.execute import execute, finished
+from liouville.runners.traced import TracedRunner
 from liouville.systems import Mechanics, SemiExplicit
 
 #: Times, and both halves of the state, at the ends of the steps of a piece of a run.
@@ -31,26 +33,43 @@ def between(
     They are those of one piece of the run after another, the times in the order of the run, none of
     them twice; at the end of a piece the next one counts. Each is made by a step of the method from
     the last end of a step before it, with what the method carries there, by name and time. Those
-    of one step after another are returned.
+    of one run of parts after another are returned.
 
     Raises
     ------
     IntegrationError
         A part of a step cannot be made.
+    KeyboardInterrupt
+        It was cut short.
     """
     run, carried = known
     way = 1 if run[0][0][0] <= run[-1][0][-1] else -1
     ends = np.searchsorted(way * times, [way * piece[0][-1] for piece in run[:-1]])
-    found = []
+    starts: list[tuple[Any, ...]] = []
+    parts: list[tuple[float, float, int]] = []
     for (t, y, z), some in zip(run, np.split(times, ends), strict=True):
         knots = np.searchsorted(way * t, way * some, side="right") - 1
-        for k in np.unique(knots):
-            inside, t0 = some[knots == k], float(t[k])
-            end = float(inside[-1])
+        for k, first, count in zip(
+            *np.unique(knots, return_index=True, return_counts=True), strict=True
+        ):
+            t0, end = float(t[k]), float(some[first + count - 1])
             if end == t0:
                 end += way * SHORT * max(abs(t0), 1.0)
-            start = dict(zip(system.states, (y[k], z[k]), strict=True))
-            start |= {name: values[t0] for name, values in carried.items() if t0 in values}
-            request = Request(t=(t0, end), steps=1, t_eval=inside, params=params, start=start)
-            found.append(execute(runner_of(system, method, request)).states)
+            more = [values[t0] for values in carried.values() if t0 in values]
+            starts.append((y[k], z[k], *more))
+            parts.append((t0, end, int(count)))
+    # what the method carries is known at the ends of steps, and not behind resets
+    found, place = [], 0
+    for _, group in groupby(range(len(parts)), key=lambda k: len(starts[k])):
+        own = list(group)
+        rows = [np.stack(x) for x in zip(*(starts[k] for k in own), strict=True)]
+        (t0, end, _), inside = parts[own[0]], sum(parts[k][2] for k in own)
+        some = times[place : place + inside]
+        start = dict(zip((*system.states, *carried), (x[0] for x in rows), strict=False))
+        request = Request(t=(t0, end), steps=1, params=params, start=start)
+        runner = runner_of(system, method, request)
+        assert isinstance(runner, TracedRunner), "of a mechanical or semi-explicit system"
+        runner.take_parts(tuple(rows), [parts[k] for k in own], some)
+        found.append(finished(execute(runner)).states)
+        place += inside
     return found

@@ -82,6 +82,7 @@ class TracedRunner(Runner):
         self.columns = {**self._own_columns(), **self.widths}
         self._check_sizes(request)
         self._directions: ConstrainedDirections | None = None
+        self._parts: list[tuple[float, float, int]] = []
         #: Tangents at events, by their names.
         self._moved_events: dict[str, tuple[np.ndarray, np.ndarray | None]] = {}
 
@@ -135,11 +136,24 @@ class TracedRunner(Runner):
         if steps.control is not None:
             monitor = (self._monitor,) if self._control == "reversible" else ()
             control = (*steps.control[1:], *monitor)
-        return Job(
+        job = Job(
             start=self._begin, span=(steps.t0, steps.t1, steps.count, self.every),
             observer=self._observer, params=self._values, states=self._states,
             control=control, watch=self._watched,
         )  # fmt: skip
+        if self._parts:
+            job.parts, job.is_ensemble, job.params = self._parts, True, self._values[None]
+        return job
+
+    def take_parts(
+        self, starts: tuple[np.ndarray, ...], parts: list[tuple[float, float, int]], times: Any
+    ) -> None:
+        """Take parts of steps from other starts, a row for each, in the place of the run.
+
+        Of each part the start is given, the end, and how many of the times are in it.
+        """
+        self._begin, self._parts = starts, parts
+        self._watched = (self._order, np.ascontiguousarray(times), [])
 
     def _set_directions(self, request: Request) -> None:
         """Take the directions of tangents, if any are wanted, which each record has columns for."""

@@ -109,7 +109,13 @@ impl Job {
         } else {
             2
         };
+        let times = (self.detection.iter()).flat_map(|detection| &detection.times);
+        let times: usize = times.map(Vec::len).sum();
+        let has_parts = self.parts.is_empty()
+            || self.parts.len() == members
+                && self.parts.iter().map(|(.., count)| count).sum::<usize>() == times;
         let fits = members > 0
+            && has_parts
             && self.span.steps > 0
             && self.span.every > 0
             && (2..=most).contains(&self.start.len())

@@ -1,5 +1,6 @@
 //! The system, the method and the job of a run.
 
+use super::parts::Part;
 use crate::events::{EventSlopes, Law};
 use liouville_alpha::{AlphaSlopes, Reactions};
 use liouville_base::method::Tolerance;
@@ -155,6 +156,8 @@ pub struct Job {
     pub params: Vec<f64>,
     /// The number of members of an ensemble; none for a single run.
     pub members: Option<usize>,
+    /// Parts of steps to be made instead, each from the start of a member.
+    pub parts: Vec<Part>,
     /// The ends of the run, its steps and records; only the ends are used where steps are not equal.
     pub span: Span,
     /// The control of the steps.

@@ -11,6 +11,7 @@ mod index2_pullback;
 mod job;
 mod journal;
 mod member;
+mod parts;
 mod pullback;
 mod shared;
 mod spark_pullback;
@@ -20,6 +21,7 @@ pub use job::{
     Control, Detection, EventFunction, Job, Method, Problem, SparkMethod, SystemSensitivity,
     Tangents,
 };
+pub use parts::Part;
 pub use pullback::{Follow, Pullback, StepAdjoint};
 pub use shared::SharedRun;
 
@@ -45,6 +47,9 @@ use std::sync::Arc;
 /// The method does not step the system, the job does not fit them, or the start of a single run failed.
 pub fn start(problem: Problem, method: Method, job: Job) -> Result<Box<dyn Advance>, StartError> {
     let starter = Starter::new(problem, method, job)?;
+    if !starter.job.parts.is_empty() {
+        return Ok(Box::new(parts::Parts::new(starter)));
+    }
     match starter.job.members {
         None => Ok(starter.begin(&[0])?),
         Some(members) => Ok(Box::new(starter.ensemble(members)?)),
