@@ -180,3 +180,27 @@ def test_pullbacks_of_all_resets_at_the_end_of_a_run(terminal, seen):
     assert [len(points) for points in run.events.values()] == [1, 1, 1]
     assert run.t[-1] == end
     assert paired(square, lv.Spark(2), start=start, directions=directions, **call) < 1e-12
+
+
+@pytest.mark.parametrize("terminal", [True, False])
+@pytest.mark.parametrize("reset", [True, False])
+@pytest.mark.parametrize("every", [1, 3, 100])
+@pytest.mark.parametrize("end", [0.0, 1.125, 1.1])
+def test_pullbacks_of_events_at_the_ends_of_steps(terminal, reset, every, end):
+    """The record there is of the state after the event, which the next step meets at its start."""
+    ball = lv.Lagrangian(
+        lambda t, q, v, params: ca.dot(v, v) / 2 - params.g * q[1] / 9,
+        q=("x", "y"), params={"a": end, "g": 1.0},
+    )  # fmt: skip
+    law = lv.Impact(0.5) if reset else None
+    wall = lv.Event(lambda t, q, v, lam, params: q[0] - params.a, "up", terminal, reset=law)
+    corner = lv.Event(
+        lambda t, q, v, lam, params: q[1] - end + params.g * end**2 / 18, "up",
+        reset=lambda t, q, v, lam, params: {"v": {"y": -params.g * v[1]}},
+    )  # fmt: skip
+    for events in ({"wall": wall}, {"wall": wall, "corner": corner}):
+        directions = {"q": np.array([0.3, 0.7]), "v": np.array([0.2, -0.4])}
+        directions |= {"params.a": 1.0, "params.g": 0.5}
+        call = {"t": (0.0, 2.0), "h": 0.125, "every": every, "events": events}
+        start = {"q": np.zeros(2), "v": np.ones(2)}
+        assert paired(ball, lv.Spark(2), start=start, directions=directions, **call) < 1e-12

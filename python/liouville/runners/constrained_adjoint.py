@@ -84,7 +84,8 @@ class ConstrainedAdjoint(Adjoint):
             core.give(np.ascontiguousarray(np.pad(rows, ((0, over), (0, 0)))))
             kept, rows = np.zeros(1, int), np.zeros((1, rows.shape[1]))
         for first, last, saved in checkpoints.reversed(steps):
-            own = (first < kept) & (kept <= last)
+            # the record at the start may be of the state after an event there
+            own = (first <= kept) & (kept <= last)
             is_made = recorder is not None and first == recorded
             state = None if is_made else saved
             error = core.follow(state, last, kept[own], np.ascontiguousarray(rows[own]))
@@ -134,8 +135,10 @@ class ConstrainedAdjoint(Adjoint):
                 records.append(int(given[-1]))
         if self.runner.times is None:
             # an event at the end of a step may be found at the start of the next
+            far = max(far, self._far_of_events(solution, max(records)))
             after = np.searchsorted(np.abs(solution.t - steps.t0), far, side="right")
-            return int(kept[min(max(*records, int(after)), len(kept) - 1)])
+            row = max(*records, int(after))
+            return int(kept[row]) if row < len(kept) - 1 else int(solution.stats["steps"])
         done = int(solution.stats["steps"])
         if steps.control is not None:
             return done
@@ -143,6 +146,12 @@ class ConstrainedAdjoint(Adjoint):
         ahead = AHEAD if self.runner._order > ONE_STEP else 0
         place = float(far / abs(steps.t1 - steps.t0) * steps.count)
         return min(done, math.floor(place + BESIDE) + 1 + ahead) if far >= 0 else 0
+
+    def _far_of_events(self, solution: Solution, record: int) -> float:
+        """Return how far from the start a record is that an event may have replaced, else -1."""
+        t = solution.t[record]
+        is_met = any((points.t == t).any() for points in solution.events.values())
+        return float(abs(t - self.runner.steps.t0)) if is_met else -1.0
 
     def _rows_of_events(
         self, solution: Solution, cotangents: Mapping[str, np.ndarray]

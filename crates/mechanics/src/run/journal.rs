@@ -311,6 +311,29 @@ impl<S> Entry<S> {
     }
 }
 
+/// Whether the events `own` of the step that ends at `place` cut it at its start, and so does each step before as far as one
+/// that was made whole: the record there is of the state after them.
+#[allow(clippy::float_cmp)] // 0 and 1 are the ends of the step
+pub(super) fn replaces_record<S>(
+    entries: &[Entry<S>],
+    own: &[Entry<S>],
+    (mut place, parts): (usize, usize),
+) -> bool {
+    let mut cuts = own.iter().filter(|entry| entry.is_cut());
+    if cuts.next().is_none_or(|first| first.part != 0.0) {
+        return false;
+    }
+    loop {
+        place -= parts;
+        let mut before = entries.iter().filter(|entry| entry.place == place);
+        match before.find(|entry| entry.is_cut()) {
+            Some(first) if first.part == 0.0 => {}
+            Some(first) => return first.part == 1.0,
+            None => return true,
+        }
+    }
+}
+
 impl<S: Carried> GivenEntry<S> {
     /// Adds cotangents of (y, z, λ) at the given time to those of the state where the part of the step begins.
     ///

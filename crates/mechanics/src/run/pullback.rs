@@ -2,7 +2,7 @@
 
 use super::Starter;
 use super::given_times::GivenTimes;
-use super::journal::{Entry, EventAdjoint, EventRecorder, GivenEntry, Journal};
+use super::journal::{Entry, EventAdjoint, EventRecorder, GivenEntry, Journal, replaces_record};
 use super::member::{BoxedStepper, Member, MonitoredSteps};
 use super::shared::SharedRun;
 use crate::events::{DenseDetector, LinearReset};
@@ -105,6 +105,8 @@ pub struct Pullback<A: StepAdjoint> {
     journal: Journal<A::State>,
     /// The cotangent of the time at which the run begins, by the times of its steps.
     of_start: f64,
+    /// Whether the record at the start of the step last followed back is of the state after an event there.
+    is_replaced: bool,
 }
 
 /// Steps that are recorded as they are made.
@@ -223,6 +225,7 @@ where
             events,
             journal,
             of_start: 0.0,
+            is_replaced: false,
         })
     }
 }
@@ -327,7 +330,15 @@ impl<A: StepAdjoint> Follow for Pullback<A> {
             let step = std::mem::take(&mut self.step);
             // a step that an event has parted is one with that to its end
             let is_whole = cut.is_none_or(|entry| !entry.goes_on() || is_over && place == last);
-            if is_whole && let Ok(row) = kept.binary_search(&number) {
+            let replaces = replaces_record(&entries, &own, (place, parts));
+            let is_recorded = (is_whole || replaces) && !self.is_replaced;
+            self.is_replaced = replaces || self.is_replaced && !is_whole;
+            // the last record may have replaced that of the step before
+            let others = [number, number - usize::from(is_whole && replaces)];
+            let mut found = others
+                .iter()
+                .filter_map(|record| kept.binary_search(record).ok());
+            if is_recorded && let Some(row) = found.next() {
                 let end = &step[parts - 1];
                 let (t, state) = match cut {
                     Some(entry) => (entry.t, entry.after.as_ref().unwrap_or(&entry.state)),
@@ -358,7 +369,9 @@ impl<A: StepAdjoint> Follow for Pullback<A> {
         let (t, start, is_given) = self.start.clone();
         let at = (t, &start);
         self.cotangents.tau[0] += std::mem::take(&mut self.of_start);
-        self.point.observe(at, row, &mut self.cotangents)?;
+        if !self.is_replaced {
+            self.point.observe(at, row, &mut self.cotangents)?;
+        }
         let (point, of) = (&mut self.point, &mut self.cotangents);
         self.adjoint.leave(at, is_given, point, of)?;
         Ok(&self.cotangents)
