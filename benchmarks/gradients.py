@@ -49,12 +49,9 @@ def waves():
     run = {"t": t, "steps": 1000, "every": 1000, "psi": psi}
     yield "14 spins, 1000 samples", sampled, lv.Magnus(2), ["drive[0]"], run
 
-    def series(t, params):
-        return ca.dot(params.a, ca.sin(np.pi * t / 10 * ca.DM(range(1, 51))))
-
-    modes = np.random.default_rng(0).standard_normal(50) / 10
-    waved = lv.Schrodinger(chain, drive=[(series, one)], params={"a": modes})
-    yield "14 spins, 50 modes", waved, "auto", ["params.a"], {"t": t, "psi": psi}
+    for modes in (50, 1000):
+        waved = lv.Schrodinger(chain, drive=[(series, one)], params={"a": amplitudes(modes)})
+        yield f"14 spins, {modes} modes", waved, "auto", ["params.a"], {"t": t, "psi": psi}
 
     sites = 1000
     tilt = np.add.outer(np.arange(sites), np.zeros(sites)).ravel() / sites
@@ -65,6 +62,17 @@ def waves():
     )
     run = {"t": (0.0, 1.0), "psi": np.outer(packet, packet).ravel()}
     yield "1000 x 1000 sites", shaken, "auto", ["psi", "params.a"], run
+
+
+def amplitudes(count):
+    """Return random amplitudes of as many modes, whose sum has the same size on average."""
+    return np.random.default_rng(0).standard_normal(count) / np.sqrt(2 * count)
+
+
+def series(t, params):
+    """Return a sum of sines, which have frequencies up to 5 pi."""
+    count = params.a.numel()
+    return ca.dot(params.a, ca.sin(5 * np.pi * t / count * ca.DM(range(1, count + 1))))
 
 
 def wave_gradient(system, method, wrt, run):

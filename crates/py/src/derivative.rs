@@ -33,6 +33,8 @@ pub(crate) struct WaveDerivative {
     groups: usize,
     /// Number of rows of H, at each of which a potential has a value.
     rows: usize,
+    /// Of the state where a piece begins, which was gone through last.
+    cotangent: (Vec<f64>, usize),
     caught: Vec<Caught>,
 }
 
@@ -65,6 +67,7 @@ impl WaveDerivative {
             places: inner.places(),
             groups: groups.len(),
             rows: inner.size(),
+            cotangent: (vec![0.0; 2 * inner.places()], 0),
             caught,
         })
     }
@@ -99,22 +102,19 @@ impl WaveDerivative {
         Ok((steps, PyArray1::from_slice(py, nodes)))
     }
 
-    /// Makes a piece from the state where it begins, keeps what derivatives by H take, and returns that where it ends.
-    fn keep_ends<'py>(
+    /// Makes all pieces from the state where the first begins, and keeps what derivatives by H take.
+    fn keep_ends(
         &mut self,
-        py: Python<'py>,
-        piece: usize,
-        state: PyReadonlyArray2<'py, Complex64>,
-    ) -> PyResult<States<'py>> {
-        self.check(piece)?;
+        py: Python<'_>,
+        state: PyReadonlyArray2<'_, Complex64>,
+    ) -> PyResult<()> {
         let mut rows = self.flat(&state)?;
         let [state] = &mut rows[..] else {
             return Err(refused("one state"));
         };
         let inner = &mut self.inner;
-        let made = py.detach(|| inner.keep_ends(piece, state));
-        made.map_err(|error| self.explained(error))?;
-        self.complex(py, &rows)
+        let made = py.detach(|| inner.keep_ends(state));
+        made.map_err(|error| self.explained(error))
     }
 
     /// Lets H change within a piece by polynomials of this degree at least.
@@ -196,32 +196,40 @@ impl WaveDerivative {
         Ok((self.complex(py, &rows)?, self.complex(py, &found)?))
     }
 
-    /// The cotangent of the state where a piece begins, from that where it ends and those at the ends of its steps, and
-    /// those of the weights of H and of the potential at its nodes, where they are wanted.
+    /// Goes back through a piece, from the last to the first: the cotangents of the weights of H and of the potential at
+    /// its nodes, where they are wanted, given those of the states at the ends of its steps, or no rows where they are zero.
     fn pull<'py>(
         &mut self,
         py: Python<'py>,
         piece: usize,
-        cotangent: PyReadonlyArray2<'py, Complex64>,
         of_steps: PyReadonlyArray2<'py, Complex64>,
         wanted: (bool, bool),
-    ) -> PyResult<(States<'py>, Reals<'py>, Reals<'py>)> {
+    ) -> PyResult<(Reals<'py>, Reals<'py>)> {
         self.check(piece)?;
-        let (mut rows, of_steps) = (self.flat(&cotangent)?, self.flat(&of_steps)?);
-        let [cotangent] = &mut rows[..] else {
-            return Err(refused("one cotangent"));
-        };
-        if of_steps.len() != self.inner.piece(piece).0 {
+        if piece + 1 == self.inner.count() {
+            self.cotangent = (vec![0.0; 2 * self.places], self.inner.count());
+        }
+        if self.cotangent.1 != piece + 1 {
+            return Err(refused("pieces from the last to the first"));
+        }
+        let of_steps = self.flat(&of_steps)?;
+        if !of_steps.is_empty() && of_steps.len() != self.inner.piece(piece).0 {
             return Err(refused("a cotangent for each step that ends in the piece"));
         }
         let (weights, potential) = wanted;
         let wanted = Wanted { weights, potential };
-        let inner = &mut self.inner;
-        let found = py.detach(|| inner.pull(piece, cotangent, &of_steps, wanted));
+        let (inner, cotangent) = (&mut self.inner, &mut self.cotangent);
+        let found = py.detach(|| inner.pull(piece, &mut cotangent.0, &of_steps, wanted));
         let found = found.map_err(|error| self.explained(error))?;
+        self.cotangent.1 = piece;
         let weights = PyArray1::from_vec(py, found.weights);
-        let potential = PyArray1::from_vec(py, found.potential);
-        Ok((self.complex(py, &rows)?, weights, potential))
+        Ok((weights, PyArray1::from_vec(py, found.potential)))
+    }
+
+    /// The cotangent of the state where the piece begins that was gone through last.
+    #[getter]
+    fn cotangent<'py>(&self, py: Python<'py>) -> PyResult<States<'py>> {
+        self.complex(py, std::slice::from_ref(&self.cotangent.0))
     }
 }
 

@@ -173,9 +173,7 @@ class WaveDerivative:
             is_other |= self._core.lengthen(k, rows, self._tol)
         # derivatives by H are of the run by these terms
         if by and (is_other or (self._is_split and of_potential(self._system, by))):
-            state = self._psi[None]
-            for k in range(len(self._pieces)):
-                state = self._core.keep_ends(k, state)
+            self._core.keep_ends(self._psi[None])
 
     def followed(self, rows: Array) -> Array:
         """Return tangents of the states kept, shape (k, directions, N), of directions as rows."""
@@ -243,8 +241,9 @@ class WaveDerivative:
     def pulled(self, cotangents: Array, names: Sequence[str]) -> dict[str, Array]:
         """Return gradients by these names from cotangents of the states kept, shape (k, N)."""
         system, drive = self._system, self._drive
-        rows = dict(zip(self._kept, system.frame.inward(cotangents), strict=True))
-        state = np.zeros((1, system.size), dtype=complex)
+        inward = system.frame.inward(cotangents)
+        pairs = zip(self._kept, inward, strict=True)
+        rows = {k: row for k, row in pairs if row.any()}
         potential = self._potential if of_potential(system, names) else None
         wanted = bool(of_drive(system, names)), potential is not None
         by_potential = np.zeros(system.parameters.values(None).size)
@@ -252,16 +251,17 @@ class WaveDerivative:
         for k in reversed(range(len(self._pieces))):
             steps, nodes = self._pieces[k]
             first = self._steps[k] + 1
-            of_steps = np.zeros((steps, system.size), dtype=complex)
-            for j in range(steps):
-                of_steps[j] = rows.get(first + j, 0.0)
-            state, of_weights, of_points = self._core.pull(k, state, of_steps, wanted)
+            here = rows.keys() & set(range(first, first + steps))
+            of_steps = np.zeros((steps if here else 0, system.size), dtype=complex)
+            for j in here:
+                of_steps[j - first] = rows[j]
+            of_weights, of_points = self._core.pull(k, of_steps, wanted)
             if of_weights.size:
                 times.append(nodes)
                 weights.append(of_weights.reshape(nodes.size, -1))
             if potential is not None:
                 by_potential += potential.pulled(nodes, of_points.reshape(nodes.size, -1))
-        gradients = {"psi": system.outward(state[0] + rows[0])}
+        gradients = {"psi": system.outward(self._core.cotangent[0] + rows.get(0, 0.0))}
         t, w = np.concatenate(times), np.concatenate(weights)[:, 1:]
         if any(name.startswith(PARAMS) for name in names):
             by_params = by_potential + (drive.pulled(t, w) if t.size else 0.0)

@@ -3,6 +3,7 @@
 //! Methods step e^{iσt} ψ(t), by H − σ with σ in the middle of the spectrum; a state keeps σt.
 
 pub mod bessel;
+mod blocks;
 mod chebyshev;
 mod derivative;
 mod doubled;

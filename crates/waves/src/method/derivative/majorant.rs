@@ -36,7 +36,10 @@ pub(super) struct Length {
     pub(super) largest: f64,
 }
 
-/// Watches terms until two in a row are small and fall by halves.
+/// Small terms in a row by which a series ends; as they fall by halves, the last is left out with all behind it.
+const SMALL: usize = 2;
+
+/// Watches terms until some in a row are small and fall by halves.
 struct Watch {
     most: (f64, f64),
     largest: f64,
@@ -63,7 +66,7 @@ impl Watch {
         self.small = if is_small { self.small + 1 } else { 0 };
         self.largest = self.largest.max(size);
         self.before = size.max(f64::MIN_POSITIVE);
-        self.small == 2
+        self.small == SMALL
     }
 }
 
@@ -97,7 +100,7 @@ impl Majorant {
             let is_falling = n >= self.changes.len() && 2.0 * all < next + 1.0;
             if watch.is_last((term, change), is_falling) {
                 return Some(Length {
-                    count: terms.len(),
+                    count: terms.len() - 1,
                     largest: watch.largest,
                 });
             }
@@ -122,7 +125,7 @@ impl Majorant {
             }
             if watch.is_last(sizes, n as f64 > self.theta) {
                 return Some(Length {
-                    count: n + 1,
+                    count: n.max(1),
                     largest: watch.largest,
                 });
             }

@@ -8,6 +8,7 @@
 mod majorant;
 mod potential;
 mod powers;
+mod pull;
 mod series;
 mod shears;
 
@@ -16,9 +17,14 @@ use super::driven::terms::Terms;
 use super::{Sweeper, Wave};
 use liouville_base::error::StepError;
 use liouville_base::simd::Stored;
+use pull::SeriesPull;
 pub(super) use series::{Output, SeriesPiece};
 pub(super) use shears::ShearsPiece;
+use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, PoisonError};
+
+/// Most bytes of terms that are kept beyond those of one window.
+const ROOM: usize = 1 << 26;
 
 /// A part of a run with choices of its own.
 pub(super) enum Piece {
@@ -131,6 +137,9 @@ pub struct Derivative {
     terms: Terms,
     /// Those of changes, one direction after another.
     moved: Vec<Terms>,
+    pull: SeriesPull,
+    /// All terms of the last windows of series.
+    kept: VecDeque<(usize, Vec<Vec<f64>>)>,
 }
 
 impl Derivative {
@@ -149,6 +158,8 @@ impl Derivative {
             pieces,
             terms: Terms::new(sweeper, groups),
             moved: Vec::new(),
+            pull: SeriesPull::default(),
+            kept: VecDeque::new(),
         }
     }
 
@@ -195,16 +206,36 @@ impl Derivative {
         }));
     }
 
-    /// Makes a piece from the state where it begins, which is replaced by that where it ends, and keeps what derivatives by
-    /// H take: of shears, of an H that does not change, both states; of a series the first.
+    /// Makes all pieces from the state where the first begins, which is replaced by that where the last ends, and keeps what
+    /// derivatives by H take: of shears, of an H that does not change, both states; of series the first, and all terms of
+    /// the last ones.
     ///
     /// # Errors
     /// A product failed, or the run was cancelled.
-    pub fn keep_ends(&mut self, piece: usize, state: &mut Vec<f64>) -> Result<(), StepError> {
-        match &mut self.pieces[piece] {
-            Piece::Shears(piece) => piece.keep_ends(&mut self.terms, state),
-            Piece::Series(piece) => piece.keep_start(&mut self.terms, state),
+    pub fn keep_ends(&mut self, state: &mut [f64]) -> Result<(), StepError> {
+        self.kept.clear();
+        let mut bytes = 0;
+        for (place, piece) in self.pieces.iter_mut().enumerate() {
+            let piece = match piece {
+                Piece::Series(piece) => piece,
+                Piece::Shears(piece) => {
+                    piece.keep_ends(&mut self.terms, state)?;
+                    continue;
+                }
+            };
+            let kept = piece.keep_start(&mut self.terms, state)?;
+            bytes += kept.len() * size_of_val(state);
+            self.kept.push_back((place, kept));
+            while bytes > ROOM && self.kept.len() > 1 {
+                let first = self
+                    .kept
+                    .pop_front()
+                    .map_or_else(Vec::new, |(_, kept)| kept);
+                bytes -= first.len() * size_of_val(state);
+                self.terms.reuse(first);
+            }
         }
+        Ok(())
     }
 
     /// Takes as many terms in a piece as its derivatives need, by any state and by changes of H at its nodes: as columns,
@@ -267,20 +298,28 @@ impl Derivative {
     }
 
     /// Replaces a cotangent of the state where a piece ends by that where it begins, given those of the ends of its
-    /// steps; returns those of H at its nodes, as far as they are wanted.
+    /// steps, or none; returns those of H at its nodes, as far as they are wanted.
     ///
     /// # Errors
     /// A product failed, or the run was cancelled.
     pub fn pull(
         &mut self,
         piece: usize,
-        cotangent: &mut Vec<f64>,
+        cotangent: &mut [f64],
         of_steps: &[Vec<f64>],
         wanted: Wanted,
     ) -> Result<AtNodes, StepError> {
         let terms = &mut self.terms;
+        let is_kept = self.kept.back().is_some_and(|(place, _)| *place == piece);
+        let last = if is_kept { self.kept.pop_back() } else { None };
         match &self.pieces[piece] {
-            Piece::Series(piece) => piece.pull(terms, cotangent, of_steps, wanted),
+            Piece::Series(series) => {
+                let kept = last.map_or_else(Vec::new, |(_, kept)| kept);
+                let memory = (terms, &mut self.pull);
+                let (found, kept) = series.pull(memory, cotangent, of_steps, (wanted, kept))?;
+                self.terms.reuse(kept);
+                Ok(found)
+            }
             Piece::Shears(piece) => piece.pull(terms, cotangent, of_steps, wanted),
         }
     }
@@ -288,32 +327,9 @@ impl Derivative {
 
 /// Multiplies a vector by e^{i angle}.
 fn turn(x: &mut [f64], angle: f64) {
+    let (sin, cos) = angle.sin_cos();
     let (q, p) = x.split_at_mut(x.len() / 2);
-    let mut wave = Wave {
-        q: q.to_vec(),
-        p: p.to_vec(),
-        phase: -angle,
-        start: 0.0,
-    };
-    wave.remove_phase();
-    q.copy_from_slice(&wave.q);
-    p.copy_from_slice(&wave.p);
-}
-
-/// Σ x y, in sums side by side, which a processor adds at once.
-fn inner(x: &[f64], y: &[f64]) -> f64 {
-    const BLOCK: usize = 256;
-    let of_block = |(x, y): (&[f64], &[f64])| {
-        let mut sums = [0.0; 8];
-        let (x, y) = (x.chunks_exact(8), y.chunks_exact(8));
-        let rest = x.remainder().iter().zip(y.remainder());
-        let rest: f64 = rest.map(|(x, y)| x * y).sum();
-        for (x, y) in x.zip(y) {
-            for ((sum, x), y) in sums.iter_mut().zip(x).zip(y) {
-                *sum += x * y;
-            }
-        }
-        rest + sums.iter().sum::<f64>()
-    };
-    x.chunks(BLOCK).zip(y.chunks(BLOCK)).map(of_block).sum()
+    for (q, p) in q.iter_mut().zip(p) {
+        (*q, *p) = (*q * cos - *p * sin, *p * cos + *q * sin);
+    }
 }

@@ -1,13 +1,17 @@
 //! Cotangents of a potential: each of its places is a group whose matrix has a one there.
 
 use super::powers::TransposedPowers;
-use crate::method::driven::choice::{Form, Window};
+use crate::method::blocks::{add_products, by_blocks};
+use crate::method::driven::choice::Window;
 use crate::method::driven::fit::Fit;
 
 /// The part of a potential in cotangents of the state, and the cotangents of the potential.
+#[derive(Default)]
 pub(super) struct PotentialPull {
-    /// Powers of r, where there is a potential or its cotangents are wanted.
-    powers: Option<TransposedPowers>,
+    /// Powers of r.
+    powers: TransposedPowers,
+    /// Whether there is a potential, or its cotangents are wanted.
+    is_there: bool,
     /// Cotangents of its coefficients, empty where they are not wanted.
     pub(super) found: Vec<f64>,
     pub(super) places: usize,
@@ -15,59 +19,56 @@ pub(super) struct PotentialPull {
 
 impl PotentialPull {
     /// Begins with nothing, for vectors of a size of an H with so many rows.
-    pub(super) fn new(
-        fit: &Fit,
-        form: Form,
+    pub(super) fn begin(
+        &mut self,
+        (window, fit): (&Window, &Fit),
         (size, places): (usize, usize),
         is_wanted: bool,
-    ) -> Self {
-        let is_there = is_wanted || !fit.potential.is_empty();
-        let count = if is_wanted { fit.degree + 1 } else { 0 };
-        Self {
-            powers: is_there.then(|| TransposedPowers::new(form, fit.degree, size)),
-            found: vec![0.0; count * places],
-            places,
+    ) {
+        self.is_there = is_wanted || !fit.potential.is_empty();
+        if self.is_there {
+            self.powers.begin(window, fit.degree, size);
         }
+        self.places = places;
+        self.found.clear();
+        let count = if is_wanted { fit.degree + 1 } else { 0 };
+        self.found.resize(count * places, 0.0);
     }
 
-    /// Adds Σ_l V_l u^l of the next lower m to `now`, and to the cotangents of V_l what u^l has with the term c_m.
+    /// Adds Σ_l V_l u^l of the next lower m to `now`, and to the cotangents of V_l what u^l has with the term c_m; r is
+    /// made where it is to be kept.
     pub(super) fn add(
         &mut self,
-        (window, fit, m): (&Window, &Fit, usize),
-        r: &[f64],
+        (fit, m): (&Fit, usize),
+        make: impl FnOnce(&mut [f64]),
         now: &mut [f64],
         term: Option<&Vec<f64>>,
     ) {
-        let (Some(powers), form) = (&mut self.powers, window.form) else {
+        if !self.is_there {
             return;
-        };
-        powers.begin(window, m).copy_from_slice(r);
-        for (l, v) in fit.potential.chunks(self.places).enumerate() {
-            add_product(now, v, powers.power(form, l));
         }
-        for (l, found) in self.found.chunks_mut(self.places).enumerate() {
-            if let Some(term) = term {
-                add_inner(found, powers.power(form, l), term);
-            }
-        }
-    }
-}
-
-/// Adds what the parts of u and x at each place have as their inner product to `out`.
-fn add_inner(out: &mut [f64], u: &[f64], x: &[f64]) {
-    let size = out.len();
-    for (u, x) in u.chunks(size).zip(x.chunks(size)) {
-        for ((out, u), x) in out.iter_mut().zip(u).zip(x) {
-            *out += u * x;
-        }
-    }
-}
-
-/// Adds the product with a diagonal to `out`.
-fn add_product(out: &mut [f64], v: &[f64], u: &[f64]) {
-    for (out, u) in out.chunks_mut(v.len()).zip(u.chunks(v.len())) {
-        for ((out, v), u) in out.iter_mut().zip(v).zip(u) {
-            *out += v * u;
-        }
+        make(self.powers.advance(m));
+        let (places, size) = (self.places, now.len());
+        let (powers, found) = (&mut self.powers, &mut self.found);
+        by_blocks(
+            places,
+            #[inline(always)]
+            |rows| {
+                for part in (0..size).step_by(places) {
+                    let here = part + rows.start..part + rows.end;
+                    powers.make(here.clone());
+                    for l in 0..=fit.degree {
+                        let (u, place) = (powers.power(l, here.clone()), l * places);
+                        let of_power = place + rows.start..place + rows.end;
+                        if let Some(v) = fit.potential.get(of_power.clone()) {
+                            add_products(&mut now[here.clone()], 1.0, v, u);
+                        }
+                        if let (Some(found), Some(term)) = (found.get_mut(of_power), term) {
+                            add_products(found, 1.0, u, &term[here.clone()]);
+                        }
+                    }
+                }
+            },
+        );
     }
 }

@@ -10,15 +10,14 @@
 //! x_j = e^{iσs_j} times the cotangent of ψ_j. Source: the transpose of the series of `driven`.
 
 use super::majorant::Majorant;
-use super::potential::PotentialPull;
-use super::powers::TransposedPowers;
-use super::{AtNodes, Wanted, copied, inner, turn};
+use super::pull::SeriesPull;
+use super::{AtNodes, Wanted, turn};
+use crate::method::blocks::{Scaled, combine};
 use crate::method::driven::choice::{Form, LARGEST, Window};
 use crate::method::driven::factors::Factors;
 use crate::method::driven::fit::Fit;
 use crate::method::driven::polynomials::{NodeMap, by_nodes};
 use crate::method::driven::terms::Terms;
-use crate::problem::Update;
 use liouville_base::error::StepError;
 use liouville_base::linalg::add_scaled;
 
@@ -50,7 +49,7 @@ pub(in crate::method) struct SeriesPiece {
 }
 
 impl SeriesPiece {
-    fn count(&self) -> usize {
+    pub(super) fn count(&self) -> usize {
         let counts = self.outputs.iter().map(|output| output.factors.len());
         counts.max().unwrap_or(0)
     }
@@ -146,16 +145,23 @@ impl SeriesPiece {
         Some(true)
     }
 
-    /// See [`super::Derivative::keep_ends`].
+    /// Begins at a state, which is replaced by that where the window ends; returns all terms.
     pub(super) fn keep_start(
         &mut self,
         terms: &mut Terms,
-        state: &mut Vec<f64>,
-    ) -> Result<(), StepError> {
+        state: &mut [f64],
+    ) -> Result<Vec<Vec<f64>>, StepError> {
         self.start.copy_from_slice(state);
         turn(&mut self.start, self.phase);
-        self.repeat(terms, state, &AtNodes::default())?;
-        Ok(())
+        let kept = terms.all(self.count(), &self.window, &self.fit, &self.start)?;
+        state.fill(0.0);
+        if let Some(end) = self.outputs.last() {
+            let factors = end.factors.iter().copied();
+            let scaled: Vec<Scaled<'_>> = factors.zip(kept.iter().map(Vec::as_slice)).collect();
+            combine(state, &scaled);
+            turn(state, -self.angle(end));
+        }
+        Ok(kept)
     }
 
     /// See [`super::Derivative::repeat`].
@@ -243,144 +249,58 @@ impl SeriesPiece {
         Ok(found)
     }
 
-    /// See [`super::Derivative::pull`].
+    /// See [`super::Derivative::pull`]; the terms are returned, and made where they are needed and not given.
     pub(super) fn pull(
         &self,
-        terms: &mut Terms,
-        cotangent: &mut Vec<f64>,
+        (terms, pull): (&mut Terms, &mut SeriesPull),
+        cotangent: &mut [f64],
         of_steps: &[Vec<f64>],
-        wanted: Wanted,
-    ) -> Result<AtNodes, StepError> {
+        (wanted, kept): (Wanted, Vec<Vec<f64>>),
+    ) -> Result<(AtNodes, Vec<Vec<f64>>), StepError> {
         let (window, fit, count) = (&self.window, &self.fit, self.count());
-        let (form, size) = (window.form, cotangent.len());
-        let is_wanted = wanted.weights;
-        let kept = if wanted == Wanted::default() {
-            Vec::new()
-        } else {
-            self.terms_of(terms)?
-        };
         let outputs = self.turned(cotangent, of_steps);
-        let groups = fit.weights.len() / (fit.degree + 1);
-        let has_power = |k: usize| (1..=fit.degree).any(|l| fit.weights[l * groups + k] != 0.0);
-        // the weight of the first group is 1 at all times; another may change where it is zero
-        let may_change = |k: usize| is_wanted && k > 0;
-        let degree_of = |k: usize| {
-            if has_power(k) || may_change(k) {
-                fit.degree
-            } else {
-                0
-            }
+        let kept = if kept.is_empty() && wanted != Wanted::default() {
+            terms.all(count, window, fit, &self.start)?
+        } else {
+            kept
         };
-        let mut powers: Vec<TransposedPowers> = (0..groups)
-            .map(|k| TransposedPowers::new(form, degree_of(k), size))
-            .collect();
-        let sizes = (size, terms.places());
-        let mut potential = PotentialPull::new(fit, form, sizes, wanted.potential);
-        let mut weights = vec![0.0; fit.weights.len()];
-        let mut later = [vec![0.0; size], vec![0.0; size]];
-        let mut r = vec![0.0; size];
-        for m in (0..count).rev() {
-            // in place of the cotangent of the term m + 2
-            let [even, odd] = &mut later;
-            let (now, next) = if m % 2 == 0 { (even, odd) } else { (odd, even) };
-            let keep = match form {
-                Form::Powers => 0.0,
-                Form::Bessel => f64::from(if m == 0 { 2 } else { 1 }),
-            };
-            for x in now.iter_mut() {
-                *x *= keep;
-            }
-            for (output, x) in self.outputs.iter().rev().zip(outputs.iter().rev()) {
-                if let Some(factor) = output.factors.get(m) {
-                    add_scaled(now, *factor, x);
-                }
-            }
-            if m + 1 == count {
-                continue;
-            }
-            let scale = match form {
-                Form::Powers => window.h / (m + 1) as f64,
-                Form::Bessel => 2.0 / window.beta,
-            };
-            times_i(scale, next, &mut r);
-            for (k, own) in powers.iter_mut().enumerate() {
-                let diagonal = if k == 0 { -window.sigma } else { 0.0 };
-                if degree_of(k) == 0 && !may_change(k) {
-                    let factor = fit.weights[k];
-                    let update = Update {
-                        keep: 1.0,
-                        factor,
-                        diagonal,
-                    };
-                    terms.multiply_by(k, update, &mut r, now)?;
-                    continue;
-                }
-                let set = Update {
-                    keep: 0.0,
-                    ..Update::added(1.0)
-                };
-                terms.multiply_by(k, set, &mut r, own.begin(window, m))?;
-                add_scaled(now, diagonal, &r);
-                for l in 0..=degree_of(k) {
-                    let (u, weight) = (own.power(form, l), fit.weights[l * groups + k]);
-                    if weight != 0.0 {
-                        add_scaled(now, weight, u);
-                    }
-                    if may_change(k) {
-                        weights[l * groups + k] += inner(u, &kept[m]);
-                    }
-                }
-            }
-            potential.add((window, fit, m), &r, now, kept.get(m));
+        let scaled = |m: usize| -> Vec<Scaled<'_>> {
+            let factor = |output: usize| self.outputs[output].factors.get(m);
+            let each = outputs.iter();
+            each.filter_map(|(output, x)| Some((*factor(*output)?, x.as_slice())))
+                .collect()
+        };
+        let sizes = (cotangent.len(), terms.places());
+        pull.begin(self, wanted, sizes, &scaled(count - 1));
+        for m in (0..count - 1).rev() {
+            pull.step((self, terms), m, &scaled(m), kept.get(m))?;
         }
-        *cotangent = std::mem::take(&mut later[0]);
+        cotangent.copy_from_slice(pull.found());
         turn(cotangent, -self.phase);
         let at_nodes =
             |values: &[f64], width: usize| self.map.transposed(values, width, fit.degree);
         let mut found = AtNodes::default();
         if wanted.weights {
-            found.weights = at_nodes(&weights, groups);
+            found.weights = at_nodes(&pull.weights, terms.groups());
         }
         if wanted.potential {
-            found.potential = at_nodes(&potential.found, potential.places);
+            found.potential = at_nodes(&pull.potential.found, pull.potential.places);
         }
-        Ok(found)
+        Ok((found, kept))
     }
 
-    /// All terms of the series.
-    fn terms_of(&self, terms: &mut Terms) -> Result<Vec<Vec<f64>>, StepError> {
-        terms.begin(&self.window, self.fit.degree, &self.start);
-        let mut kept = vec![copied(terms.newest(), 0)?];
-        while kept.len() < self.count() {
-            terms.advance(&self.window, &self.fit)?;
-            kept.push(copied(terms.newest(), 0)?);
+    /// The cotangents of outputs, without phases: those that are not zero, and that of the end.
+    fn turned(&self, cotangent: &[f64], of_steps: &[Vec<f64>]) -> Vec<(usize, Vec<f64>)> {
+        let (end, each) = (self.outputs.len() - 1, of_steps.iter().cloned().enumerate());
+        let is_there = |(_, x): &(usize, Vec<f64>)| x.iter().any(|x| *x != 0.0);
+        let mut found: Vec<(usize, Vec<f64>)> = each.filter(is_there).collect();
+        match found.last_mut().filter(|(output, _)| *output == end) {
+            Some((_, x)) => add_scaled(x, 1.0, cotangent),
+            None => found.push((end, cotangent.to_vec())),
         }
-        Ok(kept)
-    }
-
-    /// The cotangents of all outputs, without phases.
-    fn turned(&self, cotangent: &[f64], of_steps: &[Vec<f64>]) -> Vec<Vec<f64>> {
-        let mut found = of_steps.to_vec();
-        if self.steps < self.outputs.len() {
-            found.push(cotangent.to_vec());
-        } else if let Some(end) = found.last_mut() {
-            add_scaled(end, 1.0, cotangent);
-        }
-        for (output, x) in self.outputs.iter().zip(&mut found) {
-            turn(x, self.angle(output));
+        for (output, x) in &mut found {
+            turn(x, self.angle(&self.outputs[*output]));
         }
         found
-    }
-}
-
-/// Sets `out` to i times a multiple of `x`.
-fn times_i(scale: f64, x: &[f64], out: &mut [f64]) {
-    let half = x.len() / 2;
-    let ((x_q, x_p), (q, p)) = (x.split_at(half), out.split_at_mut(half));
-    for (out, x) in q.iter_mut().zip(x_p) {
-        *out = -scale * x;
-    }
-    for (out, x) in p.iter_mut().zip(x_q) {
-        *out = scale * x;
     }
 }

@@ -6,7 +6,8 @@
 //!
 //! A potential is a group of each of its places x: the cotangent of V(x) gets a q̄(x) p(x), or −a p̄(x) q(x). A shear is undone by that of −a, so that no state between is kept.
 
-use super::{AtNodes, Wanted, inner, turn};
+use super::{AtNodes, Wanted, turn};
+use crate::method::blocks::inner;
 use crate::method::driven::polynomials::NodeMap;
 use crate::method::driven::terms::Terms;
 use crate::problem::Update;
@@ -143,10 +144,10 @@ impl ShearsPiece {
     pub(super) fn keep_ends(
         &mut self,
         terms: &mut Terms,
-        state: &mut Vec<f64>,
+        state: &mut [f64],
     ) -> Result<(), StepError> {
-        let turned = |state: &Vec<f64>, angle: f64| {
-            let mut found = state.clone();
+        let turned = |state: &[f64], angle: f64| {
+            let mut found = state.to_vec();
             turn(&mut found, angle);
             found
         };
@@ -164,8 +165,9 @@ impl ShearsPiece {
         of_nodes: &[AtNodes],
     ) -> Result<Vec<Vec<f64>>, StepError> {
         let moved: Vec<AtNodes> = of_nodes.iter().map(|own| self.change_of(own)).collect();
-        let is_moved = moved.iter().any(|own| *own != AtNodes::default());
         let mut state = self.ends[0].clone();
+        // where the ends were not kept, nothing changes H
+        let is_moved = !state.is_empty() && moved.iter().any(|own| *own != AtNodes::default());
         let mut part = vec![0.0; state.len() / 2];
         for change in &mut *changes {
             turn(change, self.angles.0);
@@ -225,7 +227,7 @@ impl ShearsPiece {
         for shear in self.all().rev() {
             let a = signed(shear);
             let (sum, (now, other)) = (self.sum(), split(cotangent, shear.0));
-            if wanted != Wanted::default() {
+            if wanted != Wanted::default() && !state.is_empty() {
                 let parts = split(&mut state, shear.0);
                 for ((found, now), x) in potential.iter_mut().zip(&*now).zip(&*parts.1) {
                     *found += a * now * *x;

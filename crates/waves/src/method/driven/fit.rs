@@ -3,7 +3,7 @@
 //! Functions of time are interpolated at Chebyshev's nodes, the ends among them, and their series are cut where the rest
 //! is below a tolerance: nothing but their values is needed.
 
-use super::polynomials::{DEGREE, NODES, chebyshev_node, coefficients, powers};
+use super::polynomials::{DEGREE, NODES, chebyshev_node, coefficients, powers, settle};
 use super::scan::Scan;
 use crate::method::term_bounds::{Interval, TermBounds, range};
 use crate::problem::{Drive, Hamiltonian, Potential};
@@ -237,6 +237,9 @@ impl Sampler {
         }
         self.width = self.samples.len() / count;
         coefficients(&self.samples, self.width, &mut self.series);
+        for group in 0..self.groups() {
+            settle(group, &self.samples, self.width, &mut self.series);
+        }
         self.width
     }
 

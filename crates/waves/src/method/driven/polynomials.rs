@@ -133,6 +133,17 @@ pub(super) fn coefficients(samples: &[f64], width: usize, series: &mut Vec<f64>)
     }
 }
 
+/// Takes the rounding errors out of the series of a column that does not change.
+pub(super) fn settle(column: usize, samples: &[f64], width: usize, series: &mut [f64]) {
+    let first = samples[column];
+    let mut values = samples.chunks(width).map(|row| row[column]);
+    if values.all(|value| value.to_bits() == first.to_bits()) {
+        for (j, row) in series.chunks_mut(width).enumerate() {
+            row[column] = if j == 0 { first } else { 0.0 };
+        }
+    }
+}
+
 /// Weights of values at the nodes in the coefficient of each of Chebyshev's polynomials.
 static WEIGHTS: LazyLock<Vec<f64>> = LazyLock::new(|| {
     let place = |k: usize| chebyshev_weight(k / NODES, k % NODES, NODES);

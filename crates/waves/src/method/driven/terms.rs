@@ -9,10 +9,12 @@
 
 use super::choice::{Form, Window};
 use super::fit::Fit;
+use crate::method::blocks::{
+    Scaled, add_all, add_i, add_products, by_blocks, keep_times, take_from,
+};
 use crate::method::{Move, Sink, Sweeper};
 use crate::problem::Update;
 use liouville_base::error::StepError;
-use liouville_base::linalg::add_scaled;
 use std::sync::Arc;
 
 /// A vector: real parts, then imaginary parts.
@@ -23,16 +25,69 @@ type Flat = Vec<f64>;
 pub(in crate::method) struct Terms {
     /// Products with each group of terms.
     groups: Vec<Sweeper<f64>>,
-    /// The terms c_n, of powers as many as are needed, of Bessel functions the last two.
+    /// The terms c_n: as many of the last ones as are needed, or all.
     c: Vec<Flat>,
     /// w^l, of even n and of odd n.
     w: Vec<[Flat; 2]>,
-    sum: Flat,
+    /// Σ_l g_lk y^l of each group that has powers of the time.
+    sums: Vec<Flat>,
+    /// Σ_l V_l y^l
+    forced: Flat,
     product: Flat,
     /// Products H ψ made, and those that a term takes.
     pub(in crate::method) products: usize,
     each: usize,
     n: usize,
+}
+
+/// The newest term times powers of the time.
+struct Powers<'a> {
+    n: usize,
+    c: &'a [Flat],
+    /// 2n/βh and w^l_{n−1} of a series in Bessel functions.
+    bessel: Option<(f64, Vec<&'a Flat>)>,
+}
+
+impl<'a> Powers<'a> {
+    fn new(window: &Window, n: usize, c: &'a [Flat], before: Vec<&'a Flat>) -> Self {
+        let newer = 2.0 * n as f64 / (window.beta * window.h);
+        let is_bessel = window.form == Form::Bessel;
+        let bessel = is_bessel.then_some((newer, before));
+        Self { n, c, bessel }
+    }
+
+    /// y^l_n, of l up to n.
+    fn of(&self, l: usize) -> Scaled<'a> {
+        match (&self.bessel, l) {
+            (Some((newer, w)), 1..) => (*newer, w[l - 1]),
+            _ => (1.0, &self.c[(self.n - l) % self.c.len()]),
+        }
+    }
+
+    /// Vectors whose sum is Σ_l g_lk y^l.
+    fn sum(&self, fit: &Fit, k: usize) -> Vec<Scaled<'a>> {
+        let groups = fit.weights.len() / (fit.degree + 1);
+        let weights = fit
+            .weights
+            .chunks(groups)
+            .take(self.n + 1)
+            .map(|row| row[k]);
+        let each = weights.enumerate().filter(|(_, weight)| *weight != 0.0);
+        let scaled = |(l, weight): (usize, f64)| (weight * self.of(l).0, self.of(l).1);
+        each.map(scaled).collect()
+    }
+
+    /// V_l and y^l.
+    fn forced<'b>(&self, fit: &'b Fit, places: usize) -> Vec<(&'b [f64], Scaled<'a>)> {
+        let each = fit.potential.chunks(places).take(self.n + 1).enumerate();
+        each.map(|(l, v)| (v, self.of(l))).collect()
+    }
+}
+
+/// Whether the weight of a group depends on time.
+pub(in crate::method) fn varies(fit: &Fit, k: usize) -> bool {
+    let groups = fit.weights.len() / (fit.degree + 1);
+    fit.weights.chunks(groups).skip(1).any(|row| row[k] != 0.0)
 }
 
 impl Terms {
@@ -49,7 +104,8 @@ impl Terms {
             groups: counts.iter().map(&mut group).collect(),
             c: Vec::new(),
             w: Vec::new(),
-            sum: Vec::new(),
+            sums: vec![Vec::new(); counts.len()],
+            forced: Vec::new(),
             product: Vec::new(),
             products: 0,
             each: hamiltonian.products(),
@@ -74,20 +130,51 @@ impl Terms {
 
     /// Begins with a state.
     pub(in crate::method) fn begin(&mut self, window: &Window, degree: usize, start: &[f64]) {
-        let size = start.len();
+        self.begin_keeping(0, window, degree, start);
+    }
+
+    /// The same, and keeps so many terms.
+    fn begin_keeping(&mut self, count: usize, window: &Window, degree: usize, start: &[f64]) {
         let (terms, sums) = match window.form {
-            Form::Powers => (degree + 1, 0),
+            Form::Powers => ((degree + 1).max(2), 0),
             Form::Bessel => (2, degree),
         };
         self.n = 0;
-        self.c.resize_with(terms, Vec::new);
+        self.c.resize_with(terms.max(count), Vec::new);
         self.w.resize_with(sums, Default::default);
-        let all = self.c.iter_mut().chain(self.w.iter_mut().flatten());
-        for x in all.chain([&mut self.sum, &mut self.product]) {
+        for x in &mut self.c {
+            x.resize(start.len(), 0.0);
+        }
+        for x in self.w.iter_mut().flatten() {
             x.clear();
-            x.resize(size, 0.0);
+            x.resize(start.len(), 0.0);
         }
         self.c[0].copy_from_slice(start);
+    }
+
+    /// So many terms from a state on, whose memory [`Terms::reuse`] takes back.
+    ///
+    /// # Errors
+    /// A product failed, or the run was cancelled.
+    pub(in crate::method) fn all(
+        &mut self,
+        count: usize,
+        window: &Window,
+        fit: &Fit,
+        start: &[f64],
+    ) -> Result<Vec<Flat>, StepError> {
+        self.begin_keeping(count, window, fit.degree, start);
+        while self.count() < count {
+            self.advance(window, fit)?;
+        }
+        Ok(std::mem::take(&mut self.c))
+    }
+
+    /// Takes the memory of terms that are of no more use, where there are more than here.
+    pub(in crate::method) fn reuse(&mut self, terms: Vec<Flat>) {
+        if terms.len() > self.c.len() {
+            self.c = terms;
+        }
     }
 
     /// The number of terms.
@@ -122,94 +209,162 @@ impl Terms {
         fit: &Fit,
         other: Option<(&Self, &Fit)>,
     ) -> Result<(), StepError> {
-        self.multiply(window, fit, other)?;
         self.products += self.each;
-        if window.form == Form::Bessel {
-            self.advance_sums(window);
-        }
         let (n, count) = (self.n, self.c.len());
         let (scale, keep) = match window.form {
             Form::Powers => (window.h / (n + 1) as f64, 0.0),
             Form::Bessel if n == 0 => (2.0 / window.beta, 0.0),
             Form::Bessel => (2.0 / window.beta, if n == 1 { 2.0 } else { 1.0 }),
         };
-        let half = self.sum.len() / 2;
+        self.add_powers(window, fit, other);
         // the array of the next term has the oldest one
-        let (now, next) = (n % count, (n + 1) % count);
-        let sigma = window.sigma;
-        let product = &mut self.product;
-        for (out, x) in product.iter_mut().zip(&self.c[now]) {
-            *out -= sigma * x;
+        let (before, now, next) = ((n + count - 1) % count, n % count, (n + 1) % count);
+        let mut newest = std::mem::take(&mut self.c[now]);
+        let mut out = std::mem::take(&mut self.c[next]);
+        if keep != 0.0 && before != next {
+            out.copy_from_slice(&self.c[before]);
         }
-        let (product_q, product_p) = product.split_at(half);
-        let (q, p) = self.c[next].split_at_mut(half);
-        if keep == 0.0 {
-            q.fill(0.0);
-            p.fill(0.0);
+        let mut keep = keep;
+        for k in 0..self.groups.len() {
+            let mut sum = std::mem::take(&mut self.sums[k]);
+            let diagonal = if k == 0 { -window.sigma } else { 0.0 };
+            if sum.is_empty() && k > 0 && fit.weights[k] == 0.0 {
+                continue;
+            }
+            if sum.is_empty() {
+                let factor = fit.weights[k];
+                let update = Update {
+                    keep,
+                    factor,
+                    diagonal,
+                };
+                self.add_times_i(k, -scale, update, &mut newest, &mut out)?;
+            } else {
+                let update = Update {
+                    keep,
+                    factor: 1.0,
+                    diagonal: 0.0,
+                };
+                self.add_times_i(k, -scale, update, &mut sum, &mut out)?;
+                add_i(-scale * diagonal, &newest, &mut out);
+            }
+            (self.sums[k], keep) = (sum, 1.0);
         }
-        for (out, x) in q.iter_mut().zip(product_p) {
-            *out = keep * *out + scale * x;
+        if !self.forced.is_empty() {
+            add_i(-scale, &self.forced, &mut out);
         }
-        for (out, x) in p.iter_mut().zip(product_q) {
-            *out = keep * *out - scale * x;
-        }
+        (self.c[now], self.c[next]) = (newest, out);
         self.n += 1;
         Ok(())
     }
 
-    /// Sets `product` to Σ_k B_k Σ_l g_lk y^l.
-    fn multiply(
+    /// Sets `sums` and `forced`, which the products of the next term are with, and makes w^l_n in place of w^l_{n−2}.
+    fn add_powers(&mut self, window: &Window, fit: &Fit, other: Option<(&Self, &Fit)>) {
+        let (n, size, places) = (self.n, self.newest().len(), self.places());
+        let sides = self.w.iter_mut().map(|[even, odd]| match n % 2 {
+            0 => (&*odd, even),
+            _ => (&*even, odd),
+        });
+        let (before, mut now): (Vec<&Flat>, Vec<&mut Flat>) = sides.unzip();
+        let own = Powers::new(window, n, &self.c, before);
+        let other = other.map(|(terms, fit)| (terms.powers(window), fit));
+        let mut of_potential = own.forced(fit, places);
+        if let Some((powers, fit)) = &other {
+            of_potential.extend(powers.forced(fit, places));
+        }
+        let of_group = |k: usize| {
+            let mut all = other
+                .as_ref()
+                .map_or_else(Vec::new, |(powers, fit)| powers.sum(fit, k));
+            if varies(fit, k) || !all.is_empty() {
+                all.extend(own.sum(fit, k));
+            }
+            all
+        };
+        let vectors: Vec<Vec<Scaled<'_>>> = (0..self.groups.len()).map(of_group).collect();
+        for (sum, vectors) in self.sums.iter_mut().zip(&vectors) {
+            sum.resize(if vectors.is_empty() { 0 } else { size }, 0.0);
+        }
+        by_blocks(
+            size,
+            #[inline(always)]
+            |rows| {
+                for (sum, vectors) in self.sums.iter_mut().zip(&vectors) {
+                    if let Some(sum) = sum.get_mut(rows.clone()) {
+                        sum.fill(0.0);
+                        add_all(sum, vectors, rows.clone());
+                    }
+                }
+                for (l, out) in now.iter_mut().enumerate() {
+                    let (factor, y) = own.of(l);
+                    take_from(&mut out[rows.clone()], factor, &y[rows.clone()]);
+                }
+            },
+        );
+        self.forced
+            .resize(if of_potential.is_empty() { 0 } else { size }, 0.0);
+        let forced = &mut self.forced;
+        by_blocks(
+            if of_potential.is_empty() { 0 } else { places },
+            #[inline(always)]
+            |rows| {
+                for part in (0..size).step_by(places) {
+                    let here = part + rows.start..part + rows.end;
+                    let out = &mut forced[here.clone()];
+                    out.fill(0.0);
+                    for (v, (factor, y)) in &of_potential {
+                        add_products(out, *factor, &v[rows.clone()], &y[here.clone()]);
+                    }
+                }
+            },
+        );
+    }
+
+    fn powers(&self, window: &Window) -> Powers<'_> {
+        let before = self.w.iter().map(|sides| &sides[(self.n + 1) % 2]);
+        Powers::new(window, self.n, &self.c, before.collect())
+    }
+
+    /// Sets `out` to keep·out + i·scale·(factor·B_k + diagonal) x, and leaves x as it is.
+    ///
+    /// # Errors
+    /// The product failed, or the run was cancelled.
+    pub(in crate::method) fn add_times_i(
         &mut self,
-        window: &Window,
-        fit: &Fit,
-        other: Option<(&Self, &Fit)>,
+        k: usize,
+        scale: f64,
+        update: Update,
+        x: &mut [f64],
+        out: &mut [f64],
     ) -> Result<(), StepError> {
-        let mut product = std::mem::take(&mut self.product);
-        for k in 0..self.groups.len() {
-            let mut sum = std::mem::take(&mut self.sum);
-            sum.fill(0.0);
-            self.add_powers(window, fit, k, &mut sum);
-            if let Some((terms, fit)) = other {
-                terms.add_powers(window, fit, k, &mut sum);
-            }
+        let half = x.len() / 2;
+        if self.groups[k].hamiltonian().size() > half {
+            let mut product = std::mem::take(&mut self.product);
+            product.resize(x.len(), 0.0);
+            let made = self.multiply_by(
+                k,
+                Update {
+                    keep: 0.0,
+                    ..update
+                },
+                x,
+                &mut product,
+            );
+            keep_times(out, update.keep);
+            add_i(scale, &product, out);
+            self.product = product;
+            return made;
+        }
+        let ((x_q, x_p), (q, p)) = (x.split_at_mut(half), out.split_at_mut(half));
+        for (x, out, scale) in [(x_p, q, -scale), (x_q, p, scale)] {
             let update = Update {
-                keep: if k == 0 { 0.0 } else { 1.0 },
-                ..Update::added(1.0)
+                factor: scale * update.factor,
+                diagonal: scale * update.diagonal,
+                ..update
             };
-            let made = self.multiply_by(k, update, &mut sum, &mut product);
-            self.sum = sum;
-            made?;
+            self.multiply_by(k, update, x, out)?;
         }
-        self.add_potential(window, fit, &mut product);
-        if let Some((terms, fit)) = other {
-            terms.add_potential(window, fit, &mut product);
-        }
-        self.product = product;
         Ok(())
-    }
-
-    /// Adds Σ_l g_lk y^l to `sum`.
-    fn add_powers(&self, window: &Window, fit: &Fit, k: usize, sum: &mut [f64]) {
-        for l in 0..=fit.degree.min(self.n) {
-            let weight = fit.weights[l * self.groups.len() + k];
-            if weight != 0.0 {
-                let (factor, power) = self.power(window, l);
-                add_scaled(sum, weight * factor, power);
-            }
-        }
-    }
-
-    /// y^l_n of the newest n, as a factor and a vector.
-    pub(in crate::method) fn power(&self, window: &Window, l: usize) -> (f64, &[f64]) {
-        let (n, count) = (self.n, self.c.len());
-        match (window.form, l) {
-            (_, 0) => (1.0, &self.c[n % count]),
-            (Form::Powers, l) => (1.0, &self.c[(n - l) % count]),
-            (Form::Bessel, l) => {
-                let newer = 2.0 * n as f64 / (window.beta * window.h);
-                (newer, &self.w[l - 1][(n + 1) % 2])
-            }
-        }
     }
 
     /// Updates `out` by the product of the group k with `x`, which is left as it is.
@@ -224,40 +379,6 @@ impl Terms {
         out: &mut [f64],
     ) -> Result<(), StepError> {
         let step = [Move::new(true, update)];
-        let size = self.groups[k].hamiltonian().size();
-        for (x, out) in x.chunks_mut(size).zip(out.chunks_mut(size)) {
-            self.groups[k].run(&step, x, out, Sink::Nothing)?;
-        }
-        Ok(())
-    }
-
-    fn add_potential(&self, window: &Window, fit: &Fit, product: &mut [f64]) {
-        let size = self.places();
-        for (l, v) in fit.potential.chunks(size).enumerate().take(self.n + 1) {
-            let (factor, x) = self.power(window, l);
-            for (out, x) in product.chunks_mut(size).zip(x.chunks(size)) {
-                for ((out, v), x) in out.iter_mut().zip(v).zip(x) {
-                    *out += factor * v * x;
-                }
-            }
-        }
-    }
-
-    /// Makes w^l_n of all l, the highest first, in place of w^l_{n−2}.
-    fn advance_sums(&mut self, window: &Window) {
-        let (n, count) = (self.n, self.c.len());
-        let newer = 2.0 * n as f64 / (window.beta * window.h);
-        let (now, before) = (n % 2, (n + 1) % 2);
-        for l in (1..self.w.len()).rev() {
-            let (lower, this) = self.w.split_at_mut(l);
-            for (out, x) in this[0][now].iter_mut().zip(&lower[l - 1][before]) {
-                *out = newer * x - *out;
-            }
-        }
-        if let Some(lowest) = self.w.first_mut() {
-            for (out, x) in lowest[now].iter_mut().zip(&self.c[n % count]) {
-                *out = x - *out;
-            }
-        }
+        self.groups[k].run(&step, x, out, Sink::Nothing)
     }
 }

@@ -262,6 +262,9 @@ impl<S: Stored> Sweeper<S> {
     fn one(&mut self, step: &Move, x: &[S], out: &mut [S]) -> Result<(), StepError> {
         let weighted = self.hamiltonian.at(self.current.as_ref());
         self.products += self.each() * weighted.products();
+        if step.update.keep == 0.0 {
+            out.fill(S::splat(0.0)); // whatever is there, as not all terms set it
+        }
         weighted.update(self.machine, step.update, x, out, &mut self.scratch)
     }
 }
