@@ -84,3 +84,10 @@ def test_auto_takes_the_series_where_products_are_dear_and_need_keep_no_states(m
     assert np.array_equal(kept.observed["place"], observed.observed["place"])
     weighed = (np.abs(kept.psi) ** 2) @ place["place"]
     assert np.allclose(kept.observed["place"], weighed, rtol=1e-12)
+
+
+def test_states_are_kept_once():
+    """They share their memory with the norms, which are columns of the same records."""
+    system = lv.Schrodinger(lv.SpinChain(4))
+    solution = lv.integrate(system, lv.Chebyshev(), t=(0, 1, 2), psi=np.eye(16)[5])
+    assert np.shares_memory(solution.psi, solution.invariants["norm"].base)

@@ -240,10 +240,14 @@ struct WaveJob<'py> {
 impl WaveJob<'_> {
     fn read(self) -> PyResult<run::Job> {
         let psi = &self.start.0;
+        let values = psi.as_slice()?;
         let (t0, stops) = self.span;
         let observables = self.observer.iter().map(observable);
         Ok(run::Job {
-            psi: psi.as_slice()?.iter().map(|z| [z.re, z.im]).collect(),
+            psi: [
+                values.iter().map(|z| z.re).collect(),
+                values.iter().map(|z| z.im).collect(),
+            ],
             members: self.is_ensemble.then(|| psi.shape()[0]),
             n: psi.shape()[1],
             t0,

@@ -305,8 +305,7 @@ class WaveRunner(Runner):
         paired = {"psi", "observed autocorrelation"}
         paired |= {f"observed {name}" for name, width, _ in self._observed if width == 2}
         found = {
-            name: np.ascontiguousarray(part).view(complex) if name in paired else part
-            for name, part in parts.items()
+            name: part.view(complex) if name in paired else part for name, part in parts.items()
         }
         if "psi" in found:
             found["psi"] = self.system.outward(found["psi"])

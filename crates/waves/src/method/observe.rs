@@ -1,13 +1,18 @@
 //! Records of a wave function at an output point.
 
 use super::{Wave, squares};
-use crate::problem::{Hamiltonian, HamiltonianAt, ProductScratch};
+use crate::problem::{Hamiltonian, HamiltonianAt, ProductScratch, RowBlock, Update, WeightedTerms};
 use liouville_base::checkpoint::Checkpoint;
 use liouville_base::error::{Quantity, StepError};
 use liouville_base::observe::Observe;
 use liouville_base::real::Scalar;
 use liouville_base::simd::InstructionSet;
+use std::any::Any;
+use std::borrow::Cow;
 use std::sync::Arc;
+
+/// Rows of a product that are made at once.
+const ROWS: usize = 1 << 12;
 
 /// A quantity of a wave function.
 #[derive(Clone)]
@@ -49,8 +54,8 @@ pub struct Observer {
     members: usize,
     states: bool,
     observables: Vec<Observable>,
-    /// The first state of each member, if it is needed.
-    starts: Vec<[Vec<f64>; 2]>,
+    /// The first state of each member, if it is needed, and its phase to be removed.
+    starts: Vec<([Vec<f64>; 2], f64)>,
     machine: InstructionSet,
     product: Vec<f64>,
     scratch: ProductScratch,
@@ -81,43 +86,75 @@ impl Observer {
         &mut self,
         member: usize,
         t: f64,
-        parts @ [q, p]: &[Vec<f64>; 2],
+        ([q, p], phase): ([&[f64]; 2], f64),
         row: &mut Vec<f64>,
     ) -> Result<(), StepError> {
         if self.states {
-            row.extend(q.iter().zip(p).flat_map(|(q, p)| [*q, *p]));
+            let turn = turning(phase);
+            row.extend(q.iter().zip(p).flat_map(|(q, p)| turn([*q, *p])));
         }
         row.push(squares(q, p).sqrt());
         for k in 0..self.observables.len() {
             match &self.observables[k] {
                 Observable::Diagonal(values) => row.push(form(values, q, p)),
-                Observable::Symmetric(_) => row.push(self.expectation(k, t, parts)?),
-                Observable::Overlap(a, b) => row.extend(overlap([a, b], [q, p])),
+                Observable::Symmetric(_) => row.push(self.expectation(k, t, [q, p])?),
+                Observable::Overlap(a, b) => {
+                    row.extend(turning(phase)(overlap([a, b], [q, p])));
+                }
                 Observable::Start => {
-                    let [a, b] = &self.starts[member];
-                    row.extend(overlap([a, b], [q, p]));
+                    let ([a, b], before) = &self.starts[member];
+                    row.extend(turning(phase - before)(overlap([a, b], [q, p])));
                 }
             }
         }
         Ok(())
     }
 
-    fn expectation(&mut self, k: usize, t: f64, [q, p]: &[Vec<f64>; 2]) -> Result<f64, StepError> {
+    fn expectation(&mut self, k: usize, t: f64, [q, p]: [&[f64]; 2]) -> Result<f64, StepError> {
         let current = self.observables[k].current(t);
         let Observable::Symmetric(hamiltonian) = &self.observables[k] else {
             return Ok(0.0);
         };
         let sum = hamiltonian.at(current.as_ref());
+        let is_by_rows = hamiltonian.reach().is_some();
         let mut of = |x: &[f64]| {
+            if is_by_rows {
+                return Ok(by_rows(sum, self.machine, x, &mut self.product));
+            }
             self.product.resize(x.len(), 0.0);
             sum.multiply(self.machine, x, &mut self.product, &mut self.scratch)?;
             Ok(dot(x, &self.product))
         };
         if hamiltonian.size() > q.len() {
-            return of(&[q.as_slice(), p].concat());
+            return of(&[q, p].concat());
         }
         Ok(of(q)? + of(p)?)
     }
+}
+
+/// ⟨x|A|x⟩ of a matrix by rows, of which some are made at a time.
+fn by_rows(
+    sum: WeightedTerms<'_>,
+    machine: InstructionSet,
+    x: &[f64],
+    product: &mut Vec<f64>,
+) -> f64 {
+    product.resize(ROWS, 0.0);
+    let of_rows = |(k, own): (usize, &[f64])| {
+        let out = &mut product[..own.len()];
+        out.fill(0.0);
+        let (row, place) = (k * ROWS, 0);
+        let block = RowBlock { row, out, place, x };
+        sum.act(machine, Update::added(1.0), block);
+        dot(own, &product[..own.len()])
+    };
+    x.chunks(ROWS).enumerate().map(of_rows).sum()
+}
+
+/// A complex number times e^{−i phase}.
+fn turning(phase: f64) -> impl Fn([f64; 2]) -> [f64; 2] {
+    let (sin, cos) = phase.sin_cos();
+    move |[q, p]| [q * cos + p * sin, p * cos - q * sin]
 }
 
 /// Σ x y, block by block so that rounding errors stay small.
@@ -139,16 +176,13 @@ fn overlap([a, b]: [&[f64]; 2], [q, p]: [&[f64]; 2]) -> [f64; 2] {
     [dot(a, q) + dot(b, p), dot(a, p) - dot(b, q)]
 }
 
-/// Real and imaginary part of a member, with the phase removed.
-fn parts<S: Scalar>(state: &Wave<S>, member: usize) -> [Vec<f64>; 2] {
-    let (sin, cos) = state.phase.sin_cos();
-    let pairs = state.q.iter().zip(&state.p);
-    let turned = pairs.map(|(q, p)| {
-        let (q, p) = (q.member(member), p.member(member));
-        (q * cos + p * sin, p * cos - q * sin)
-    });
-    let (q, p) = turned.unzip();
-    [q, p]
+/// A part of a member, which is the array itself where there is no other member.
+#[expect(clippy::ptr_arg)] // the type of an array itself is looked at
+fn part<S: Scalar>(x: &Vec<S>, member: usize) -> Cow<'_, [f64]> {
+    match (x as &dyn Any).downcast_ref::<Vec<f64>>() {
+        Some(x) => Cow::Borrowed(x),
+        None => x.iter().map(|x| x.member(member)).collect(),
+    }
 }
 
 impl<S: Scalar> Observe<Wave<S>> for Observer {
@@ -162,11 +196,13 @@ impl<S: Scalar> Observe<Wave<S>> for Observer {
         let keeps_starts = self.starts.is_empty() && self.observables.iter().any(is_wanted);
         for member in 0..self.members {
             let from = row.len();
-            let parts = parts(state, member);
+            let (q, p) = (part(&state.q, member), part(&state.p, member));
             if keeps_starts {
-                self.starts.push(parts.clone());
+                let parts = [q.to_vec(), p.to_vec()];
+                self.starts.push((parts, state.phase));
             }
-            let appended = self.append(member, t, &parts, row).and_then(|()| {
+            let appended = self.append(member, t, ([&q, &p], state.phase), row);
+            let appended = appended.and_then(|()| {
                 match row[from..].iter().position(|value| !value.is_finite()) {
                     None => Ok(()),
                     Some(index) => {

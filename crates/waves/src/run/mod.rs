@@ -25,8 +25,8 @@ const LOCKSTEP: usize = 1 << 26;
 /// A run, or an ensemble of runs.
 #[derive(Clone)]
 pub struct Job {
-    /// Real and imaginary parts at the start: rows of the members, one after another.
-    pub psi: Vec<[f64; 2]>,
+    /// Real parts and imaginary parts at the start: rows of the members, one after another.
+    pub psi: [Vec<f64>; 2],
     /// The number of members of an ensemble; none for a single run.
     pub members: Option<usize>,
     /// The number of places of a wave function: half the order of a Hamiltonian that acts on real and imaginary
@@ -56,9 +56,9 @@ pub fn start(
     job: Job,
     cancel: CancelToken,
 ) -> Result<Box<dyn Advance>, StartError> {
-    let starter = Starter::new(hamiltonian, method, job)?;
+    let mut starter = Starter::new(hamiltonian, method, job)?;
     match starter.job.members {
-        None => Ok(starter.single(0, starter.job.threads, cancel)?),
+        None => Ok(starter.only(cancel)?),
         Some(members) => Ok(Box::new(starter.ensemble(members))),
     }
 }
@@ -86,7 +86,10 @@ pub fn start_each(
         ));
     }
     let (layout, count, t0) = (layout.clone(), starters.len(), starters[0].job.t0);
-    let begin = move |members: &[usize]| starters[members[0]].single(0, 1, CancelToken::default());
+    let begin = move |members: &[usize]| {
+        let own = &starters[members[0]];
+        own.single(0, 1, CancelToken::default(), own.in_lanes(&[0]))
+    };
     let ensemble = Ensemble::new(Box::new(begin), (count, 1), threads, layout, t0);
     Ok(Box::new(ensemble))
 }
@@ -103,7 +106,9 @@ type Begun = Result<Box<dyn Advance>, StepError>;
 impl Starter {
     fn new(hamiltonian: Arc<Hamiltonian>, method: Method, job: Job) -> Result<Self, StartError> {
         let (n, members) = (job.n, job.members.unwrap_or(1));
-        let fits = n == hamiltonian.places() && members > 0 && job.psi.len() == members * n;
+        let fits = n == hamiltonian.places()
+            && members > 0
+            && job.psi.iter().all(|part| part.len() == members * n);
         if !fits || n == 0 || job.stops.iter().any(|(_, steps)| *steps == 0) {
             return Err(StartError::Invalid(format!(
                 "wave functions are rows of {n} values, and steps at least one"
@@ -131,20 +136,30 @@ impl Starter {
         Sweeper::new(self.hamiltonian.clone()).with_threads(threads)
     }
 
+    /// The only run, which takes the state as it is.
+    fn only(&mut self, cancel: CancelToken) -> Begun {
+        let [q, p] = std::mem::take(&mut self.job.psi);
+        self.single(0, self.job.threads, cancel, Wave::new(q, p))
+    }
+
     /// A run of one member.
-    fn single(&self, member: usize, threads: usize, cancel: CancelToken) -> Begun {
+    fn single(
+        &self,
+        member: usize,
+        threads: usize,
+        cancel: CancelToken,
+        state: Wave<f64>,
+    ) -> Begun {
         let sweeper = self.sweeper(threads);
         let sweeper = sweeper.with_recorder(self.job.recorders.get(member).cloned());
         let stepper = self.method.single(sweeper, cancel);
-        self.launch(stepper, &[member])
+        self.launch(stepper, 1, state)
     }
 
     /// A run of these members in lock-step.
     fn block(&self, members: &[usize]) -> Begun {
-        self.launch(
-            self.method.lockstep::<Lanes<WIDTH>>(self.sweeper(1)),
-            members,
-        )
+        let stepper = self.method.lockstep::<Lanes<WIDTH>>(self.sweeper(1));
+        self.launch(stepper, members.len(), self.in_lanes(members))
     }
 
     /// All members: in lock-step if they share a matrix by rows and are not too few.
@@ -162,7 +177,10 @@ impl Starter {
         let (t0, threads) = (self.job.t0, self.job.threads);
         let layout = self.layout();
         let begin = move |members: &[usize]| match members {
-            [member] => self.single(*member, 1, CancelToken::default()),
+            [member] => {
+                let state = self.in_lanes(&[*member]);
+                self.single(*member, 1, CancelToken::default(), state)
+            }
             _ => self.block(members),
         };
         Ensemble::new(Box::new(begin), (members, block), threads, layout, t0)
@@ -175,12 +193,12 @@ impl Starter {
     fn launch<S: Stored>(
         &self,
         stepper: Box<dyn Stepper<State = Wave<S>>>,
-        members: &[usize],
+        members: usize,
+        state: Wave<S>,
     ) -> Begun {
         let control = BetweenTimes::new(stepper, self.job.t0, self.job.stops.clone());
-        let state = self.in_lanes(members);
         let state = state.with_phase(self.method.shift() * self.job.t0);
-        let observer = Box::new(self.observer(members.len()));
+        let observer = Box::new(self.observer(members));
         let records = self.job.stops.len() + 1;
         let run = Run::new(Box::new(control), observer, state, (1, records))?;
         Ok(Box::new(run))
@@ -194,7 +212,7 @@ impl Starter {
             for (i, value) in values.iter_mut().enumerate() {
                 for place in 0..S::MEMBERS {
                     let member = members[place.min(members.len() - 1)];
-                    value.set_member(place, self.job.psi[member * n + i][part]);
+                    value.set_member(place, self.job.psi[part][member * n + i]);
                 }
             }
             values
