@@ -19,11 +19,15 @@ def rows(*functions):
     return lambda t, x, p: [f(t, *(x[i] for i in range(len(functions)))) for f in functions]
 
 
+KNOTS = lv.table(np.linspace(0, 2, 9), np.cos(np.linspace(0, 4, 9)), ends="not-a-knot")
 FIELDS = {
     "cosine": rows(lambda t, x, y: ca.cos(t) * x, lambda t, x, y: x - ca.cos(t) * y),
     "decay": rows(
         lambda t, x, y: ca.exp(-t) * x * y + ca.tanh(t),
         lambda t, x, y: -ca.exp(-t) * y**2 / 2 + x * ca.sin(t),
+    ),
+    "table": rows(  # whose pieces begin where steps do
+        lambda t, x, y: KNOTS(t) * x + y, lambda t, x, y: ca.sin(x) - KNOTS(t) * y
     ),
     "rational": rows(lambda t, x, y: y / (1 + t), lambda t, x, y: -x * t**2 * ca.exp(-t)),
     "shears": rows(
@@ -43,7 +47,7 @@ ORDERS = {"S2": 2, "SU4": 4, "BM4": 4, "BM6": 6}
 def made(name):
     """Return a field, its start, its method for a composition, and its end after 2."""
     function = FIELDS[name]
-    n = 2 if name in ("cosine", "decay", "rational") else 3
+    n = 2 if name in ("cosine", "decay", "table", "rational") else 3
     t, x = ca.SX.sym("t"), ca.SX.sym("x", n)
     velocity = ca.Function("f", [t, x], [ca.vertcat(*function(t, x, None))])
     start = np.linspace(0.3, 0.8, n)
