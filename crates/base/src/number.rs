@@ -34,7 +34,7 @@ pub trait Number:
     /// x^(-1/q) for x > 0 and q = 1, 2, 3.
     #[must_use]
     fn inverse_root(self, q: u32) -> Self;
-    /// Whether all values are finite and below a bound.
+    /// Whether all values are below a bound; what is not a number is not.
     fn is_below(self, bound: f64) -> bool;
     /// Whether all values are finite.
     fn is_finite(self) -> bool;
@@ -91,7 +91,7 @@ impl Number for f64 {
     number!();
     #[inline(always)]
     fn is_below(self, bound: f64) -> bool {
-        (-Self::MAX..bound).contains(&self)
+        self < bound
     }
     #[inline(always)]
     fn is_finite(self) -> bool {

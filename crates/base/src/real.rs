@@ -55,7 +55,7 @@ impl<const W: usize> Number for Lanes<W> {
     fn is_below(self, bound: f64) -> bool {
         self.all(
             #[inline(always)]
-            |x| (-f64::MAX..bound).contains(&x),
+            |x| x < bound,
         )
     }
     #[inline(always)]

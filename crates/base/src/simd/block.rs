@@ -159,12 +159,10 @@ impl<S: Simd, const N: usize> Number for RegisterBlock<S, N> {
     #[inline(always)]
     fn is_below(self, bound: f64) -> bool {
         let simd = self.simd;
-        let (least, bound) = (simd.splat_f64s(-f64::MAX), simd.splat_f64s(bound));
+        let bound = simd.splat_f64s(bound);
         let mut all = simd.less_than_f64s(self.registers[0], bound);
         for_registers!(i in 0..N {
             all = simd.and_m64s(all, simd.less_than_f64s(self.registers[i], bound));
-            let is_finite = simd.greater_than_or_equal_f64s(self.registers[i], least);
-            all = simd.and_m64s(all, is_finite);
         });
         simd.first_true_m64s(simd.not_m64s(all)) == S::F64_LANES
     }

@@ -54,6 +54,9 @@ pub trait SimdViews: Copy {
     /// Visits all parts of one number: a register of several numbers in a row is not compiled for it.
     fn one<V: ForEach<Self::Stored>>(self, visitor: &mut V) -> bool;
 
+    /// The same in parts of a quarter of the machine's registers, for formulas of a few numbers that are needed to the end.
+    fn one_quarter<V: ForEach<Self::Stored>>(self, visitor: &mut V) -> bool;
+
     /// The same in parts of few registers.
     fn one_narrow<V: ForEach<Self::Stored>>(self, visitor: &mut V) -> bool;
 

@@ -163,6 +163,10 @@ impl<S: Simd> SimdViews for BlockViews<S> {
         })
     }
     #[inline(always)]
+    fn one_quarter<V: ForEach<f64>>(self, visitor: &mut V) -> bool {
+        self.one(visitor)
+    }
+    #[inline(always)]
     fn one_narrow<V: ForEach<f64>>(self, visitor: &mut V) -> bool {
         self.one(visitor)
     }
@@ -278,6 +282,14 @@ impl<S: Simd, const W: usize> SimdViews for LaneViews<S, W> {
     #[inline(always)]
     fn one<V: ForEach<Lanes<W>>>(self, visitor: &mut V) -> bool {
         self.each(1, visitor)
+    }
+    #[inline(always)]
+    fn one_quarter<V: ForEach<Lanes<W>>>(self, visitor: &mut V) -> bool {
+        match Self::REGISTERS {
+            // machines with registers of eight numbers have 32, others 16
+            8.. if S::F64_LANES == 4 => self.parts::<4, V>(1, visitor),
+            _ => self.each(1, visitor),
+        }
     }
     #[inline(always)]
     fn one_narrow<V: ForEach<Lanes<W>>>(self, visitor: &mut V) -> bool {

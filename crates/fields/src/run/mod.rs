@@ -24,6 +24,11 @@ use std::sync::Arc;
 
 /// Trajectories in lock-step: many hide the cost of deciding on their next flow ...
 const BLOCK: usize = 128;
+/// ... even more do where the first cache has room for their variables: with as many places as this, ...
+const LARGE_BLOCK: usize = 512;
+const FEW_PLACES: usize = 4;
+/// ... and so many for each thread that the last block does not matter, ...
+const MANY: usize = 8 * LARGE_BLOCK;
 /// ... but where there are few, a block would be mostly empty, or threads would have none.
 const SMALL_BLOCK: usize = 16;
 
@@ -181,10 +186,10 @@ impl Starter {
     /// All members, in blocks.
     fn ensemble(self, members: usize) -> Result<Ensemble, StepError> {
         let (span, threads) = (self.job.span, self.job.threads);
-        let block = if members < BLOCK * threads {
-            SMALL_BLOCK
-        } else {
-            BLOCK
+        let block = match members / threads {
+            0..BLOCK => SMALL_BLOCK,
+            MANY.. if self.volume::<f64>().places() <= FEW_PLACES => LARGE_BLOCK,
+            _ => BLOCK,
         };
         let states = matches!(
             self.job.recorded,
@@ -214,10 +219,13 @@ impl Starter {
                 span.t0,
             ));
         }
+        let large = self.stepper::<Lanes<LARGE_BLOCK>>(1);
         let many = self.stepper::<Lanes<BLOCK>>(1);
         let few = self.stepper::<Lanes<SMALL_BLOCK>>(1);
         let begin = move |members: &[usize]| {
-            if members.len() > SMALL_BLOCK {
+            if members.len() > BLOCK {
+                self.begin(large.clone(), members)
+            } else if members.len() > SMALL_BLOCK {
                 self.begin(many.clone(), members)
             } else {
                 self.begin(few.clone(), members)

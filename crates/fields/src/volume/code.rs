@@ -18,12 +18,20 @@ enum CodeOp {
     Constant,
     /// sum = factor x
     Only,
+    /// sum = x
+    OnlyPlain,
     /// sum += factor x
     Linear,
+    /// sum += x
+    LinearPlain,
+    /// sum -= x
+    LinearMinus,
     /// sum += factor x y
     Product,
     /// sum += x y
     ProductPlain,
+    /// sum -= x y
+    ProductMinus,
     /// bracket = factor x
     Start,
     /// bracket = x
@@ -69,9 +77,13 @@ pub(super) fn evaluate<X: Variables>(program: &[Code], zero: X::Number, from: &X
         match op {
             CodeOp::Constant => sum = zero.like(factor),
             CodeOp::Only => sum = from.load(x).scaled(factor),
+            CodeOp::OnlyPlain => sum = from.load(x),
             CodeOp::Linear => sum = sum + from.load(x).scaled(factor),
+            CodeOp::LinearPlain => sum = sum + from.load(x),
+            CodeOp::LinearMinus => sum = sum - from.load(x),
             CodeOp::Product => sum = sum + from.load(x).scaled(factor) * from.load(y),
             CodeOp::ProductPlain => sum = sum + from.load(x) * from.load(y),
+            CodeOp::ProductMinus => sum = sum - from.load(x) * from.load(y),
             CodeOp::Start => bracket = from.load(x).scaled(factor),
             CodeOp::StartPlain => bracket = from.load(x),
             CodeOp::Add => bracket = bracket + from.load(x).scaled(factor),
@@ -92,29 +104,23 @@ pub(super) type RowTerm = (f64, Vec<u32>);
 pub(super) fn compile(terms: &[RowTerm], program: &mut Vec<Code>) {
     let start = program.len();
     let mut push = |op, factor, x, y| program.push(Code { factor, x, y, op });
-    let constants = terms.iter().filter(|(_, factors)| factors.is_empty());
-    let constant: f64 = constants.map(|(coefficient, _)| coefficient).sum();
-    let linear = terms.iter().filter(|(_, factors)| factors.len() == 1);
-    let mut linear: Vec<(u32, f64)> = linear.map(|(c, factors)| (factors[0], *c)).collect();
-    linear.sort_by_key(|(x, _)| *x);
+    let (constant, linear, groups) = in_groups(terms);
     let mut is_first = constant == 0.0;
     if !is_first {
         push(CodeOp::Constant, constant, 0, 0);
     }
     for (x, factor) in linear {
-        push(
-            if is_first {
-                CodeOp::Only
-            } else {
-                CodeOp::Linear
-            },
-            factor,
-            x,
-            0,
-        );
+        let op = match (is_first, factor) {
+            (true, 1.0) => CodeOp::OnlyPlain,
+            (true, _) => CodeOp::Only,
+            (false, 1.0) => CodeOp::LinearPlain,
+            (false, -1.0) => CodeOp::LinearMinus,
+            (false, _) => CodeOp::Linear,
+        };
+        push(op, factor, x, 0);
         is_first = false;
     }
-    for (common, bracket) in groups(terms) {
+    for (common, bracket) in groups {
         write_group(&bracket, &common, &mut push);
     }
     if program.len() == start {
@@ -125,6 +131,16 @@ pub(super) fn compile(terms: &[RowTerm], program: &mut Vec<Code>) {
             op: CodeOp::Constant,
         });
     }
+}
+
+/// The constant, the linear terms by place, and the other terms in groups: the order in which they are added.
+pub(super) fn in_groups(terms: &[RowTerm]) -> (f64, Vec<(u32, f64)>, Vec<Group>) {
+    let constants = terms.iter().filter(|(_, factors)| factors.is_empty());
+    let constant = constants.map(|(coefficient, _)| coefficient).sum();
+    let linear = terms.iter().filter(|(_, factors)| factors.len() == 1);
+    let mut linear: Vec<(u32, f64)> = linear.map(|(c, factors)| (factors[0], *c)).collect();
+    linear.sort_by_key(|(x, _)| *x);
+    (constant, linear, groups(terms))
 }
 
 /// A bracket times the common factors of its terms, at least one.
@@ -176,10 +192,10 @@ fn write_product(
         return;
     };
     if others.is_empty() {
-        let op = if factor == 1.0 {
-            CodeOp::ProductPlain
-        } else {
-            CodeOp::Product
+        let op = match factor {
+            1.0 => CodeOp::ProductPlain,
+            -1.0 => CodeOp::ProductMinus,
+            _ => CodeOp::Product,
         };
         return push(op, factor, x, last);
     }
@@ -190,8 +206,8 @@ fn write_product(
     push(CodeOp::Close, 1.0, last, 0);
 }
 
-/// Terms with the same common factors.
-type Group = (Vec<u32>, Vec<(f64, u32)>);
+/// Common factors, and the terms that have them: coefficients and the other factor.
+pub(super) type Group = (Vec<u32>, Vec<(f64, u32)>);
 
 /// Terms of degree 2 and more by common factors, those of most terms first.
 fn groups(terms: &[RowTerm]) -> Vec<Group> {

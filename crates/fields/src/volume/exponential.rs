@@ -21,6 +21,33 @@ pub(super) struct Exponential {
     pub(super) monomial: Vec<u32>,
     pub(super) alpha: f64,
     pub(super) roots: Option<Roots>,
+    pair: Option<Pair>,
+}
+
+/// The places of a monomial of one variable, and of those that (1 - alpha h m)^2 multiplies and 1 - alpha h m divides.
+#[derive(Clone, Copy, Debug)]
+struct Pair {
+    by: u32,
+    squared: u32,
+    divided: u32,
+}
+
+impl Pair {
+    fn new(roots: &Roots, monomial: &[u32]) -> Option<Self> {
+        let &[by] = monomial else {
+            return None;
+        };
+        let (1, &[(squared, 2, 0), (divided, 0, 1)] | &[(divided, 0, 1), (squared, 2, 0)]) =
+            (roots.q, &roots.powers[..])
+        else {
+            return None;
+        };
+        Some(Self {
+            by,
+            squared,
+            divided,
+        })
+    }
 }
 
 /// Exponents −c_i/α = a − b/q.
@@ -74,13 +101,17 @@ impl Exponential {
         } else {
             Roots::new(&rates, alpha)
         };
+        let pair = roots.as_ref();
+        let pair = pair.and_then(|roots| Pair::new(roots, &monomial));
         Self {
             rates,
             monomial,
             alpha,
             roots,
+            pair,
         }
     }
+
     /// The first trajectory, from `first` on, whose flow of length `h` reaches infinity.
     #[cold]
     pub(super) fn too_long<S: Scalar>(&self, h: f64, x: &[S], first: usize) -> Option<usize> {
@@ -138,21 +169,51 @@ impl<S> ForEach<S> for ExponentialFlow<'_, S> {
     }
 }
 
-/// The flow by roots: a long chain of few operations, whose latency more registers in lock-step hide.
-struct RootFlow<'a, S>(ExponentialFlow<'a, S>, &'a Roots);
+/// The flow of a pair by a variable: a division and three products.
+struct PairFlow<'a, S>(ExponentialFlow<'a, S>, Pair);
 
-impl<S> ForEach<S> for RootFlow<'_, S> {
+impl<S> ForEach<S> for PairFlow<'_, S> {
     #[inline(always)]
     fn visit<W: SimdView<Stored = S>>(&mut self, view: W) -> bool {
-        let Self(flow, roots) = self;
+        let Self(
+            flow,
+            Pair {
+                by,
+                squared,
+                divided,
+            },
+        ) = self;
+        let x = &mut flow.state.x;
+        let z = view.load(x, *by as usize).scaled(flow.piece.alpha * flow.h);
+        if !z.is_below(1.0) {
+            flow.failed = view.first();
+            return false;
+        }
+        let base = view.constant(1.0) - z;
+        let root = base.inverse_root(1);
+        for (place, factor) in [(*squared, base * base), (*divided, root)] {
+            let value = view.load(x, place as usize) * factor;
+            view.store(x, place as usize, value);
+        }
+        true
+    }
+}
+
+/// The flow by roots of degree Q: a chain of few operations, whose latency more registers in lock-step hide.
+struct RootFlow<'a, S, const Q: u32>(ExponentialFlow<'a, S>, &'a [(u32, u32, u32)]);
+
+impl<S, const Q: u32> ForEach<S> for RootFlow<'_, S, Q> {
+    #[inline(always)]
+    fn visit<W: SimdView<Stored = S>>(&mut self, view: W) -> bool {
+        let Self(flow, powers) = self;
         let z = flow.monomial(view).scaled(flow.piece.alpha * flow.h);
         if !z.is_below(1.0) {
             flow.failed = view.first();
             return false;
         }
         let base = view.constant(1.0) - z;
-        let root = base.inverse_root(roots.q);
-        for &(place, a, b) in &roots.powers {
+        let root = base.inverse_root(Q);
+        for &(place, a, b) in *powers {
             let x = view.load(&flow.state.x, place as usize);
             let x = times_power(times_power(x, base, a), root, b);
             view.store(&mut flow.state.x, place as usize, x);
@@ -161,9 +222,32 @@ impl<S> ForEach<S> for RootFlow<'_, S> {
     }
 }
 
+impl<'a, S> ExponentialFlow<'a, S> {
+    /// Makes the flow by roots.
+    #[inline(always)]
+    fn by_roots<const Q: u32>(
+        self,
+        views: impl SimdViews<Stored = S>,
+        roots: &'a Roots,
+    ) -> (bool, usize) {
+        let mut flow = RootFlow::<S, Q>(self, &roots.powers);
+        (views.one_quarter(&mut flow), flow.0.failed)
+    }
+}
+
 /// x y^power
 #[inline(always)]
-fn times_power<N: Number>(mut x: N, mut y: N, mut power: u32) -> N {
+fn times_power<N: Number>(x: N, y: N, power: u32) -> N {
+    match power {
+        0 => x,
+        1 => x * y,
+        2 => x * (y * y),
+        _ => times_large_power(x, y, power),
+    }
+}
+
+#[inline(always)]
+fn times_large_power<N: Number>(mut x: N, mut y: N, mut power: u32) -> N {
     while power > 0 {
         if power & 1 == 1 {
             x = x * y;
@@ -191,11 +275,17 @@ impl<S: Scalar> Kernel<S> for FlowOf<'_, S, &Exponential> {
             state,
             failed,
         };
-        let (is_made, first) = match &piece.roots {
-            Some(roots) if flow.state.low.is_empty() => {
-                let mut flow = RootFlow(flow, roots);
-                (views.one(&mut flow), flow.0.failed)
+        let is_plain = flow.state.low.is_empty();
+        let (is_made, first) = match (&piece.roots, piece.pair) {
+            (_, Some(pair)) if is_plain => {
+                let mut flow = PairFlow(flow, pair);
+                (views.one_quarter(&mut flow), flow.0.failed)
             }
+            (Some(roots), _) if is_plain => match roots.q {
+                1 => flow.by_roots::<1>(views, roots),
+                2 => flow.by_roots::<2>(views, roots),
+                _ => flow.by_roots::<3>(views, roots),
+            },
             _ => (views.one_narrow(&mut flow), flow.failed),
         };
         if is_made {

@@ -177,9 +177,9 @@ pub(super) fn multiply<W: SimdView>(
 }
 
 /// The variables of a state in a view.
-struct StateVariables<'a, W: SimdView> {
-    view: W,
-    x: &'a [W::Stored],
+pub(super) struct StateVariables<'a, W: SimdView> {
+    pub(super) view: W,
+    pub(super) x: &'a [W::Stored],
 }
 
 impl<W: SimdView> Variables for StateVariables<'_, W> {
@@ -258,6 +258,10 @@ fn change_run<W: SimdViews>(
     state: &mut State<W::Stored>,
 ) {
     let place = run.place;
+    let is_plain = state.low.is_empty();
+    if let (Change::Add, true, Some(short)) = (change, is_plain, &run.short) {
+        return short.change(views, (place, run.count), h, state);
+    }
     let mut row = ChangeRow {
         program,
         place,
@@ -266,7 +270,7 @@ fn change_run<W: SimdViews>(
     };
     match change {
         Change::Add => views.each(run.count, &mut row),
-        Change::Scale if row.state.low.is_empty() => views.each(run.count, &mut ScaleRow(row)),
+        Change::Scale if is_plain => views.each(run.count, &mut ScaleRow(row)),
         Change::Scale => views.each_narrow(run.count, &mut ScaleLowRow(row)),
     };
 }

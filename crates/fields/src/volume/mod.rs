@@ -21,6 +21,7 @@ mod plane;
 mod rows;
 mod section;
 mod shared;
+mod short;
 mod stages;
 mod tangents;
 mod triangular;
@@ -139,6 +140,11 @@ impl<S: Stored> Volume<S> {
         &self.split
     }
 
+    /// How many numbers a trajectory has: variables, and functions of them.
+    pub fn places(&self) -> usize {
+        self.split.n() + self.compiled.functions.places()
+    }
+
     /// The state at these values of the variables.
     ///
     /// # Panics
@@ -147,7 +153,7 @@ impl<S: Stored> Volume<S> {
         let n = self.split.n();
         let zeros = |n: usize| vec![S::splat(0.0); n];
         let mut state = State {
-            x: zeros(n + self.compiled.functions.places()),
+            x: zeros(self.places()),
             low: zeros(if self.is_compensated { n } else { 0 }),
         };
         self.set(x, &mut state);

@@ -1,6 +1,7 @@
 //! Compiled rows of polynomials; neighbours that differ by a shift of one are stored as one run.
 
 use super::code::{Code, RowTerm, compile};
+use super::short::ShortRow;
 use crate::problem::Polynomials;
 
 /// Rows `place .. place + count`, whose programs read one place further each.
@@ -8,6 +9,8 @@ use crate::problem::Polynomials;
 pub(super) struct RowRun {
     pub(super) place: usize,
     pub(super) count: usize,
+    /// The first row, if it is short.
+    pub(super) short: Option<ShortRow>,
     start: usize,
     end: usize,
 }
@@ -58,6 +61,7 @@ impl PolynomialRows {
         self.runs.push(RowRun {
             place,
             count: 1,
+            short: ShortRow::of(terms),
             start,
             end: self.program.len(),
         });

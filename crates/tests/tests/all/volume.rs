@@ -278,3 +278,57 @@ fn affine_flows_of_many_lengths_add_up() {
     let far = end.iter().zip(&at_once).map(|(a, b)| (a - b).abs() / size);
     assert!(far.fold(0.0, f64::max) < 1e-11);
 }
+
+#[test]
+fn short_rows_have_the_bits_of_programs() {
+    // a shear along one variable is a program, however short
+    let third = 1.0 / 3.0;
+    let (a, b) = (vec![1], vec![2]);
+    let (aa, ab, bb, bc) = (vec![1, 1], vec![1, 2], vec![2, 2], vec![2, 3]);
+    let (aaa, cc) = (vec![1, 1, 1], vec![3, 3]);
+    let rows = [
+        vec![(0, third, a.clone())],
+        vec![(0, -1.0, a.clone()), (0, 0.7, b.clone())],
+        vec![(0, -third, b), (0, 1.0, aa.clone()), (0, -1.0, ab.clone())],
+        vec![(0, 1.0, a.clone()), (0, -0.3, bc.clone())],
+        vec![(0, third, aa.clone()), (0, 0.2, ab.clone())],
+        vec![
+            (0, 1.0, aa),
+            (0, 0.2, ab.clone()),
+            (0, -1.0, bc.clone()),
+            (0, third, cc.clone()),
+        ],
+        vec![(0, 11.0, bb), (0, 1.0, bc), (0, 1.0, vec![1, 1])],
+        vec![(0, -1.0, ab.clone())],
+        vec![(0, 0.1, ab), (0, 0.3, cc)],
+        vec![(0, 0.3, aaa), (0, 0.1, a)],
+    ];
+    for terms in rows {
+        for constant in [0.0, -3.0] {
+            let mut terms = terms.clone();
+            if constant != 0.0 {
+                terms.push((0, constant, Vec::new()));
+            }
+            let change = polynomials(1, 4, &terms);
+            let natural = Piece::Natural {
+                rows: vec![0],
+                change: change.clone(),
+                functions: Vec::new(),
+            };
+            let shear = Piece::Shear {
+                places: vec![0],
+                direction: vec![1.0],
+                change,
+                functions: Vec::new(),
+            };
+            for x in [[0.3, -0.7, 1.1, 0.9], [0.0, -0.0, 0.0, 0.5]] {
+                let ends = [&natural, &shear].map(|piece| {
+                    let split = Split::new(4, vec![piece.clone()]).expect("a proper piece");
+                    let volume = Volume::<Lanes<16>>::new(Arc::new(split), false);
+                    bits(&stepped(&volume, "Lie", 3, &x))
+                });
+                assert_eq!(ends[0], ends[1], "{terms:?}");
+            }
+        }
+    }
+}
