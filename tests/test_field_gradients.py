@@ -31,6 +31,12 @@ def stretched(t, x, params):
     ]
 
 
+def folded(t, x, params):
+    """Return a field with an exponential of three variables."""
+    a, b = params.a, params.b
+    return [x[2] - a * x[0] * x[1], (a - b) / 2 * x[1] ** 2 + x[0] * x[2], b * x[1] * x[2] - x[0]]
+
+
 def driven(t, x, params):
     """Return a field with functions of time and of coordinates."""
     a = params.a
@@ -43,6 +49,7 @@ def driven(t, x, params):
 FIELDS = {
     "abc": (abc, 3, {"A": 1.0, "B": 0.7, "C": 0.4}),
     "stretched": (stretched, 3, {"a": 0.8, "b": [0.5, -0.3]}),
+    "folded": (folded, 3, {"a": 0.9, "b": -0.4}),
     "driven": (driven, 2, {"a": 0.6}),
 }
 
@@ -55,6 +62,8 @@ METHODS = [
     ("stretched", {"diagonal": "shears", "off_diagonal": "triangular", "runge_kutta": "rk4"}),
     ("stretched", {"diagonal": "shears", "off_diagonal": "triangular", "runge_kutta": "euler"}),
     ("stretched", {"diagonal": "n+d"}),
+    ("folded", {"diagonal": "exponentials"}),
+    ("folded", {"diagonal": "pairs"}),
     ("driven", {"composition": "BM6"}),
 ]
 

@@ -21,6 +21,7 @@ EXPONENTIALS = ("exponentials", "natural")
 NO_DIAGONAL = [EXPONENTIALS, ("exponentials", "triangular")]
 DENSE_CUBIC = [
     EXPONENTIALS,
+    ("pairs", "natural"),
     ("exponentials", "triangular"),
     ("shears", "natural"),
     ("n+d", "natural"),
@@ -87,7 +88,7 @@ def test_what_is_fixed_is_not_chosen():
     assert found == [("shears", "natural"), ("shears", "triangular")]
     assert "as asked for" in reasons
     found, _ = chosen(terms, replace(OPEN, off_diagonal="triangular"))
-    assert set(found) == {(d, "triangular") for d in ("exponentials", "shears", "regular")}
+    assert set(found) == {(d, "triangular") for d in ("exponentials", "pairs", "shears", "regular")}
 
 
 def gyration(rate):
@@ -212,13 +213,14 @@ def test_a_plan_is_forced_on_a_run_and_keeps_its_own_order():
 def test_a_plan_says_which_pieces_why_and_what_they_cost():
     plan = lv.plan(FIELD, V(composition="BM6"), h=0.05, x=STARTS)
     head, *lines = str(plan).splitlines()
-    assert head == f"BM6 of {len(plan.order)} pieces: exponentials, natural"
+    assert head == f"BM6 of {len(plan.order)} pieces: pairs, natural"
     assert lines[0].startswith("  3 variables, 10 terms, h = 0.05; a step takes about ")
     assert f"{plan.cost:.3g} operations" in lines[0]
     assert "the field is dense" in "\n".join(plan.reasons)
-    assert "5 candidates on 32 states, then 50 orders" in "\n".join(plan.reasons)
+    assert "6 candidates on 32 states, then 50 orders" in "\n".join(plan.reasons)
     assert set(plan.pieces) == {
-        "exponential of x, y, z by y",
+        "exponential of x, y by y",
+        "exponential of y, z by y",
         "natural shear of x: 1 term",
         "natural shear of y: 4 terms",
         "natural shear of z: 2 terms",

@@ -45,8 +45,9 @@ REFERENCE = json.loads((Path(__file__).parent / "data" / "volume_reference.json"
 FIELDS = {field["name"]: field for field in REFERENCE["fields"]}
 GOOD = [name for name, field in FIELDS.items() if field["divergence_free"]]
 METHODS = [
-    ("exponentials", "natural"), ("exponentials", "triangular"), ("shears", "natural"),
-    ("shears", "triangular"), ("regular", "natural"), ("regular", "triangular"), ("n+d", "natural"),
+    ("exponentials", "natural"), ("exponentials", "triangular"), ("pairs", "natural"),
+    ("shears", "natural"), ("shears", "triangular"), ("regular", "natural"),
+    ("regular", "triangular"), ("n+d", "natural"),
 ]  # fmt: skip
 
 
@@ -149,6 +150,18 @@ def test_how_many_pieces_a_dense_field_has(n, d):
     assert len(exponentials) == comb(n + d - 2, d - 1)
     with_lower = split(random_exact(n, d, seed=1), "n+d")
     assert len(with_lower.pieces) == n + d
+
+
+@pytest.mark.parametrize(("n", "d"), [(3, 2), (5, 2), (4, 3), (3, 4)])
+def test_pairs_are_two_variables_by_small_roots_whatever_the_coefficients(n, d):
+    for seed in range(3):
+        terms = random_exact(n, d, seed, homogeneous=True)
+        whole = [p for p in split(terms).pieces if isinstance(p, Exponential)]
+        pairs = [p for p in split(terms, "pairs").pieces if isinstance(p, Exponential)]
+        assert {*(p.monomial for p in pairs)} == {*(p.monomial for p in whole)}
+        assert all(p.places.size == 2 and p.root for p in pairs if len({*p.monomial}) == 1)
+        assert all(p.root == 1 for p in pairs if d == 2)
+        assert any(p.root == 0 for p in whole)
 
 
 def test_the_best_of_lattices():

@@ -22,6 +22,7 @@ TOLERANCES = REFERENCE["tolerances"]
 PARTS = (
     ("exponentials", "natural"),
     ("exponentials", "triangular"),
+    ("pairs", "natural"),
     ("regular", "natural"),
     ("regular", "triangular"),
     ("shears", "natural"),

@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 
 from liouville.methods.composition import SCHEMES, scheme_name
 
-DIAGONAL = ("auto", "shears", "exponentials", "regular", "n+d")
+DIAGONAL = ("auto", "shears", "exponentials", "pairs", "regular", "n+d")
 OFF_DIAGONAL = ("auto", "natural", "triangular")
 LINEAR = ("auto", "split", "exact")
 RUNGE_KUTTA = ("euler", "midpoint", "heun", "kutta3", "rk4")
@@ -34,10 +34,11 @@ class VolumeSplitting:
 
     Parameters
     ----------
-    diagonal : {"auto", "shears", "exponentials", "regular", "n+d"}
+    diagonal : {"auto", "shears", "exponentials", "pairs", "regular", "n+d"}
         Pieces of the diagonal part: d ``"shears"`` :math:`x' = a\, g(x)` with
         :math:`a \cdot \nabla g = 0` for degree d; ``"exponentials"``, one for each monomial, which
-        keep every hyperplane :math:`x_i = 0` but may blow up for a long step; ``"regular"``,
+        keep every hyperplane :math:`x_i = 0` but may blow up for a long step; ``"pairs"``, the same
+        for two variables at a time, more pieces by products and divisions alone; ``"regular"``,
         exponentials without that danger (degree 2); or ``"n+d"`` shears for the whole field.
     off_diagonal : {"auto", "natural", "triangular"}
         Pieces of the off-diagonal part: ``"natural"`` shears, which change one variable each, or

@@ -21,7 +21,7 @@ from liouville.splitting.whole import whole
 from liouville.terms import Terms
 
 #: The splittings of the diagonal part, or of all of the field.
-DIAGONAL = ("shears", "exponentials", "regular", "n+d")
+DIAGONAL = ("shears", "exponentials", "pairs", "regular", "n+d")
 
 #: The splittings of the off-diagonal part.
 OFF_DIAGONAL = ("natural", "triangular")
@@ -51,9 +51,9 @@ def split(
     Parameters
     ----------
     terms : Terms
-    diagonal : {"exponentials", "shears", "regular", "n+d"}
-        Pieces of the terms of a component that contain its own variable. ``"n+d"`` shears are the
-        whole field.
+    diagonal : {"exponentials", "pairs", "shears", "regular", "n+d"}
+        Pieces of the terms of a component that contain its own variable. ``"pairs"`` are
+        exponentials of two variables each. ``"n+d"`` shears are the whole field.
     off_diagonal : {"natural", "triangular"}
         Pieces of the others.
     directions : array_like, optional
@@ -102,7 +102,7 @@ def _diagonal(
     Terms with functions are always exponentials.
     """
     has_function = terms.has_function.any(axis=1)
-    if word == "exponentials" or not has_function.any():
+    if word in ("exponentials", "pairs") or not has_function.any():
         return _plain_diagonal(terms, word, directions, merged)
     found, plain = _plain_diagonal(terms.selected(~has_function), word, directions, merged)
     others = terms.selected(has_function)
@@ -118,9 +118,10 @@ def _plain_diagonal(
         found, rest = shears(replace(terms, functions=()), directions)
         return [*found], rest
     if word == "regular":
-        taken, terms = regular(replace(terms, functions=()))
-        first = [*taken]
-    return [*first, *exponentials(terms.diagonal(), merged)], terms.off_diagonal()
+        sheared, terms = regular(replace(terms, functions=()))
+        first = [*sheared]
+    taken = exponentials(terms.diagonal(), merged, paired=word == "pairs")
+    return [*first, *taken], terms.off_diagonal()
 
 
 def _off_diagonal(

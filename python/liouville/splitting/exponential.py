@@ -1,18 +1,21 @@
-"""Exponentials: x_i' = c_i x_i x^j, one piece for each monomial of the divergence."""
+"""Exponentials: x_i' = c_i x_i x^j, one piece for each monomial of the divergence, or several."""
 
 from __future__ import annotations
 
 from dataclasses import replace
+from math import gcd
 
 import numpy as np
 
 from liouville.splitting.colouring import Conflicts, Lists, coloured
 from liouville.splitting.natural import classes
-from liouville.splitting.pieces import Exponential, Scaling
+from liouville.splitting.pieces import LARGEST_ROOT, Exponential, Scaling, same_kind
 from liouville.terms import Terms, grouped
 
 
-def exponentials(terms: Terms, merged: bool = True) -> list[Scaling | Exponential]:
+def exponentials(
+    terms: Terms, merged: bool = True, paired: bool = False
+) -> list[Scaling | Exponential]:
     """Split a diagonal field into exponentials.
 
     Parameters
@@ -22,6 +25,8 @@ def exponentials(terms: Terms, merged: bool = True) -> list[Scaling | Exponentia
     merged : bool
         Whether monomials that stand still in their flow are united while none that is read is
         changed. Else there is one piece for each monomial, lower degrees first.
+    paired : bool
+        Whether the others change two variables each where that needs no logarithms.
     """
     if not len(terms):
         return []
@@ -34,8 +39,15 @@ def exponentials(terms: Terms, merged: bool = True) -> list[Scaling | Exponentia
     else:
         scalings = []
     alone = np.flatnonzero(~still[label])
-    pieces = [alone[places] for places in classes(label[alone])]
-    return [*scalings, *(_exponential(rate.selected(places)) for places in pieces)]
+    pieces = [rate.selected(alone[places]) for places in classes(label[alone])]
+    if paired:
+        pieces = [pair for piece in pieces for pair in _pairs(piece)]
+    return [*scalings, *map(_exponential, pieces)]
+
+
+def has_pairs(terms: Terms) -> bool:
+    """Return whether exponentials of a diagonal field are not the same in pairs."""
+    return len(exponentials(terms, paired=True)) > len(exponentials(terms))
 
 
 def by_monomial(terms: Terms) -> tuple[Terms, np.ndarray]:
@@ -67,6 +79,37 @@ def _united(rate: Terms, label: np.ndarray) -> np.ndarray:
     writes = Lists.of(number, rate.component, count)
     reads = Lists.of(number[term], variable, count)
     return coloured(Conflicts(rate.n, writes, reads))[number]
+
+
+def _pairs(rate: Terms) -> list[Terms]:
+    """Split the rates of one monomial x^j into those of two variables each, one of them in all.
+
+    With c_i of the other variable, that one has -c_i (j_i + 1) / (j + 1), j its own power: the
+    powers of 1 - alpha h m do not depend on the field then, and are fractions of |j_i - j|.
+    """
+    if len(rate) < 3:
+        return [rate]
+    power = [int(p) for p in (rate.variables[:1] == rate.component[:, None]).sum(axis=1)]
+    costs = [_cost_around(j, [*power[:at], *power[at + 1 :]]) for at, j in enumerate(power)]
+    at = int(np.argmin(costs))
+    if not np.isfinite(costs[at]):
+        return [rate]
+    pairs = []
+    for other in (k for k in range(len(rate)) if k != at):
+        pair = rate.selected(np.array([other, at]))
+        one = same_kind(np.array([power[other] + 1]), rate) / same_kind(
+            np.array([power[at] + 1]), rate
+        )
+        rates = pair.coefficient.copy()
+        rates[1] = -rates[0] * one[0]
+        pairs.append(replace(pair, coefficient=rates))
+    return pairs
+
+
+def _cost_around(j: int, others: list[int]) -> float:
+    """Return the sum of the degrees of the roots that pairs take, infinite without roots."""
+    degrees = [abs(k - j) // gcd(k - j, j + 1) for k in others]
+    return sum(degrees) if all(0 < q <= LARGEST_ROOT for q in degrees) else np.inf
 
 
 def _exponential(rate: Terms) -> Exponential:

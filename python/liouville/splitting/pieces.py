@@ -12,6 +12,15 @@ from liouville.splitting.basis import transformed
 from liouville.splitting.runge_kutta import Tableau
 from liouville.terms import Function, Monomial, Terms, Wave, exact
 
+#: The largest degree of roots that exponentials are computed by, and the largest power.
+LARGEST_ROOT, LARGEST_POWER = 3, 12
+
+#: Powers are multiples of 1 / q if they are so near to one, relatively.
+NEAR = 4 * np.finfo(float).eps
+
+#: The cost of a division, in multiplications.
+DIVISION = 5
+
 
 @dataclass(frozen=True, eq=False)
 class Natural:
@@ -100,12 +109,31 @@ class Exponential:
     @property
     def operations(self) -> int:
         """Return how many additions and multiplications a step takes."""
-        return 3 * self.places.size + len(self.monomial)
+        division = DIVISION if self.root == 1 else 0
+        return 3 * self.places.size + len(self.monomial) + division
 
     @property
     def functions(self) -> int:
-        """Return how many exponentials and logarithms a step takes."""
-        return int(self.places.size) + 1
+        """Return how many roots, exponentials and logarithms a step takes."""
+        return int(self.root > 1) if self.root else int(self.places.size) + 1
+
+    @property
+    def root(self) -> int:
+        """Return the degree of the root whose powers the flow is products of, 0 if there is none.
+
+        The powers are -c_i / alpha, as the core computes them.
+        """
+        rates = self.rates.astype(float)
+        parts = rates * [self.monomial.count(int(place)) for place in self.places]
+        alpha = parts.sum()
+        if abs(alpha) <= NEAR * np.abs(parts).sum():
+            return 0
+        for q in range(1, LARGEST_ROOT + 1):
+            powers = -rates / alpha * q
+            near = np.abs(powers - np.round(powers)) <= NEAR * np.abs(powers)
+            if near.all() and np.abs(powers).max() <= LARGEST_POWER:
+                return q
+        return 0
 
 
 @dataclass(frozen=True, eq=False)

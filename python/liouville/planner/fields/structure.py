@@ -9,6 +9,7 @@ from math import comb
 import numpy as np
 
 from liouville.methods import VolumeSplitting
+from liouville.splitting import has_pairs
 from liouville.terms import Terms
 
 #: A field with fewer than this part of all terms of its degree is sparse.
@@ -80,7 +81,7 @@ def _by_structure(
     if why or terms.degree == 1:
         reasons = [why or "the diagonal part is linear"]
         return ["exponentials"], (["natural"] if method.off_diagonal == "auto" else offs), reasons
-    diagonals = ["exponentials", "shears"]
+    diagonals = ["exponentials", *(["pairs"] if has_pairs(diagonal) else []), "shears"]
     diagonals += ["regular"] if terms.degree == 2 and terms.n >= 3 else []
     diagonals += ["n+d"] if method.off_diagonal == "auto" else []
     return (

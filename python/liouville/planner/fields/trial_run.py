@@ -20,8 +20,8 @@ REFERENCE, FINER = "SS8s21", 4
 #: States of a trial run, and its steps.
 STATES, STEPS = 32, 4
 
-#: The cost of an exponential or a logarithm, in multiplications.
-FUNCTION = 20
+#: The cost of a root, an exponential or a logarithm, in multiplications, as ensembles take them.
+FUNCTION = 50
 
 
 def _of_piece(piece: Piece) -> float:
