@@ -87,11 +87,13 @@ def published(name):
 class Setup:
     """Entries in the making, and the seconds that setting up each family took."""
 
-    def __init__(self, case):
-        self.case, self.entries, self.took = case, [], {}
+    def __init__(self, case, only=("",)):
+        self.case, self.only, self.entries, self.took = case, tuple(only), [], {}
 
     def add(self, family, variant, settings, make, *args):
         """Make a solver and enter it with each setting, the loosest first; or say why not."""
+        if not family.startswith(self.only):
+            return
         begin = time.perf_counter()
         try:
             solver = make(*args)

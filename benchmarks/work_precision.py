@@ -20,7 +20,8 @@ Setting up (symbols, tapes, compilers) is not part of the times and has a table 
 that cannot be imported is left out, with a line that says so. Run as
 ``python benchmarks/work_precision.py``, after ``pip install --group bench`` and with a C
 compiler: about ten minutes, most of them heyoka's compiler. ``--short`` takes fewer settings, and
-heyoka's compact mode. ``benchmarks/tables.py`` draws the figure.
+heyoka's compact mode; ``--only Spark heyoka`` some of the codes. ``benchmarks/tables.py`` draws the
+figure.
 """
 
 import os
@@ -103,9 +104,9 @@ def ladder(ends, per_octave):
     return tuple(dict.fromkeys(int(x) for x in np.geomspace(*ends, count + 1).round()))
 
 
-def entries(case, effort, peers):
-    """Set up every code on a case."""
-    setup = Setup(case)
+def entries(case, effort, peers, only):
+    """Set up every code on a case whose name begins with one of these."""
+    setup = Setup(case, only)
     begin = time.perf_counter()
     _ = case.system
     setup.spend("liouville", time.perf_counter() - begin)
@@ -265,6 +266,7 @@ def main():
     parser = argparse.ArgumentParser(description="work against precision of mechanical methods")
     parser.add_argument("problems", nargs="*", help="some of the problems, by name")
     parser.add_argument("--short", action="store_true", help="fewer settings and repeats")
+    parser.add_argument("--only", nargs="*", default=[""], help="codes that begin so")
     asked = parser.parse_args()
     effort = SHORT if asked.short else FULL
     peers = {
@@ -274,7 +276,7 @@ def main():
     for name in asked.problems or COUNTS:
         print(f"{name} ...", flush=True)
         case = published(name)
-        setup = entries(case, effort, peers)
+        setup = entries(case, effort, peers, asked.only)
         measure(case, setup.entries, effort.share, effort.longest)
         tables[""] += times(case, setup.entries)
         tables["_stages"] += by_stages(case, setup.entries)
