@@ -144,7 +144,7 @@ call = {{"system": lv.Schrodinger(lv.Lattice(n)), "method": lv.StabilitySplittin
 lv.integrate(**call, store={folder!r} + "/warm.zarr")
 used = int(open("/proc/self/statm").read().split()[0]) * resource.getpagesize()
 lv._arguments.memory = lambda: 1e18
-for room in range(240, 60, -10):  # until the run fits and its state beside it does not
+for room in range(240, 10, -10):  # until the run fits and its state beside it does not
     hard = resource.getrlimit(resource.RLIMIT_AS)[1]
     resource.setrlimit(resource.RLIMIT_AS, (used + room * 2**20, hard))
     try:
