@@ -1,5 +1,7 @@
 """What is asked of every row of the registry beside its order and the constraints of mechanics."""
 
+import pickle
+from contextlib import suppress
 from dataclasses import fields, replace
 
 import numpy as np
@@ -13,6 +15,8 @@ from liouville import methods
 CASES = [(row, name) for row in ROWS for name in row.on]
 FIELDS = [case for case in CASES if ALL[case[1]].of == ("x",)]
 WAVES = [case for case in CASES if ALL[case[1]].of == ("psi",)]
+
+MECHANICS = [(row, row.on[0]) for row in GENERAL]
 
 #: One problem of each row, for what does not depend on it.
 ONCE = [(row, row.on[0]) for row in ROWS]
@@ -100,6 +104,11 @@ def settled(problem, method):
     return lv.plan(problem.system, method, h=h, **problem.start)
 
 
+def copied(system):
+    """Return a system that has made no runs."""
+    return pickle.loads(pickle.dumps(system))
+
+
 def steps_of(problem):
     """Return the number of steps of a run that stays bounded."""
     return FIELD_STEPS if problem.of == ("x",) else STEPS
@@ -135,6 +144,23 @@ def test_an_ensemble_is_its_members_bit_for_bit(row, name):
         alone = problem.run(method, steps, start={k: x[member] for k, x in starts.items()})
         for state, values in alone.states.items():
             np.testing.assert_array_equal(together.states[state][:, member], values, state)
+
+
+@pytest.mark.parametrize(("row", "name"), MECHANICS, ids=str)
+def test_a_run_after_others_has_the_bits_of_the_first(row, name):
+    problem = replace(ALL[name], system=copied(ALL[name].system))
+    method, t = row.method, problem.t
+    first = problem.run(method, STEPS)
+    problem.run(method, 2 * STEPS, states=False)
+    problem.run(method, STEPS, t_eval=[(t[0] + t[1]) / 2])
+    with suppress(lv.IntegrationError):  # it may be too long
+        problem.run(method, 1, t=(t[0], t[0] + 100 * (t[1] - t[0])))
+    if isinstance(method, lv.Spark) and not problem.system.nonholonomic:
+        lv.integrate(problem.system, method, t=t, rtol=1e-3, **problem.start)
+    again = problem.run(method, STEPS)
+    assert {**again.stats, "seconds": 0} == {**first.stats, "seconds": 0}
+    for state, values in first.states.items():
+        np.testing.assert_array_equal(again.states[state], values, state)
 
 
 class CutError(BaseException):

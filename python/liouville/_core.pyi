@@ -32,6 +32,7 @@ __all__ = [
     "Tape",
     "WaveDerivative",
     "WaveRecord",
+    "are_independent",
     "chebyshev_degree",
     "compositions",
     "driven_cost",
@@ -205,6 +206,13 @@ class EnergyWatch:
     def save(self) -> NDArray[np.float64]: ...
     def restore(self, saved: NDArray[np.float64]) -> None: ...
 
+def are_independent(
+    problem: Mechanical,
+    params: NDArray[np.float64],
+    t: float,
+    y: NDArray[np.float64],
+    cutoff: float,
+) -> bool: ...
 def violation(
     problem: Mechanical,
     params: NDArray[np.float64],

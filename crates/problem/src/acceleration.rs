@@ -52,6 +52,11 @@ impl<R: Real> Acceleration<R> {
         }
     }
 
+    /// Lets the next solve start from zero.
+    pub fn reset(&mut self) {
+        self.lam.fill(R::splat(0.0));
+    }
+
     /// Solves for `z_dot` and `lam` at (t, y, z).
     ///
     /// # Errors

@@ -6,6 +6,7 @@ use liouville_base::error::{Quantity, StepError};
 use liouville_base::observe::Observe;
 use liouville_base::real::Real;
 use liouville_base::tape::{Registers, Tape};
+use std::sync::Arc;
 
 /// The state that a method carries from step to step.
 pub trait Carried {
@@ -42,7 +43,7 @@ impl Carried for State {
 pub struct Observer<M: Dynamics = Model> {
     model: M,
     states: Option<M::Solver>,
-    tape: Tape,
+    tape: Arc<Tape>,
     registers: Registers<f64>,
 }
 
@@ -51,7 +52,7 @@ impl<M: Dynamics> Observer<M> {
     ///
     /// # Panics
     /// When the tape's inputs are not (t, y, z, params).
-    pub fn new(model: M, params: &[f64], tape: Tape, states: bool) -> Self {
+    pub fn new(model: M, params: &[f64], tape: Arc<Tape>, states: bool) -> Self {
         let [n, l, _] = model.sizes();
         assert_eq!(
             tape.inputs(),
@@ -71,6 +72,11 @@ impl<M: Dynamics> Observer<M> {
     /// The observed model.
     pub fn model(&self) -> &M {
         &self.model
+    }
+
+    /// The tape of the quantities.
+    pub fn tape(&self) -> &Arc<Tape> {
+        &self.tape
     }
 
     /// The solver of the multipliers, where states are recorded.
@@ -102,6 +108,15 @@ impl<M: Dynamics> Observer<M> {
         finite(values, Quantity::Observable, t)?;
         row.extend_from_slice(values);
         Ok(())
+    }
+}
+
+impl Observer {
+    /// Forgets what it has observed.
+    pub fn reset(&mut self) {
+        if let Some(states) = &mut self.states {
+            states.reset();
+        }
     }
 }
 

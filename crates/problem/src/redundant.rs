@@ -12,7 +12,7 @@
 
 use super::{Mechanical, Mismatch, Model, Saddle, check, check_pattern, model::finite};
 use liouville_base::error::{Quantity, StepError};
-use liouville_base::linalg::{Lu, Matrix, Pattern, dot};
+use liouville_base::linalg::{Lu, Matrix, Pattern, dot, independent_rows};
 use liouville_base::tape::Tape;
 
 /// Constraints left out of a problem, because the others imply them.
@@ -45,6 +45,22 @@ impl Redundant {
     /// The constraints that are kept, in their order.
     fn kept(&self) -> impl Iterator<Item = usize> + '_ {
         (0..self.pattern.shape().1).filter(|k| self.left_out.binary_search(k).is_err())
+    }
+}
+
+impl Mechanical {
+    /// Whether the gradients of all holonomic constraints are independent at (t, y): of length one, each has a part of
+    /// more than `cutoff` that is orthogonal to the others.
+    ///
+    /// # Panics
+    /// When y or `params` has another size.
+    pub fn are_independent(&self, params: &[f64], t: f64, y: &[f64], cutoff: f64) -> bool {
+        let (at, lam) = (&self.patterns.g_y, vec![0.0; self.m]);
+        let mut registers = self.node_blocks.bind(params);
+        let blocks = self.node_blocks.eval(&mut registers, [&[t], y, &lam]);
+        let mut gradients = Matrix::zeros(self.m, self.n);
+        at.add_to(&blocks[..at.len()], 1.0, &mut gradients, 0, 0);
+        independent_rows(gradients, cutoff).kept.len() == self.m
     }
 }
 

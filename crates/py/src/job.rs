@@ -339,7 +339,7 @@ impl MechanicalJob<'_> {
             is_reversible: self.is_reversible,
             detection: self.watch.as_ref().map(detection).transpose()?,
             tangents: self.tangents.as_ref().map(tangents).transpose()?,
-            observer: Tape::clone(&self.observer.0),
+            observer: self.observer.0.clone(),
             states: self.states,
             threads: self.threads,
         })

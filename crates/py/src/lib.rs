@@ -57,7 +57,7 @@ mod _core {
     #[pymodule_export]
     use super::mechanical::{Mechanical, Sensitivity};
     #[pymodule_export]
-    use super::multipliers::multipliers;
+    use super::multipliers::{are_independent, multipliers};
     #[pymodule_export]
     use super::operator::{Hamiltonian, Operator};
     #[pymodule_export]

@@ -2,6 +2,7 @@
 
 use crate::convert::{Made, Recipe, item, optional, pattern, tape_of};
 use crate::errors::refused;
+use liouville_mechanics::run::Pools;
 use liouville_problem::{
     Nonholonomic, NonholonomicPatterns, Patterns, Redundant, SensitivityPatterns,
 };
@@ -9,10 +10,14 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::sync::{Arc, OnceLock};
 
-/// A mechanical system in the core's terms.
+/// A mechanical system in the core's terms, and what its runs have left for the next.
 #[pyclass(frozen, module = "liouville._core")]
 #[derive(Clone)]
-pub(crate) struct Mechanical(pub(crate) Arc<liouville_problem::Mechanical>, Made);
+pub(crate) struct Mechanical(
+    pub(crate) Arc<liouville_problem::Mechanical>,
+    pub(crate) Arc<Pools>,
+    Made,
+);
 
 #[pymethods]
 impl Mechanical {
@@ -90,11 +95,12 @@ impl Mechanical {
             mass_plan: OnceLock::new(),
             compensated_g: OnceLock::new(),
         };
-        Ok(Self(Arc::new(system.checked().map_err(refused)?), made))
+        let system = system.checked().map_err(refused)?;
+        Ok(Self(Arc::new(system), Arc::default(), made))
     }
 
     fn __reduce__<'py>(&self, py: Python<'py>) -> Recipe<'py> {
-        self.1.again::<Self>(py)
+        self.2.again::<Self>(py)
     }
 }
 

@@ -1,4 +1,4 @@
-//! Multipliers of a mechanical system at a point.
+//! Multipliers of a mechanical system at a point, and whether they can be told apart there.
 
 use crate::errors;
 use crate::mechanical::Mechanical;
@@ -6,6 +6,24 @@ use liouville_problem::{Dynamics, Model};
 use numpy::{PyArray1, PyReadonlyArray1};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
+
+/// Whether the gradients of the holonomic constraints are independent at (t, y): of length one, each has a part of more
+/// than `cutoff` that is orthogonal to the others.
+#[pyfunction]
+#[allow(clippy::needless_pass_by_value)] // arguments of a Python function
+pub(crate) fn are_independent(
+    problem: PyRef<'_, Mechanical>,
+    params: PyReadonlyArray1<'_, f64>,
+    t: f64,
+    y: PyReadonlyArray1<'_, f64>,
+    cutoff: f64,
+) -> PyResult<bool> {
+    let (params, y) = (params.as_slice()?, y.as_slice()?);
+    if problem.0.node_blocks.inputs() != [1, y.len(), problem.0.m, params.len()] {
+        return Err(errors::refused("y or params has another size"));
+    }
+    Ok(problem.0.are_independent(params, t, y, cutoff))
+}
 
 /// λ of the equations of accelerations at (t, y, z), or the error.
 #[pyfunction]

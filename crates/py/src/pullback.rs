@@ -36,7 +36,7 @@ pub(crate) fn pullback<'py>(
         run::Problem::SemiExplicit(problem.0.clone())
     } else {
         let problem = problem.extract::<PyRef<'_, Mechanical>>()?;
-        run::Problem::General(problem.0.clone())
+        run::Problem::General(problem.0.clone(), problem.1.clone())
     };
     match job::pullback(problem, &sensitivity, method, job, alpha)? {
         Ok(inner) => Ok(Bound::new(py, Pullback { inner, width })?.into_any()),

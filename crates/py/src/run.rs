@@ -38,7 +38,7 @@ pub(crate) fn run<'py>(
     job: &Bound<'py, PyAny>,
 ) -> PyResult<Bound<'py, PyAny>> {
     let problem = match system {
-        System::General(problem) => Problem::General(problem.0.clone()),
+        System::General(problem) => Problem::General(problem.0.clone(), problem.1.clone()),
         System::Separable(problem) => Problem::Separable(problem.0.clone()),
         System::SecondOrder(problem) => Problem::SecondOrder(problem.0.clone()),
         System::SemiExplicit(problem) => Problem::SemiExplicit(problem.0.clone()),

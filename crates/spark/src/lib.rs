@@ -152,6 +152,31 @@ impl Spark {
         }
     }
 
+    /// Which method it is, and how its stage equations are solved.
+    pub fn kind(&self) -> (tableau::Key, Solver) {
+        (self.tableau.key, self.solver)
+    }
+
+    /// The state at `t`, from y and z.
+    pub fn state(&mut self, t: f64, y: &[f64], z: &[f64]) -> State {
+        self.model.state(t, y, z)
+    }
+
+    /// Forgets all steps, their statistics, and all that was wanted beside [`Spark::of`].
+    pub fn reset(&mut self) {
+        self.predictor.reset();
+        self.kinks = Kinks::default();
+        self.estimate = None;
+        self.is_shortened = false;
+        (self.schur_backoff, self.backoff) = Default::default();
+        self.stats = Stats::default();
+        self.stop = Stop::default();
+        if let Some(general) = &mut self.general {
+            general.stages.stop = self.stop;
+            general.stages.evaluations = 0;
+        }
+    }
+
     /// The same, with stage equations solved to this fraction of the velocities instead of to roundoff.
     #[must_use]
     pub fn to_tolerance(mut self, tolerance: f64) -> Self {

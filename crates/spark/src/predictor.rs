@@ -59,6 +59,12 @@ impl<R: Real> Predictor<R> {
         self.held.forget();
     }
 
+    /// Forgets all of a run.
+    pub(super) fn reset(&mut self) {
+        self.held.reset();
+        self.acceleration.reset();
+    }
+
     /// Writes the extrapolated unknowns and `z1`; says whether there was a step to extrapolate.
     pub(super) fn extrapolate(
         &mut self,

@@ -171,6 +171,11 @@ impl<R: Real> Predictor<R> {
         self.h = None;
     }
 
+    /// Forgets that a step was rejected, too.
+    pub fn reset(&mut self) {
+        (self.h, self.origin, self.ratio) = (None, 1.0, f64::NAN);
+    }
+
     /// Lets the next step begin where the one held began, which was rejected.
     pub fn undo(&mut self) {
         (self.origin, self.ratio) = (0.0, f64::NAN);

@@ -9,9 +9,9 @@ impl System {
     /// The system as the method steps it.
     pub(super) fn new(problem: Problem, method: Method) -> Result<Self, StartError> {
         match (problem, method) {
-            (Problem::General(problem), Method::Spark(spark)) => {
+            (Problem::General(problem, pools), Method::Spark(spark)) => {
                 let stages = spark.composition()?;
-                Ok(Self::Spark(problem, spark, stages))
+                Ok(Self::Spark((problem, pools), spark, stages))
             }
             (Problem::Separable(problem), Method::Spark(spark)) => {
                 if (spark.tableau.stages, spark.tableau.intervals) != (2, 1) {

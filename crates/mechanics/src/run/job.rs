@@ -1,6 +1,7 @@
 //! The system, the method and the job of a run.
 
 use super::parts::Part;
+use super::pool::Pools;
 use crate::events::{EventSlopes, Law};
 use liouville_alpha::{AlphaSlopes, Reactions};
 use liouville_base::method::Tolerance;
@@ -16,7 +17,7 @@ use std::sync::Arc;
 #[derive(Clone, Debug)]
 pub enum Problem {
     /// For SPARK methods.
-    General(Arc<Mechanical>),
+    General(Arc<Mechanical>, Arc<Pools>),
     /// For RATTLE, the Lobatto pair of two stages on separable systems.
     Separable(Arc<Separable>),
     /// For the α methods.
@@ -169,7 +170,7 @@ pub struct Job {
     /// Tangents, if they are wanted.
     pub tangents: Option<Tangents>,
     /// A tape (t, y, z, params) → quantities to record.
-    pub observer: Tape,
+    pub observer: Arc<Tape>,
     /// Whether the states are recorded too.
     pub states: bool,
     /// Threads of an ensemble.

@@ -8,9 +8,11 @@ use liouville_base::method::{Estimating, Stepper, Symmetric};
 use liouville_base::observe::{Monitor, Observe};
 use liouville_base::real::{BATCH, Lanes, Scalar};
 use liouville_base::run::{Adaptive, EventDetector, Fixed, Reversible, Run, StepControl};
+use liouville_base::tape::Tape;
 use liouville_problem::{
     Carried, Dynamics, Impulse, Model, Observer, Path, Restart, State, TimeScale, Traced,
 };
+use std::sync::Arc;
 
 /// A stepper of any kind for a type of state.
 pub(super) type BoxedStepper<State> = Box<dyn Stepper<State = State>>;
@@ -90,8 +92,13 @@ impl Starter {
 
     /// The observer of a member with this model.
     pub(super) fn observer<M: Dynamics>(&self, model: M, member: usize) -> Observer<M> {
-        let (params, tape) = (self.params(member), self.job.observer.clone());
-        Observer::new(model, params, tape, self.job.states)
+        let (tape, states) = self.observed();
+        Observer::new(model, self.params(member), tape, states)
+    }
+
+    /// The tape of what is observed, and whether the states are recorded too.
+    pub(super) fn observed(&self) -> (Arc<Tape>, bool) {
+        (self.job.observer.clone(), self.job.states)
     }
 
     /// The monitor of a mechanical member, if its steps follow one: a function of the user's, or the time scale

@@ -12,6 +12,7 @@ mod job;
 mod journal;
 mod member;
 mod parts;
+mod pool;
 mod pullback;
 mod shared;
 mod spark_pullback;
@@ -22,6 +23,7 @@ pub use job::{
     Tangents,
 };
 pub use parts::Part;
+pub use pool::Pools;
 pub use pullback::{Follow, Pullback, StepAdjoint};
 pub use shared::SharedRun;
 
@@ -34,11 +36,12 @@ use liouville_base::run::{Advance, StartError};
 use liouville_base::tableau;
 use liouville_index2::semi_explicit::SemiExplicit;
 use liouville_problem::{
-    Mechanical, Model, Observers, SecondOrder, Separable, SeparableModel, State,
+    Mechanical, Model, Observer, Observers, SecondOrder, Separable, SeparableModel, State,
 };
 use liouville_spark::rattle::Rattle;
 use liouville_spark::{Spark, SparkBatch, supports_batch};
 use member::{composed, in_lanes};
+use pool::Lent;
 use std::sync::Arc;
 
 /// A run about to start.
@@ -58,7 +61,11 @@ pub fn start(problem: Problem, method: Method, job: Job) -> Result<Box<dyn Advan
 
 /// A system with its method; composed methods have stages.
 enum System {
-    Spark(Arc<Mechanical>, Box<SparkMethod>, Option<Vec<f64>>),
+    Spark(
+        (Arc<Mechanical>, Arc<Pools>),
+        Box<SparkMethod>,
+        Option<Vec<f64>>,
+    ),
     Rattle(Arc<Separable>, Option<Vec<f64>>),
     Alpha(Arc<SecondOrder>, tableau::Alpha, Reactions),
     Index2(Arc<SemiExplicit>, Box<SparkMethod>, Option<Vec<f64>>),
@@ -71,7 +78,7 @@ impl System {
     /// When it is semi-explicit.
     fn mechanical(&self) -> &Arc<Mechanical> {
         match self {
-            Self::Spark(problem, ..) => problem,
+            Self::Spark((problem, _), ..) => problem,
             Self::Rattle(problem, ..) => &problem.mechanical,
             Self::Alpha(problem, ..) => &problem.mechanical,
             Self::Index2(..) => unreachable!("a semi-explicit system"),
@@ -92,6 +99,9 @@ struct Starter {
     system: System,
     job: Job,
 }
+
+/// A SPARK method of a mechanical system, with what earlier runs have left.
+type PooledSpark<'a> = (&'a Arc<Mechanical>, &'a Pools, &'a SparkMethod);
 
 type Begun = Result<Box<dyn Advance>, StepError>;
 
@@ -136,7 +146,7 @@ impl Starter {
         match &self.system {
             // events part the steps of each member in its own way, and tangents are those of one
             _ if self.job.detection.is_some() || self.job.tangents.is_some() => 1,
-            System::Spark(problem, spark, _) if supports_batch(problem, spark.solver) => BATCH,
+            System::Spark((problem, _), spark, _) if supports_batch(problem, spark.solver) => BATCH,
             _ => 1,
         }
     }
@@ -153,11 +163,11 @@ impl Starter {
     /// A run of these members, in lock-step where there are several.
     fn begin(&self, members: &[usize]) -> Begun {
         match &self.system {
-            System::Spark(problem, spark, stages) if members.len() > 1 => {
+            System::Spark((problem, _), spark, stages) if members.len() > 1 => {
                 self.batch((problem, spark), stages.as_deref(), members)
             }
-            System::Spark(problem, spark, stages) => {
-                self.spark((problem, spark), stages.as_deref(), members[0])
+            System::Spark((problem, pools), spark, stages) => {
+                self.spark((problem, pools, spark), stages.as_deref(), members[0])
             }
             System::Rattle(problem, stages) => self.rattle(problem, stages.as_deref(), members[0]),
             System::Alpha(problem, weights, reactions) => {
@@ -208,14 +218,17 @@ impl Starter {
     /// A SPARK method at the start of a member's run; it estimates errors where these control the steps.
     fn spark_at(
         &self,
-        (problem, spark): (&Arc<Mechanical>, &SparkMethod),
+        (problem, pools, spark): PooledSpark,
         member: usize,
-    ) -> Result<MethodStart<Spark, State>, StepError> {
-        let span = self.job.span;
-        let mut model = Model::new(problem.clone(), self.params(member));
-        let state = model.state(span.t0, self.part(0, member), self.part(1, member));
-        let mut stepper = Spark::of(model, spark.tableau.clone(), spark.solver)
-            .to_tolerance(self.newton_tol(spark));
+    ) -> Result<MethodStart<Lent<Spark>, State>, StepError> {
+        let (span, params) = (self.job.span, self.params(member));
+        let kind = (spark.tableau.key, spark.solver);
+        let stepper = pools.steppers.lend(problem, params, &kind, || {
+            let model = Model::new(problem.clone(), params);
+            Spark::of(model, spark.tableau.clone(), spark.solver)
+        });
+        let mut stepper = stepper.map(|stepper| stepper.to_tolerance(self.newton_tol(spark)));
+        let state = stepper.state(span.t0, self.part(0, member), self.part(1, member));
         let Control::Adaptive {
             tolerance,
             h_first,
@@ -224,7 +237,7 @@ impl Starter {
         else {
             return Ok((stepper, state, None));
         };
-        stepper = stepper.estimating(tolerance.clone());
+        stepper = stepper.map(|stepper| stepper.estimating(tolerance.clone()));
         let h_first = match h_first {
             Some(h_first) => *h_first,
             None => stepper.first_step(span.t0, &state, span.t1 - span.t0)?,
@@ -232,15 +245,10 @@ impl Starter {
         Ok((stepper, state, Some((h_first, *h_min))))
     }
 
-    fn spark(
-        &self,
-        method: (&Arc<Mechanical>, &SparkMethod),
-        stages: Option<&[f64]>,
-        member: usize,
-    ) -> Begun {
+    fn spark(&self, method: PooledSpark, stages: Option<&[f64]>, member: usize) -> Begun {
         let (stepper, state, sizes) = self.spark_at(method, member)?;
         if let Some(tangents) = &self.job.tangents {
-            let (stepper, state) = self.with_tangents(stepper, tangents, state, member)?;
+            let (stepper, state) = self.with_tangents(stepper.keep(), tangents, state, member)?;
             let copy = self.composed_copy((&stepper, stages));
             let control = match sizes {
                 None => self.symmetric_control((stepper, stages), self.monitor(member), &state),
@@ -249,21 +257,28 @@ impl Starter {
             let of = self.momenta(tangents, member);
             return self.mechanical_tangents((control, copy), tangents, of, state, member);
         }
-        let of = self.member(member);
-        match sizes {
-            None => self.symmetric((stepper, stages), self.monitor(member), of, state),
-            Some(sizes) => {
-                let detection = self.job.detection.as_ref();
-                let has_switch =
-                    detection.is_some_and(|own| own.events.iter().any(|x| x.is_switch));
-                let stepper = if has_switch {
-                    stepper.shortened()
-                } else {
-                    stepper
-                };
-                self.adaptive(stepper, sizes, of, state)
-            }
+        let detection = self.job.detection.as_ref();
+        let has_switch = detection.is_some_and(|own| own.events.iter().any(|x| x.is_switch));
+        let stepper = match sizes {
+            Some(_) if has_switch => stepper.map(Spark::shortened),
+            _ => stepper,
+        };
+        let copy = self.composed_copy((&stepper, stages));
+        let control = match sizes {
+            None => self.symmetric_control((stepper, stages), self.monitor(member), &state),
+            Some(sizes) => self.adaptive_control(stepper, sizes),
+        };
+        if detection.is_some() {
+            return self.launch(control, copy, self.member(member), state);
         }
+        let observer = self.pooled_observer(method, member);
+        self.recorded(control, Box::new(observer), state)
+    }
+
+    fn pooled_observer(&self, (problem, pools, _): PooledSpark, member: usize) -> Lent<Observer> {
+        let (params, kind) = (self.params(member), self.observed());
+        let make = || self.observer(self.model(member), member);
+        pools.observers.lend(problem, params, &kind, make)
     }
 
     fn rattle(&self, problem: &Arc<Separable>, stages: Option<&[f64]>, member: usize) -> Begun {

@@ -64,7 +64,7 @@ impl Pullback<SparkAdjoint> {
         sensitivity: &Arc<Sensitivity>,
     ) -> Result<Self, StartError> {
         let starter = Starter::new(problem, method, job)?;
-        let System::Spark(problem, spark, stages) = &starter.system else {
+        let System::Spark((problem, pools), spark, stages) = &starter.system else {
             return Err(StartError::Invalid(
                 "a pullback is that of a SPARK method".into(),
             ));
@@ -74,7 +74,8 @@ impl Pullback<SparkAdjoint> {
                             roundoff";
             return Err(StartError::Invalid(sentence.into()));
         }
-        let (stepper, start, sizes) = starter.spark_at((problem, spark), 0)?;
+        let (stepper, start, sizes) = starter.spark_at((problem, pools, spark), 0)?;
+        let stepper = stepper.keep();
         let derivatives = SensitivityModel::new(sensitivity.clone(), starter.params(0));
         let adjoint = SparkAdjoint::new(&stepper, derivatives);
         let monitor = starter.monitor(0);

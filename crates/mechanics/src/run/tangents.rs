@@ -301,7 +301,7 @@ impl Tangents {
         use SystemSensitivity::{Mechanical, SemiExplicit};
         let width = self.sensitivity.width();
         let (sizes, fits) = match (system, &self.sensitivity) {
-            (System::Spark(problem, spark, _), Mechanical(own)) => {
+            (System::Spark((problem, _), spark, _), Mechanical(own)) => {
                 let is_own = Arc::ptr_eq(&own.mechanical, problem);
                 ([problem.n; 2], is_own && spark.newton_tol.is_none())
             }

@@ -95,7 +95,7 @@ fn goes_on<A: Advance>(name: &str, at: &[usize], make: impl Fn() -> A) {
 fn observer(model: &Model, params: &[f64]) -> Observer {
     let n = model.problem.n;
     let square = tape([1, n, n, params.len()], &[input(Y, 0) * input(Z, 1)]);
-    Observer::new(model.clone(), params, square, true)
+    Observer::new(model.clone(), params, square.into(), true)
 }
 
 fn ball(reactions: Reactions) -> (Alpha, liouville_alpha::AlphaState) {
@@ -156,7 +156,7 @@ fn turned<C: StepControl<semi_explicit::SemiExplicitState> + 'static>(
     let state = model.state(0.0, &[0.0, 0.0, 1.0], &[0.0], 0.05);
     let state = state.expect("a start");
     let observed = tape([1, 3, 1, 0], &[input(Y, 0)]);
-    let observer = Observer::new(model.clone(), &[], observed, true);
+    let observer = Observer::new(model.clone(), &[], observed.into(), true);
     let events = [input(Y, 1) - 0.1, input(Z, 0) - 0.05].map(|e| tape([1, 3, 1, 0, 0], &[e]));
     let events = events.into_iter().enumerate();
     let events = events.map(|(k, tape)| Event::new(tape, &[], rule(k, 0), false));

@@ -88,7 +88,7 @@ type Begun = Result<Box<dyn Advance>, StepError>;
 
 fn observer(problem: &Arc<Mechanical>, params: &[f64]) -> Observer {
     let model = Model::new(problem.clone(), params);
-    Observer::new(model, params, tape([1, N, N, 2], &[]), true)
+    Observer::new(model, params, tape([1, N, N, 2], &[]).into(), true)
 }
 
 fn alone(problem: &Arc<Mechanical>, s: usize, member: &Member) -> Begun {

@@ -57,7 +57,12 @@ fn detecting_events_and_states_at_given_times_take_no_memory() {
         )
     });
     let path = Path::new(model.clone(), 6);
-    let observer = Observer::new(model.clone(), &PENDULUM, tape([1, 2, 2, 3], &[]), false);
+    let observer = Observer::new(
+        model.clone(),
+        &PENDULUM,
+        tape([1, 2, 2, 3], &[]).into(),
+        false,
+    );
     let stepper = Box::new(Spark::new(model, 3, Solver::Auto));
     let detector = DenseDetector::new(
         path,
@@ -140,7 +145,7 @@ fn controlled_steps_of_index_2_and_their_events_take_no_memory() {
     let tape = tape([1, 3, 1, 0, 0], &[input(Z, 0) + 1e3]);
     let event = Event::new(tape, &[], EventRule::default(), false);
     let observed = liouville_tests::tape([1, 3, 1, 0], &[]);
-    let observer = Observer::new(model.clone(), &[], observed, false);
+    let observer = Observer::new(model.clone(), &[], observed.into(), false);
     let path = Path::new(model.clone(), 6);
     let tolerance = Tolerance {
         rtol: 1e-6,
