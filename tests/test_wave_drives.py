@@ -103,6 +103,18 @@ def test_the_molecule_in_its_laser_keeps_to_its_tolerance():
         assert off <= tol
 
 
+@pytest.mark.parametrize("power", [2, 3, 5])
+@pytest.mark.parametrize("still", [0.0, 1e-3])
+def test_a_drive_that_grows_from_zero_keeps_to_its_tolerance(still, power):
+    x, up = np.array([[0.0, 1.0], [1.0, 0.0]]), [1.0, 0.0]
+    system = lv.Schrodinger(still * x, drive=[(lambda t, params: t**power, x)])
+    for end in (0.5, 1.0, 2.0, 3.0):
+        solution = lv.integrate(system, "auto", t=(0, end), psi=up)
+        angle = end ** (power + 1) / (power + 1) + still * end
+        wanted = [np.cos(angle), -1j * np.sin(angle)]
+        assert np.linalg.norm(solution.psi[-1] - wanted) <= 1e-8, end
+
+
 def test_a_run_back_in_time_returns_and_auto_is_the_series():
     h0, _, drive, (t0, t1), psi = driven_products.chain(6)
     system = lv.Schrodinger(h0, drive=drive)

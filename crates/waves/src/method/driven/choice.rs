@@ -3,11 +3,12 @@
 //! With H(t0 + s) = Σ_l H_l (s/h)^l and G_0 = |h| |H_0 − σ|, G_l = |h| |H_l|, the terms of the series in powers of s/h are
 //! no longer than e_n of e_0 = 1, e_{n+1} = Σ_l G_l e_{n−l}/(n + 1). H is Hermitian, so that errors of windows add.
 
-use super::fit::{Look, Sampler, TwoLevels};
+use super::fit::{Look, Sampler};
 use super::polynomials::NODES;
 use crate::method::bessel::{bessel_to_the_last, degree};
 use crate::method::term_bounds::Interval;
 use liouville_base::error::StepError;
+use std::cmp::Ordering;
 use std::f64::consts::PI;
 
 /// Lengths of windows in units of 1/β for a series in Bessel functions, ...
@@ -19,7 +20,7 @@ pub(in crate::method) const LARGEST: f64 = 1e5;
 /// Rounding errors of a series, in units of its largest term.
 pub(super) const ROUNDING: f64 = 4.0 * f64::EPSILON;
 
-/// A series ends where two terms in a row are below this part of its share of the tolerance.
+/// A series in Bessel functions ends where two terms in a row are below this part of its share of the tolerance.
 pub(in crate::method) const END: f64 = 0.3;
 
 /// The part of the tolerance for the fit, that for all windows without one, as around jumps, and that for rounding errors;
@@ -265,6 +266,26 @@ impl Choice {
     }
 }
 
+/// A Hamiltonian of two levels, of polynomials of time: ± those of the diagonal, and what is beside it.
+#[derive(Clone, Debug, Default)]
+pub(super) struct TwoLevels {
+    pub(super) diagonal: Vec<f64>,
+    pub(super) beside: Vec<f64>,
+    /// Real and imaginary part of each level.
+    pub(super) start: [f64; 4],
+}
+
+impl TwoLevels {
+    /// `out += factor * H_l x`
+    pub(super) fn add_product(&self, l: usize, factor: f64, x: &[f64; 4], out: &mut [f64; 4]) {
+        let (a, b) = (factor * self.diagonal[l], factor * self.beside[l]);
+        for part in 0..2 {
+            out[part] += a * x[part] + b * x[part + 2];
+            out[part + 2] += b * x[part] - a * x[part + 2];
+        }
+    }
+}
+
 /// A state of two levels, by the real and imaginary part of each.
 type Levels = [f64; 4];
 
@@ -276,13 +297,14 @@ fn add(out: &mut Levels, factor: f64, x: &Levels) {
 }
 
 /// The last term that a series in Bessel functions takes for two levels, whose H has polynomials of time on its diagonal,
-/// of both signs, and beside it; none where terms are so large that their rounding errors are not below the tolerance.
+/// of both signs, and beside it; none where terms are so large that their rounding errors are not below the tolerance, or
+/// where large ones follow small ones: what H changes by s^l is seen l terms later.
 fn bessel_terms(levels: &TwoLevels, theta: f64, beta: f64, tolerance: f64) -> Option<usize> {
     let bessel = bessel_to_the_last(theta.abs());
     let degree = levels.diagonal.len() - 1;
     let mut c: [Levels; 2] = [[0.0; 4], levels.start];
     let mut w = vec![[[0.0; 4]; 2]; degree];
-    let mut small = 0;
+    let (mut small, mut found) = (0, None);
     for (n, factor) in bessel.iter().enumerate() {
         let [before, now] = c;
         let size = now.iter().map(|x| x * x).sum::<f64>().sqrt() * factor.abs();
@@ -291,8 +313,14 @@ fn bessel_terms(levels: &TwoLevels, theta: f64, beta: f64, tolerance: f64) -> Op
         }
         let is_small = n as f64 > theta.abs() && size <= END * tolerance;
         small = if is_small { small + 1 } else { 0 };
+        if small == 0 && found.is_some() {
+            return None;
+        }
         if small == 2 {
-            return Some(n);
+            found = Some(n);
+        }
+        if small == degree + 2 {
+            return found;
         }
         let newer = 2.0 * n as f64 / theta;
         let (this, last) = (n % 2, (n + 1) % 2);
@@ -317,33 +345,45 @@ fn bessel_terms(levels: &TwoLevels, theta: f64, beta: f64, tolerance: f64) -> Op
         add(&mut next, factor, &[sum[1], -sum[0], sum[3], -sum[2]]);
         c = [now, next];
     }
-    None
+    found
 }
 
-/// The term with which a series in powers has ended: two in a row of e_n are below the part of a tolerance with which
-/// it ends, and the rest falls by halves; and the sum of all. None where terms are too large or too many.
+/// The term with which a series in powers has ended, where the rest is below a tolerance, and the sum of all. None where
+/// terms are too large or too many.
 fn last_term(sizes: &[f64], tolerance: f64) -> Option<(usize, f64)> {
     let tolerance = tolerance.max(f64::EPSILON / 8.0);
     let mut terms = vec![1.0];
-    let (mut sum, mut small) = (1.0, 0);
+    let mut sum = 1.0;
     while terms.len() < TERMS {
-        let n = terms.len() - 1;
+        if rest_of_powers(sizes, &terms) <= tolerance {
+            return Some((terms.len() - 1, sum));
+        }
         let products = sizes.iter().zip(terms.iter().rev());
-        let next = products.map(|(size, term)| size * term).sum::<f64>() / (n + 1) as f64;
+        let next = products.map(|(size, term)| size * term).sum::<f64>() / terms.len() as f64;
         terms.push(next);
         sum += next;
         if sum > LARGEST || sum.is_nan() {
             return None;
         }
-        small = if next <= END * tolerance {
-            small + 1
-        } else {
-            0
-        };
-        let is_falling = 2.0 * sizes.iter().sum::<f64>() < (n + 2) as f64;
-        if is_falling && small >= 2 {
-            return Some((n + 1, sum));
-        }
     }
     None
+}
+
+/// What a series in powers leaves out at most behind terms of these lengths, with G_l = `sizes`.
+///
+/// The sum of (n + 1) |c_{n+1}| <= Σ_l G_l |c_{n−l}| over all n from the last term on has the rest R on both sides:
+/// (n + 1) R <= Σ_l G_l (R + |c_n| + ... + |c_{n−l}|). Single terms say nothing: where H begins with s², two of three are zero.
+pub(in crate::method) fn rest_of_powers(sizes: &[f64], terms: &[f64]) -> f64 {
+    let all: f64 = sizes.iter().sum();
+    let next = terms.len() as f64;
+    if all.partial_cmp(&next) != Some(Ordering::Less) {
+        return f64::INFINITY;
+    }
+    let newest = terms.iter().rev().chain(std::iter::repeat(&0.0));
+    let pairs = sizes.iter().zip(newest);
+    let (_, behind) = pairs.fold((0.0, 0.0), |(sum, behind), (size, term)| {
+        let sum = sum + term;
+        (sum, size.mul_add(sum, behind))
+    });
+    behind / (next - all)
 }

@@ -3,6 +3,7 @@
 //! Functions of time are interpolated at Chebyshev's nodes, the ends among them, and their series are cut where the rest
 //! is below a tolerance: nothing but their values is needed.
 
+use super::choice::{TwoLevels, Window};
 use super::polynomials::{DEGREE, NODES, chebyshev_node, coefficients, powers, settle};
 use super::scan::Scan;
 use crate::method::term_bounds::{Interval, TermBounds, range};
@@ -65,26 +66,6 @@ pub(super) struct Look {
     pub(super) wider: Interval,
     /// Coefficients of each power at the points that are looked at.
     pub(super) fit: Vec<f64>,
-}
-
-/// A Hamiltonian of two levels, of polynomials of time: ± those of the diagonal, and what is beside it.
-#[derive(Clone, Debug, Default)]
-pub(super) struct TwoLevels {
-    pub(super) diagonal: Vec<f64>,
-    pub(super) beside: Vec<f64>,
-    /// Real and imaginary part of each level.
-    pub(super) start: [f64; 4],
-}
-
-impl TwoLevels {
-    /// `out += factor * H_l x`
-    pub(super) fn add_product(&self, l: usize, factor: f64, x: &[f64; 4], out: &mut [f64; 4]) {
-        let (a, b) = (factor * self.diagonal[l], factor * self.beside[l]);
-        for part in 0..2 {
-            out[part] += a * x[part] + b * x[part + 2];
-            out[part + 2] += b * x[part] - a * x[part + 2];
-        }
-    }
 }
 
 impl Sampler {
@@ -370,6 +351,16 @@ impl Sampler {
             sum + potential.iter().fold(0.0, |most: f64, v| most.max(v.abs()))
         };
         powers.chunks(width).skip(1).map(of_row).collect()
+    }
+
+    /// The same of the window that was fitted last times its length, behind that of H less σ at its start.
+    pub(super) fn sizes_from_start(&self, window: &Window, degree: usize) -> Vec<f64> {
+        // the last node is the start
+        let row = &self.samples[self.samples.len() - self.samples.len() / NODES..];
+        let (low, high) = self.added(row);
+        let first = (high - window.sigma).abs().max((low - window.sigma).abs());
+        let sizes = std::iter::once(first).chain(self.sizes(degree));
+        sizes.map(|size| size * window.h.abs()).collect()
     }
 
     /// Fits a window by polynomials of a degree.

@@ -21,7 +21,7 @@ use super::derivative::{Output, Piece, SeriesPiece, copied};
 use super::observe::dot;
 use super::sweep::{Outputs, TermBlock};
 use super::{Sweeper, Wave, guard, squares};
-use choice::{END, Form, ROUNDING, Share, Window};
+use choice::{END, Form, ROUNDING, Share, Window, rest_of_powers};
 use cost::Found;
 use factors::Factors;
 use fit::Fit;
@@ -212,8 +212,12 @@ impl DrivenSeries {
         self.terms.begin(window, self.fit.degree, &self.start.parts);
         let theta = window.beta * window.h.abs();
         let norm = dot(&self.start.parts, &self.start.parts).sqrt();
-        let most = END * share.max(f64::EPSILON / 8.0) * norm;
-        let (mut n, mut small) = (0, 0);
+        let share_of_norm = share.max(f64::EPSILON / 8.0) * norm;
+        let sizes = match window.form {
+            Form::Powers => self.sampler.sizes_from_start(window, self.fit.degree),
+            Form::Bessel => Vec::new(),
+        };
+        let (mut n, mut small, mut lengths) = (0, 0, Vec::new());
         loop {
             let newest = self.terms.newest();
             self.block.set(n % AT_ONCE, newest);
@@ -228,13 +232,13 @@ impl DrivenSeries {
             if window.form == Form::Bessel && is_lost {
                 return Ok(false);
             }
-            let is_past = window.form == Form::Powers || n as f64 > theta;
-            small = if is_past && size <= most {
-                small + 1
-            } else {
-                0
+            lengths.push(length);
+            let is_small = n as f64 > theta && size <= END * share_of_norm;
+            small = if is_small { small + 1 } else { 0 };
+            let is_last = match window.form {
+                Form::Powers => rest_of_powers(&sizes, &lengths) <= share_of_norm,
+                Form::Bessel => small == 2,
             };
-            let is_last = small == 2;
             if is_last || n % AT_ONCE == AT_ONCE - 1 {
                 self.add(window, n)?;
             }
