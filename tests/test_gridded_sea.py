@@ -1,6 +1,7 @@
 """Gridded fields that depend on time, with islands, from data sets, and around a torus."""
 
 import tracemalloc
+from datetime import timedelta
 
 import numpy as np
 import pytest
@@ -8,7 +9,7 @@ import xarray
 from scipy.io import netcdf_file
 
 import liouville as lv
-from liouville.systems.gridded import potential
+from liouville.systems.gridded import potential, reading
 
 V = lv.VolumeSplitting
 
@@ -230,6 +231,104 @@ def test_a_field_of_few_times_is_the_polynomial_through_them(samples):
     assert abs(run.x[-1] - wanted.x[-1]).max() < 1e-8
 
 
+def with_units(data, velocity, time):
+    for name, unit in (("speed_u", velocity), ("speed_v", velocity), ("time", time)):
+        data[name].attrs["units"] = unit
+    return data
+
+
+DATES = "days since 2000-01-01"
+
+
+@pytest.mark.parametrize(
+    ("unit", "metres", "seconds", "time", "day"),
+    [
+        ("m s-1", 1.0, 1.0, DATES, 1.0),
+        ("cm/s", 1e-2, 1.0, DATES, 1.0),
+        ("centimeter/s", 1e-2, 1.0, DATES, 1.0),
+        ("mm s-1", 1e-3, 1.0, DATES, 1.0),
+        ("meters per second", 1.0, 1.0, DATES, 1.0),
+        ("Meter second-1", 1.0, 1.0, DATES, 1.0),
+        ("", 1.0, 1.0, DATES, 1.0),
+        ("km/day", 1e3, 86400.0, DATES, 1.0),
+        ("m.s**-1", 1.0, 1.0, "Day", 1.0),
+        ("m h^-1", 1.0, 3600.0, "hours since 2000-01-01", 1 / 24),
+        ("m/s", 1.0, 1.0, "weeks since 2000-01-01", 7.0),
+        ("m/s", 1.0, 1.0, "msec since 2000-01-01", 1e-3 / 86400),
+    ],
+)
+def test_units_of_velocities_and_times_are_those_that_are_said(unit, metres, seconds, time, day):
+    data = with_units(dataset(), unit, time).rename(east="lon", north="lat")
+    for name in ("lon", "lat"):
+        data[name].attrs["units"] = "degrees"
+    field = lv.GriddedField.from_xarray(data, most_divergence=1)
+    assert field.times == pytest.approx((0, 20 * day * 86400 / seconds))
+    # the same numbers on a sphere of as many units of length
+    t, x, y, u, v = sea(21)
+    plain = lv.GriddedField(
+        x, y, t=t, velocity=(u, v), coordinates="spherical", radius=6.371e6 / metres,
+        names=("lon", "lat"), most_divergence=1,
+    )  # fmt: skip
+    start = field.states_of([0.3, 0.4])
+    assert field.velocity(start, 0.0) == pytest.approx(plain.velocity(start, 0.0), rel=1e-12)
+
+
+def test_values_that_are_packed_or_masked_or_never_written_are_what_they_mean(tmp_path):
+    data = dataset()
+    plain = lv.GriddedField.from_xarray(data, walls=("east", "north"))
+    for name in ("speed_u", "speed_v"):
+        packed = np.round(data[name] * 1e4).astype(np.int16)
+        data[name] = packed.assign_attrs(data[name].attrs, scale_factor=1e-4, _FillValue=-32768)
+    read = lv.GriddedField.from_xarray(data, walls=("east", "north"), most_divergence=1)
+    at = [0.3, 0.4], 3.0
+    assert read.velocity(*at) == pytest.approx(plain.velocity(*at), abs=2e-4)
+
+    x, y, (u, v) = *sea(1)[1:3], (part[0] for part in sea(1)[3:])
+    land = np.hypot(x[:, None] - 1, y - 0.5) < 0.1
+    options = {"walls": ("x", "y"), "most_divergence": 1}
+    masked = [np.ma.array(np.where(land, 7.0, part), mask=land) for part in (u, v)]
+    missing = [np.where(land, np.nan, part) for part in (u, v)]
+    with pytest.warns(UserWarning, match="was not divergence-free"):
+        found = [lv.GriddedField(x, y, velocity=part, **options) for part in (masked, missing)]
+    assert found[0].islands == found[1].islands == 1
+    assert (found[0].velocity([0.3, 0.4]) == found[1].velocity([0.3, 0.4])).all()
+    with pytest.raises(ValueError, match="velocity is infinite at"):
+        lv.GriddedField(x, y, velocity=[np.where(land, np.inf, u), v], **options)
+    with pytest.raises(ValueError, match="not int64 of shape .*\nhint: True is land"):
+        lv.GriddedField(x, y, velocity=[u, v], mask=land.astype(np.int64), **options)
+    write(tmp_path / "sea.nc")
+    with netcdf_file(tmp_path / "sea.nc", "a", mmap=False) as file:
+        for name in ("uo", "vo"):
+            values = file.variables[name][:].copy()
+            values[values == 1e20] = 9.969209968386869e36
+            file.variables[name][:] = values
+    with pytest.warns(UserWarning, match="was not divergence-free"):
+        field = lv.GriddedField.from_netcdf(
+            tmp_path / "sea.nc", walls=("lon", "lat"), most_divergence=1
+        )
+    assert field.islands == 1
+
+
+class Date:
+    """A date of a calendar of 360 days."""
+
+    def __init__(self, days):
+        self.days = days
+
+    def __sub__(self, other):
+        """Count the days between."""
+        return timedelta(days=self.days - other.days)
+
+
+def test_dates_of_other_calendars_are_times():
+    data = dataset()
+    dates = np.array([Date(days) for days in data.time.values], dtype=object)
+    sea = {name: reading.Variable(name, data[name].dims, data[name].values, data[name].attrs)
+           for name in data.variables}  # fmt: skip
+    sea["time"] = reading.Variable("time", ("time",), dates)
+    assert reading.arguments(sea, {"u": None, "v": None}, {})["t"][-1] == 20 * 86400
+
+
 @pytest.mark.parametrize(
     ("change", "sentence"),
     [
@@ -241,6 +340,18 @@ def test_a_field_of_few_times_is_the_polynomial_through_them(samples):
             "levels along 'depth', and there is no component",
         ),
         (lambda d: d.assign(more=d.speed_u), "u may be one of speed_u, more"),
+        (
+            lambda d: d.assign_coords(north=d.north.assign_attrs(units="kilometers")),
+            "kilometers and",
+        ),
+        (
+            lambda d: d.assign_coords(north=d.north.assign_attrs(units="feet")),
+            "in feet and 'speed_u'",
+        ),
+        (lambda d: d.assign(speed_v=d.speed_v.assign_attrs(units="cm/s")), "'speed_v' in 'cm/s'"),
+        (lambda d: with_units(d, "m s-1", "months since 2000-01-01"), "no unit of time of a fixed"),
+        (lambda d: with_units(d, "knots", "days since 2000-01-01"), "'knots', which is no unit of"),
+        (lambda d: with_units(d, "km/yr", "days"), "'km/yr', which is no unit of velocity"),
     ],
 )
 def test_a_data_set_that_does_not_fit_is_refused(change, sentence):

@@ -81,6 +81,8 @@ def arrays_of(
         raise ValueError(f"{what} has {len(given)} components, wanted {wanted}")
     arrays = []
     for name, values, shape in zip(names, given, shapes, strict=True):
+        if isinstance(values, np.ma.MaskedArray) and values.dtype.kind in "iuf":
+            values = np.ma.filled(values.astype(float), np.nan)
         is_plain = type(values) is np.ndarray and values.dtype.kind == "f"
         array = values if is_plain else _trace.numbers(values)  # which copies
         if array is None:

@@ -73,13 +73,18 @@ class Given:
     def land(self, arrays: list[Array], mask: Any, turned: Sequence[bool]) -> tuple[Any, Any]:
         """Return which nodes and which cells are land, None where there is none."""
         what, axes, lead = self.what, self.axes, self.lead
-        bad = [~np.isfinite(array) for array in arrays]
+        bad = [np.isnan(array) for array in arrays]
+        if any(np.isinf(array).any() for array in arrays):
+            sentence = f"{what} is infinite at {sum(int(np.isinf(x).sum()) for x in arrays)} places"
+            raise ValueError(hinted(sentence, "land is NaN of a velocity, or has a mask="))
         land = None
         if mask is not None:
             land = np.asarray(mask)
             wanted = tuple(a.n if what == "fluxes" else a.nodes for a in axes)
             if land.dtype != bool or land.shape != wanted:
-                raise ValueError(f"mask is an array of bool of shape {wanted}, not {land.shape}")
+                sentence = f"mask is an array of bool of shape {wanted}, not {land.dtype} of shape "
+                hint = "True is land: of a mask that is 1 in the water give mask == 0"
+                raise ValueError(hinted(f"{sentence}{land.shape}", hint))
             land = np.flip(land, tuple(k for k, is_turned in enumerate(turned) if is_turned))
         if any(each.any() for each in bad):
             if what != "velocity":

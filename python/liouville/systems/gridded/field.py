@@ -213,14 +213,16 @@ class GriddedField(PlaneField):
         Returns
         -------
         GriddedField
-            Its times are counted from the first sample on where a date is, in the velocity's unit.
+            Its times are counted from the first sample on where a date is, in the velocity's unit,
+            which is m/s where it has none.
 
         Raises
         ------
         TypeError
             It is no data set.
         ValueError
-            A component or an axis is not found, units do not fit, or as for the class.
+            A component or an axis is not found, units do not fit or are not known, or as for the
+            class.
 
         Examples
         --------

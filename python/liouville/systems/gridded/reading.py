@@ -17,6 +17,7 @@ import numpy as np
 
 from liouville._scipy import scipy
 from liouville.errors import hinted
+from liouville.systems.gridded import units
 from liouville.systems.gridded.axis import Array
 
 #: Names of the components, and what CF's standard names of them contain.
@@ -34,18 +35,11 @@ AXES = {
     "T": (("t", "time", "time_counter"), ("time",)),
 }
 
-#: Lengths and times in metres and seconds.
-LENGTHS = {
-    "m": 1.0,
-    "metre": 1.0,
-    "meter": 1.0,
-    "metres": 1.0,
-    "meters": 1.0,
-    "km": 1e3,
-    "cm": 1e-2,
-}
-TIMES = {"s": 1.0, "sec": 1.0, "second": 1.0, "min": 60.0, "minute": 60.0, "h": 3600.0,
-         "hr": 3600.0, "hour": 3600.0, "d": 86400.0, "day": 86400.0}  # fmt: skip
+#: Attributes of numbers that are not what they mean: the first two say which ones are missing.
+PACKED = ("_FillValue", "missing_value", "scale_factor", "add_offset")
+
+#: What NetCDF fills an array with that was not written.
+UNWRITTEN = 9.969209968386869e36
 
 #: The earth's mean radius, in metres.
 EARTH = 6.371e6
@@ -77,7 +71,7 @@ def of_xarray(dataset: Any) -> dict[str, Variable]:
         wanted = "dataset is an xarray.Dataset"
         raise TypeError(f"{wanted}, not {type(dataset).__name__}") from None
     return {
-        name: Variable(name, tuple(map(str, x.dims)), x.values, dict(x.attrs))
+        name: Variable(name, tuple(map(str, x.dims)), _meant(x.values, x.attrs), dict(x.attrs))
         for name, x in ((name, dataset[name]) for name in names)
     }
 
@@ -117,14 +111,22 @@ def _by_xarray(file: Path) -> dict[str, Variable]:
         return of_xarray(dataset.load())
 
 
+def _meant(values: Any, attrs: Mapping[str, Any]) -> Any:
+    """Return values as they are meant, which xarray's are unless they were not to be decoded."""
+    is_packed = any(name in attrs for name in PACKED) and np.asarray(values).dtype.kind in "iuf"
+    return _decoded(values, attrs) if is_packed else values
+
+
 def _decoded(values: Any, attrs: Mapping[str, Any]) -> Array:
     """Return numbers as they are meant: NaN where they are missing, else scaled and shifted."""
     given = np.asarray(values)
     found = np.array(given, dtype=float)
-    for name in ("_FillValue", "missing_value"):
+    for name in PACKED[:2]:
         if name in attrs:
             # in single precision: so the attribute may be written where the values are not
             found[np.isclose(found, float(np.ravel(attrs[name])[0]), rtol=1e-6, atol=0)] = np.nan
+    if given.dtype.kind == "f":
+        found[given == given.dtype.type(UNWRITTEN)] = np.nan
     factor, offset = (float(attrs.get(k, x)) for k, x in (("scale_factor", 1), ("add_offset", 0)))
     if given.dtype.kind == "f" and (factor, offset) == (1.0, 0.0):
         return found.astype(given.dtype)  # which says how nodes were rounded
@@ -165,9 +167,10 @@ def arguments(
         "velocity": arrays,
     }
     if "T" in axes:
-        made["t"] = _seconds(axes["T"], first)
+        made["t"] = _times(axes["T"], first)
     if is_sphere and "coordinates" not in options:
-        made |= {"coordinates": "spherical", "radius": EARTH * _per_length(first)}
+        per_metre = 1 / units.needed(first.name, first.units)[0]
+        made |= {"coordinates": "spherical", "radius": EARTH * per_metre}
         made |= _around(made["xyz"][0], options)
         made["names"] = ("lon", "lat")
     else:
@@ -267,50 +270,36 @@ def _ordered(x: Variable, axes: Mapping[str, Variable], order: Sequence[str]) ->
     return values.transpose([dims.index(dim) for dim in wanted])
 
 
-def _rate(x: Variable) -> tuple[str, str] | None:
-    """Return the units of length and of time of a velocity, as "m s-1" or "km/day" say them."""
-    match = re.fullmatch(r"(\w+?)\s*(?:/\s*(\w+)|[ .]\s*(\w+?)\s*(?:\^|\*\*)?-1)", x.units)
-    return (match[1], match[2] or match[3]) if match else None
-
-
-def _per_length(x: Variable) -> float:
-    """Return how many of a velocity's units of length are a metre."""
-    rate = _rate(x)
-    return 1 / LENGTHS[rate[0]] if rate and rate[0] in LENGTHS else 1.0
-
-
 def _check_units(
     components: Mapping[str, Variable], space: Sequence[Variable], is_sphere: bool
 ) -> None:
     """Refuse units that do not fit one another."""
     first, *others = components.values()
     for other in others:
-        if other.units != first.units and "w" not in components:
+        is_other = units.velocity(other.units) != units.velocity(first.units)
+        if other.units != first.units and (is_other or units.velocity(first.units) is None):
             sentence = f"'{first.name}' is in {first.units!r} and '{other.name}' in {other.units!r}"
             raise ValueError(hinted(sentence, "convert one of them"))
-    rate = _rate(first)
+    rate = units.velocity(first.units)
     if is_sphere or rate is None:
         return
     for axis in space:
-        unit = axis.units
-        if unit in LENGTHS and rate[0] in LENGTHS and LENGTHS[unit] != LENGTHS[rate[0]]:
-            sentence = f"'{axis.name}' is in {unit} and '{first.name}' in {first.units}"
-            hint = f"convert one of them: dataset['{axis.name}'] * {LENGTHS[unit]:g}"
+        own = units.length(axis.units)
+        if axis.units.lower() not in units.NONE and own != rate[0]:
+            sentence = f"'{axis.name}' is in {axis.units} and '{first.name}' in {first.units}"
+            hint = "convert one of them" + (
+                f": dataset['{axis.name}'] * {own / rate[0]:g}" if own else ""
+            )
             raise ValueError(hinted(sentence, hint))
 
 
-def _seconds(axis: Variable, velocity: Variable) -> Array:
-    """Return the times from the first on, in the velocity's unit of time."""
+def _times(axis: Variable, velocity: Variable) -> Array:
+    """Return the times in the velocity's unit of time, dates from the first one on."""
     values = np.asarray(axis.values)
-    rate = _rate(velocity)
-    unit = TIMES.get(rate[1].rstrip("s") or "s") if rate else None
-    if values.dtype.kind in "mM":
-        seconds = (values - values[0]) / np.timedelta64(1, "ns") * 1e-9
-        return np.asarray(seconds / (unit or 1.0), dtype=float)
-    own = axis.units.split(" ")[0].lower()
-    own_unit = TIMES.get(own.rstrip("s") or "s")
-    factor = own_unit / unit if own_unit and unit else 1.0
-    return np.asarray(values - values[0] * (" since " in axis.units), dtype=float) * factor
+    found = units.seconds(axis.name, axis.units, values)
+    if found is None:
+        return np.asarray(values, dtype=float)
+    return found / units.needed(velocity.name, velocity.units)[1]
 
 
 def _around(longitudes: Array, options: Mapping[str, Any]) -> dict[str, Any]:
