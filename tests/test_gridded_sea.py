@@ -294,7 +294,7 @@ def test_values_that_are_packed_or_masked_or_never_written_are_what_they_mean(tm
     assert (found[0].velocity([0.3, 0.4]) == found[1].velocity([0.3, 0.4])).all()
     with pytest.raises(ValueError, match="velocity is infinite at"):
         lv.GriddedField(x, y, velocity=[np.where(land, np.inf, u), v], **options)
-    with pytest.raises(ValueError, match="not int64 of shape .*\nhint: True is land"):
+    with pytest.raises(ValueError, match=r"not int64 of shape .*\nhint: True is land"):
         lv.GriddedField(x, y, velocity=[u, v], mask=land.astype(np.int64), **options)
     write(tmp_path / "sea.nc")
     with netcdf_file(tmp_path / "sea.nc", "a", mmap=False) as file:

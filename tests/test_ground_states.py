@@ -117,3 +117,12 @@ def test_an_energy_outside_the_bounds_is_seen():
     system.__dict__["_spectrum"] = system._spectrum.__class__((-1.5, 1.5), "probable")
     with pytest.raises(RuntimeError, match="an energy lies outside the bounds"):
         lv.thermal_state(system, 0.05, states=1)
+
+
+@pytest.mark.parametrize("temperature", [0.02, 0.005, 1e-3, 1e-6])
+def test_a_cold_state_is_the_ground_state_however_wide_the_bounds_are(temperature):
+    ring = lv.SpinSystem(12, ["xx", "yy", "zz"], periodic=True, up=6)
+    thermal = lv.thermal_state(lv.Schrodinger(ring, bounds="gershgorin"), temperature, states=2)
+    assert thermal.energy == pytest.approx(-5.387390917445, abs=1e-7)
+    assert thermal.bound < 1e-8
+    assert thermal.log_partition == pytest.approx(5.387390917445 / temperature, rel=0.05)

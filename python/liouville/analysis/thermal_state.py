@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from liouville._arguments import check_memory, count, number
 from liouville._scipy import scipy
-from liouville.analysis.ground_state import Array, Counted, wave
+from liouville.analysis.ground_state import Array, Counted, ground_state, wave
 from liouville.errors import hinted
 from liouville.systems import Schrodinger
 
@@ -20,6 +20,12 @@ TAIL = 1e-14
 
 #: A term that is larger than its state by this factor shows an energy outside the bounds.
 GROWN = 1.0 + 1e-6
+
+#: Widths of the bounds, in units of 2 T, beyond which the lower one is to be the lowest energy.
+COLD = 10.0
+
+#: Gaps, in units of 2 T, beyond which states are ground states to roundoff.
+FROZEN = 200.0
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -121,7 +127,8 @@ def thermal_state(
     Notes
     -----
     The exponential is a Chebyshev series with modified Bessel functions, whose terms left out are
-    known beforehand. The statistical error falls as one over the root of R times the number of
+    known beforehand. Of a cold state the lowest energy is found first, as :func:`ground_state`
+    does. The statistical error falls as one over the root of R times the number of
     states that are thermally occupied, so that few states do for a large system that is not cold.
 
     References
@@ -146,6 +153,14 @@ def thermal_state(
     check_memory(what, 16.0 * rows * system.size + 48.0 * size, "take fewer states, or a sector")
     low, high = system.bounds_at(at) if system.is_driven else system.bounds
     tau = system.hbar / (2 * warmth)
+    products, inverse = 0.0, tau
+    if tau * (high - low) > COLD:
+        # e^{-tau (E0 - low)} is to be no small number: the lowest energy is found, not bounded
+        ground = ground_state(system, t=at)
+        low, products = (ground.energy - 2 * ground.bound) / system.hbar, ground.products
+        gap = ground.gap / system.hbar
+        # longer ones change the states by less than roundoff
+        tau = min(tau, FROZEN / gap) if gap > 0 else tau
     half = max((high - low) / 2, 1e-300)
     factors, tail = coefficients(tau * half)
     counted = Counted(system.product_at(at))
@@ -167,7 +182,7 @@ def thermal_state(
     return ThermalState(
         warmth, psi, weights, float(energies @ weights),
         float(_standard_error(energies, weights)),
-        float(np.log(mean)) - 2 * tau * low, float(off.max()), counted.count / 2,
+        float(np.log(mean)) - 2 * inverse * low, float(off.max()), products + counted.count / 2,
     )  # fmt: skip
 
 
