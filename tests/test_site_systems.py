@@ -331,3 +331,9 @@ def test_a_complex_matrix_is_known_to_take_more(monkeypatch):
     assert lv.SpinSystem(18, [("xx", 1.0), ("yy", 1.0), ("x", 1.0)]).size == 2**18
     with pytest.raises(MemoryError, match=r"takes 1\.\d+ GiB, and 1 GiB may be taken"):
         lv.SpinSystem(18, [*twist, ("x", 1.0)])
+
+
+def test_a_product_that_is_zero_but_for_roundoff_is_nothing():
+    with_it = lv.SpinSystem(3, [("xyx + h.c.", 0.2, [(0, 0, 0)]), ("zz",)], spin=1)
+    without = lv.SpinSystem(3, ["zz"], spin=1)
+    assert abs(with_it.matrix() - without.matrix()).max() < 1e-14

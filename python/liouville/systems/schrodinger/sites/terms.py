@@ -259,16 +259,20 @@ class Expansion:
         """Return the diagonals of the product of letters at a site: step, scale and values."""
         if word not in self._known:
             matrix = self.letters.matrices[word[0]]
+            size = np.abs(matrix).max()
             for letter in word[1:]:
                 matrix = matrix @ self.letters.matrices[letter]
+                size *= np.abs(self.letters.matrices[letter]).max()
             d, found = len(matrix), []
             for step in range(1 - d, d):
                 line = np.zeros(d, complex)
                 old = np.arange(max(0, -step), min(d, d - step))
                 line[old] = matrix[old + step, old]
-                if np.abs(line).max() <= ROUNDOFF * np.abs(matrix).max():
+                if np.abs(line).max() <= ROUNDOFF * size:  # some products are zero but for roundoff
                     continue
-                scale = complex(line[np.flatnonzero(np.abs(line) > ROUNDOFF)[0]])
+                scale = complex(
+                    line[np.flatnonzero(np.abs(line) > ROUNDOFF * np.abs(line).max())[0]]
+                )
                 values = (line / scale).real
                 key = tuple((np.round(values, 12) + 0.0).tolist())
                 same = self._lines.setdefault(key, tuple(values.tolist()))
