@@ -195,17 +195,22 @@ def test_methods_of_the_registry_have_pullbacks(row, name):
 @pytest.mark.parametrize(
     "name", ["constant", "shears", "driven", "grid", "Magnus 4", "Magnus 2 by shears"]
 )
-def test_a_run_with_derivatives_has_the_bits_of_one_without(name):
+def test_a_run_with_derivatives_is_what_they_are_of(name):
+    """Its series are as long as derivatives need; where they need no more it has the same bits."""
     make, method, wrt, run = ROWS[name]
     system, run = make(), {"t": TIMES, **run}
-    wrt = wrt if "Magnus" in name else ["psi"]  # parameters may ask for shorter windows
     psi = state(system.size)
     plain = lv.integrate(system, method, **run, psi=psi).psi
-    solution, _ = lv.vjp(system, method, wrt=wrt, **run, psi=psi)
-    np.testing.assert_array_equal(solution.psi, plain)
     found = lv.integrate(system, method, **run, psi=psi, tangents={"psi": psi})
-    np.testing.assert_array_equal(found.psi, plain)
-    np.testing.assert_allclose(found.tangents["psi"].psi, plain, atol=1e-12)  # H is linear
+    np.testing.assert_allclose(found.tangents["psi"].psi, found.psi, atol=1e-13)  # H is linear
+    if name in ("driven", "grid"):
+        np.testing.assert_allclose(found.psi, plain, atol=1e-8)
+    else:
+        np.testing.assert_array_equal(found.psi, plain)
+    solution, pullback = lv.vjp(system, method, wrt=wrt, **run, psi=psi)
+    np.testing.assert_allclose(solution.psi, plain, atol=1e-8)
+    again = pullback.adjoint.moved({name: np.zeros(()) for name in wrt}, 0.0)
+    np.testing.assert_allclose(again["psi"], solution.psi, atol=1e-14)
 
 
 def fidelity(solution, target):
@@ -372,8 +377,8 @@ def test_members_have_the_tangents_of_runs_alone(name, threads):
     moves = {"psi": rows[:2], **params, **({"drive[0]": U} if "drive[0]" in wrt else {})}
     many = lv.ensemble(system, method, **run, psi=rows, tangents=moves, threads=threads)
     plain = lv.ensemble(system, method, **run, psi=rows)
-    if {*moves} == {"psi"} or "Magnus" in name:  # parameters may ask for shorter windows
-        np.testing.assert_array_equal(many.psi, plain.psi)
+    tol = getattr(method, "tol", 1e-8)  # derivatives may ask for shorter windows and more terms
+    np.testing.assert_allclose(many.psi, plain.psi, atol=tol)
     assert many.tangents["psi"].psi.shape == (len(many.t), 5, 2, system.size)
     for k in range(5):
         one = lv.integrate(system, method, **run, psi=rows[k], tangents=moves)

@@ -3,6 +3,7 @@
 use crate::caught::Caught;
 use crate::errors::refused;
 use crate::operator::Hamiltonian;
+use crate::schrodinger::driven;
 use liouville_base::error::StepError;
 use liouville_waves::method::{AtNodes, Derivative, Recorder, Sweeper, Wanted};
 use numpy::{
@@ -12,16 +13,79 @@ use numpy::{
 use pyo3::exceptions::PyMemoryError;
 use pyo3::prelude::*;
 
-/// A place where a run leaves what its derivatives need.
+/// What a run takes that is to be differentiated, and a place where it leaves what its derivatives need.
 #[pyclass(frozen, module = "liouville._core")]
-#[derive(Default)]
 pub(crate) struct WaveRecord(pub(crate) Recorder);
 
 #[pymethods]
 impl WaveRecord {
+    /// A place for a run whose derivatives by H have a tolerance, or which has none; closed where it is to leave nothing.
     #[new]
-    fn new() -> Self {
-        Self::default()
+    fn new(tolerance: Option<f64>, is_closed: bool) -> Self {
+        let open = Recorder::new(tolerance);
+        Self(if is_closed { open.closed() } else { open })
+    }
+
+    /// Lays out the windows of a run by series in time, before it begins.
+    fn lay_out(
+        &self,
+        py: Python<'_>,
+        hamiltonian: PyRef<'_, Hamiltonian>,
+        method: &Bound<'_, PyAny>,
+        t0: f64,
+        times: Vec<f64>,
+    ) -> PyResult<()> {
+        let unfit = || refused("the parts of an H that depends on time, and times");
+        let driven = driven(method)?.filter(|_| !times.is_empty());
+        let driven = driven.ok_or_else(unfit)?;
+        let sweeper = Sweeper::new(hamiltonian.inner.clone());
+        let laid_out = py.detach(|| self.0.lay_out(&sweeper, driven, t0, times));
+        let raised = || hamiltonian.caught.iter().find_map(Caught::take);
+        let explained = |error| raised().unwrap_or_else(|| refused(error));
+        laid_out.ok_or_else(unfit)?.map_err(explained)
+    }
+
+    /// Number of windows.
+    fn __len__(&self) -> usize {
+        self.0.count()
+    }
+
+    /// The times of the nodes of a window.
+    fn nodes<'py>(&self, py: Python<'py>, window: usize) -> PyResult<Reals<'py>> {
+        self.check(window)?;
+        Ok(PyArray1::from_vec(py, self.0.nodes(window)))
+    }
+
+    /// Lets H change within a window by polynomials of this degree at least.
+    fn raise_degree(&self, window: usize, degree: usize) -> PyResult<()> {
+        self.check(window)?;
+        self.0.raise(window, degree);
+        Ok(())
+    }
+
+    /// Takes as many terms in a window as derivatives need, by changes of H at its nodes, columns in units of the largest of
+    /// each, or no rows.
+    fn lengthen(&self, window: usize, changes: PyReadonlyArray2<'_, f64>) -> PyResult<()> {
+        self.check(window)?;
+        let (nodes, rows) = (self.0.nodes(window).len(), changes.shape()[0]);
+        if rows != 0 && rows != nodes {
+            return Err(refused("changes of H at each node"));
+        }
+        if self.0.lengthen(window, changes.as_slice()?) {
+            Ok(())
+        } else {
+            Err(refused("derivatives of a window have no series that ends"))
+        }
+    }
+}
+
+impl WaveRecord {
+    fn check(&self, window: usize) -> PyResult<()> {
+        if window < self.0.count() {
+            Ok(())
+        } else {
+            Err(refused("there is no such window"))
+        }
     }
 }
 
@@ -102,7 +166,7 @@ impl WaveDerivative {
         Ok((steps, PyArray1::from_slice(py, nodes)))
     }
 
-    /// Makes all pieces from the state where the first begins, and keeps what derivatives by H take.
+    /// Makes the shears of an H without time from the state where they begin, and keeps what derivatives by H take.
     fn keep_ends(
         &mut self,
         py: Python<'_>,
@@ -115,30 +179,6 @@ impl WaveDerivative {
         let inner = &mut self.inner;
         let made = py.detach(|| inner.keep_ends(state));
         made.map_err(|error| self.explained(error))
-    }
-
-    /// Lets H change within a piece by polynomials of this degree at least.
-    fn raise_degree(&mut self, piece: usize, degree: usize) -> PyResult<()> {
-        self.check(piece)?;
-        self.inner.raise(piece, degree);
-        Ok(())
-    }
-
-    /// Takes as many terms in a piece as derivatives need, by changes of H at its nodes, columns in units of the largest of
-    /// each, or no rows, to a tolerance; returns whether these are other terms than those of the run.
-    fn lengthen(
-        &mut self,
-        piece: usize,
-        changes: PyReadonlyArray2<'_, f64>,
-        tolerance: f64,
-    ) -> PyResult<bool> {
-        self.check(piece)?;
-        let (nodes, rows) = (self.inner.piece(piece).1.len(), changes.shape()[0]);
-        if rows != 0 && rows != nodes {
-            return Err(refused("changes of H at each node"));
-        }
-        let found = self.inner.lengthen(piece, changes.as_slice()?, tolerance);
-        found.ok_or_else(|| refused("derivatives of a window have no series that ends"))
     }
 
     /// The state where a piece ends and at the ends of its steps, from that where it begins, with weights and potential of

@@ -312,6 +312,15 @@ pub(crate) fn chebyshev_degree(theta: f64, tolerance: f64) -> usize {
     run::chebyshev_degree(theta, tolerance)
 }
 
+/// A method by series in time; none where it is another one.
+pub(crate) fn driven(method: &Bound<'_, PyAny>) -> PyResult<Option<Driven>> {
+    let method = method.extract::<WaveMethod<'_>>()?.read()?;
+    Ok(match method {
+        Method::Driven(driven) => Some(driven),
+        _ => None,
+    })
+}
+
 /// The windows of series in time from `t` to `end`, in powers and in Bessel functions, their products, and the longest
 /// window in units of 1/β, and errors beyond the tolerance that roundings may add up to.
 #[pyfunction]
@@ -322,10 +331,8 @@ pub(crate) fn driven_cost(
     t: f64,
     end: f64,
 ) -> PyResult<(usize, usize, usize, f64, f64)> {
-    let method = method.extract::<WaveMethod<'_>>()?.read()?;
-    let Method::Driven(driven) = method else {
-        return Err(refused("the parts of an H that depends on time"));
-    };
+    let unfit = || refused("the parts of an H that depends on time");
+    let driven = driven(method)?.ok_or_else(unfit)?;
     let hamiltonian = hamiltonian.inner.clone();
     let cost = py.detach(|| driven.cost(&hamiltonian, (t, end)));
     let cost = cost.ok_or_else(|| refused("parts are all terms, each with its bounds"))?;

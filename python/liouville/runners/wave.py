@@ -139,9 +139,7 @@ class WaveRunner(Runner):
             names = wave_derivative.check_wrt(self.system, self._directions.names)
             self.plan = with_breaks(self.plan, self.system, names)
             self.check_room(runs)
-        elif self.members:  # what its members leave is seen where the names are known
-            return
-        self._records = [_core.WaveRecord() for _ in range(runs)]
+            self._records = wave_derivative.records(self.system, self.plan, names, runs)
 
     @property
     def has_tangents(self) -> bool:
@@ -182,8 +180,10 @@ class WaveRunner(Runner):
         """Return the transposed derivative of this run, one of so many, before it begins."""
         # imported here: few runs are differentiated
         from liouville.runners.wave_adjoint import WaveAdjoint
+        from liouville.runners.wave_derivative import records
 
-        names, self._records = self.prepare(wrt, runs), [_core.WaveRecord()]
+        names = self.prepare(wrt, runs)
+        self._records = records(self.system, self.plan, names, 1)
         return WaveAdjoint(self, names)
 
     def adjoint(self, request: Request, wrt: Any) -> Adjoint:
@@ -191,10 +191,11 @@ class WaveRunner(Runner):
         # imported here: few runs are differentiated
         from liouville.runners.members_adjoint import MembersAdjoint
         from liouville.runners.wave_adjoint import WaveAdjoint
+        from liouville.runners.wave_derivative import records
 
-        names = self.prepare(wrt)
         if not self.members:
-            return WaveAdjoint(self, names)
+            return self.transposed(wrt, 1)
+        names = self.prepare(wrt)
         (many,) = self.members
         try:
             self.prepare(wrt, many)
@@ -203,14 +204,19 @@ class WaveRunner(Runner):
             def of_member(member: int) -> Adjoint:
                 return self.adjoint_of(member, request, wrt)
 
+            self._records = records(self.system, self.plan, names, many, is_closed=True)
             return MembersAdjoint(self, of_member, self.threads)
-        self._records = [_core.WaveRecord() for _ in range(many)]
+        self._records = records(self.system, self.plan, names, many)
         own = [WaveAdjoint(self, names, member) for member in range(many)]
         return MembersAdjoint(self, own.__getitem__, self.threads, holds_runs=True)
 
-    def forget(self) -> None:
-        """Have the run leave nothing."""
-        self._records = []
+    def prepare_alone(self, wrt: Any) -> None:
+        """Prepare the run as one that leaves nothing and is repeated alone."""
+        # imported here: few runs are differentiated
+        from liouville.runners.wave_derivative import records
+
+        names = self.prepare(wrt)
+        self._records = records(self.system, self.plan, names, 1, is_closed=True)
 
     def adjoint_of(self, member: int, request: Request, wrt: Any) -> Adjoint:
         """Return the transposed derivative of another run of a member, by itself."""
@@ -231,9 +237,7 @@ class WaveRunner(Runner):
         from liouville.runners.wave_derivative import WaveDerivative
 
         run, psi = (self._records[member], threads), np.atleast_2d(self.psi)[member]
-        derivative = WaveDerivative(self.system, self.plan, psi, run)
-        derivative.resolve(names)
-        return derivative
+        return WaveDerivative(self.system, self.plan, psi, run, names)
 
     def tangents(self, t: np.ndarray, parts: Mapping[str, np.ndarray]) -> dict[str, Tangent]:
         """Return tangents of the states kept, if any were wanted."""

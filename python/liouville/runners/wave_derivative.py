@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -37,6 +37,9 @@ Array = NDArray[Any]
 
 #: Propagators whose runs leave what derivatives need.
 LEFT = (Series, Driven, SeriesExponentials, Exponentials)
+
+#: Windows that changes of H are looked at in at once.
+AT_ONCE = 16
 
 #: Terms of a window beyond its length in units of 1/beta, about.
 TERMS = 60
@@ -116,6 +119,66 @@ def check_wrt(system: Schrodinger, wrt: Any) -> tuple[str, ...]:
     return check_names(wrt, places_of(system), "psi")
 
 
+def records(
+    system: Schrodinger,
+    plan: WavePlan,
+    names: Sequence[str],
+    count: int,
+    *,
+    is_closed: bool = False,
+) -> list[_core.WaveRecord]:
+    """Return where so many runs leave what derivatives by these names need, and how they are made.
+
+    H changes within each window by polynomials, in as many terms, as these derivatives need. Closed
+    records are for runs that take the same terms and leave nothing.
+    """
+    each = slopes_of(system, [name for name in names if name != "psi"])
+    tol = getattr(plan.method, "tol", 1e-8) if each else None
+    found = [_core.WaveRecord(tol, is_closed) for _ in range(count)]
+    if isinstance(plan.core, Driven):
+        times = [t for t, _ in plan.stops]
+        for record in found:
+            record.lay_out(system.hamiltonian, plan.core, plan.t0, times)
+        _resolve(found, system, each)
+    return found
+
+
+def _resolve(
+    records: Sequence[_core.WaveRecord],
+    system: Schrodinger,
+    each: Mapping[str, Callable[[Array], Array]],
+) -> None:
+    """Let the windows of these runs, which are the same, have what changes of H need."""
+    samples, first = system.sensitivity.samples, records[0]
+    nodes = np.array([first.nodes(k) for k in range(len(first))])
+    windows, count = nodes.shape
+    parts = [slice(k, k + AT_ONCE) for k in range(0, windows, AT_ONCE)]
+    degrees = np.full(windows, CUBIC if samples.keys() & each.keys() else 0)
+    largest = {what: np.full(1, 1e-300) for what in each}
+    for part in parts:
+        for what, slopes in each.items():
+            rows = at_times(what, slopes, nodes[part].ravel())
+            largest[what] = np.maximum(largest[what], np.abs(rows).max(axis=(0, 2)))
+            if what in samples:  # splines
+                continue
+            series = series_of(rows.reshape(-1, count, rows[0].size))
+            sizes = np.abs(series).max(axis=-1, initial=0.0)
+            rest = np.cumsum(sizes[:, ::-1], axis=1)[:, ::-1]
+            is_above = rest > LEFT_OUT * np.maximum(rest[:, :1], 1e-300)
+            needed = np.where(is_above, np.arange(count), 0).max(axis=1)
+            degrees[part] = np.maximum(degrees[part], np.minimum(needed, DEGREE))
+    for part in parts:
+        columns = [np.zeros((len(nodes[part]), 0, 0))]
+        for what, slopes in each.items():
+            rows = slopes(nodes[part].ravel()) / largest[what][:, None]
+            columns.append(rows.reshape(-1, count, rows[0].size))
+        rows = np.ascontiguousarray(np.concatenate(columns[1:] or columns, axis=2))
+        for k, own in enumerate(rows, part.start):
+            for record in records:
+                record.raise_degree(k, int(degrees[k]))
+                record.lengthen(k, own)
+
+
 class WaveDerivative:
     """The records of a run, and the operators that take derivatives through it.
 
@@ -123,57 +186,27 @@ class WaveDerivative:
     """
 
     def __init__(
-        self, system: Schrodinger, plan: WavePlan, psi: Array, run: tuple[_core.WaveRecord, int]
+        self,
+        system: Schrodinger,
+        plan: WavePlan,
+        psi: Array,
+        run: tuple[_core.WaveRecord, int],
+        names: Sequence[str],
     ) -> None:
         record, threads = run
         self._system, self._psi = system, psi
         self._drive, self._potential = system.sensitivity, system.potential_sensitivity
         self._core = _core.WaveDerivative(system.hamiltonian, system.groups, record, threads)
         self._kept = [0, *np.cumsum([steps for _, steps in plan.stops]).tolist()]
-        self._is_split, self._tol = isinstance(plan.core, Shears), getattr(plan.method, "tol", 1e-8)
         if isinstance(plan.core, Shears):  # one piece to each state kept
             self._kept = [*range(len(plan.times))]
             for t, (end, steps) in zip(plan.times, plan.stops, strict=False):
                 h = (end - t) / steps
                 self._core.add_shears(plan.core.coefficients, plan.core.shift, t, h, steps)
+            if of_potential(system, names):
+                self._core.keep_ends(psi[None])
         self._pieces = [self._core.piece(k) for k in range(len(self._core))]
         self._steps = np.cumsum([0, *(steps for steps, _ in self._pieces)]).tolist()
-        self._by: tuple[str, ...] = ()
-
-    def resolve(self, names: Sequence[str]) -> None:
-        """Let H change within each window by polynomials that derivatives by these names need."""
-        drive, by = self._drive, [name for name in names if name != "psi"]
-        each = slopes_of(self._system, by)
-        largest = {what: np.full(1, 1e-300) for what in each}
-        for k, (_, nodes) in enumerate(self._pieces):
-            degree = CUBIC if drive.samples.keys() & each.keys() else 0
-            is_window = nodes.size == DEGREE + 7
-            for what, slopes in each.items() if nodes.size else ():
-                if not is_window and what in drive.samples:
-                    continue
-                rows = at_times(what, slopes, nodes)
-                largest[what] = np.maximum(largest[what], np.abs(rows).max(axis=(0, 2)))
-                if not is_window or what in drive.samples:
-                    continue
-                sizes = np.abs(series_of(rows.reshape(nodes.size, -1))).max(axis=1, initial=0.0)
-                rest = np.cumsum(sizes[::-1])[::-1]
-                above = np.flatnonzero(rest > LEFT_OUT * max(rest[0], 1e-300))
-                degree = max(degree, min(int(above.max(initial=0)), DEGREE))
-            if is_window:
-                self._core.raise_degree(k, degree)
-        is_other = False
-        for k, (_, nodes) in enumerate(self._pieces):
-            # H is constant elsewhere, and its changes are
-            columns = [np.ones((nodes.size, 1)) if each else np.zeros((0, 0))]
-            for what, slopes in each.items() if nodes.size == DEGREE + 7 else ():
-                rows = slopes(nodes) / largest[what][:, None]
-                columns.append(rows.reshape(nodes.size, -1))
-            columns = columns[1:] or columns
-            rows = np.ascontiguousarray(np.hstack(columns))
-            is_other |= self._core.lengthen(k, rows, self._tol)
-        # derivatives by H are of the run by these terms
-        if by and (is_other or (self._is_split and of_potential(self._system, by))):
-            self._core.keep_ends(self._psi[None])
 
     def followed(self, rows: Array) -> Array:
         """Return tangents of the states kept, shape (k, directions, N), of directions as rows."""

@@ -112,8 +112,7 @@ class WaveMembersRunner(Runner):
             return MembersAdjoint(self, own.__getitem__, self.threads, holds_runs=True)
         except MemoryError:  # of all at once
             for each in self._each:
-                each.prepare(wrt)
-                each.forget()
+                each.prepare_alone(wrt)
 
         def of_member(member: int) -> Adjoint:
             return self._each[member].adjoint_of(0, request, wrt)

@@ -195,8 +195,8 @@ def _nodes() -> Array:
 
 
 def series_of(rows: Array) -> Array:
-    """Return Chebyshev's coefficients of each degree, of functions at the nodes."""
-    last = len(rows) - 1
+    """Return Chebyshev's coefficients of each degree, of functions at the nodes as rows."""
+    last = rows.shape[-2] - 1
     k = np.arange(last + 1)
     half = np.where((k == 0) | (k == last), 0.5, 1.0)
     matrix = 2 / last * np.outer(half, half) * np.cos(np.pi * np.outer(k, k) / last)

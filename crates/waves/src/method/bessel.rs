@@ -104,18 +104,18 @@ fn all_above(nothing: f64, x: f64, values: &mut Vec<f64>) {
 /// A tolerance below rounding errors is raised to them.
 pub fn series(theta: f64, tolerance: f64) -> Vec<f64> {
     let mut c = Vec::new();
-    series_into(theta, tolerance, &mut c);
+    series_into(theta, (tolerance, 0), &mut c);
     c
 }
 
-/// [`series`] in memory that is there.
-pub(super) fn series_into(theta: f64, tolerance: f64, c: &mut Vec<f64>) {
+/// [`series`] of so many terms at least, in memory that is there.
+pub(super) fn series_into(theta: f64, (tolerance, least): (f64, usize), c: &mut Vec<f64>) {
     all_above(NOTHING, theta.abs(), c);
     for (k, c) in c.iter_mut().enumerate().skip(1) {
         *c *= if theta < 0.0 && k % 2 == 1 { -2.0 } else { 2.0 };
     }
     let mut tail = 0.0;
-    while c.len() > 2 {
+    while c.len() > least.max(2) {
         tail += c[c.len() - 1].abs();
         if tail > tolerance.max(LEAST) {
             break;

@@ -15,6 +15,8 @@ pub struct Hamiltonian {
     is_doubled: bool,
     /// Windows of series in time.
     windows: Kept,
+    /// Values of its functions of time.
+    scan: Kept,
 }
 
 impl Hamiltonian {
@@ -31,6 +33,7 @@ impl Hamiltonian {
             potential: None,
             is_doubled: false,
             windows: Kept::default(),
+            scan: Kept::default(),
         }
     }
 
@@ -77,6 +80,7 @@ impl Hamiltonian {
         Self {
             drive: Some(drive),
             windows: Kept::default(),
+            scan: Kept::default(),
             ..self
         }
     }
@@ -91,6 +95,7 @@ impl Hamiltonian {
         Self {
             potential: Some(potential),
             windows: Kept::default(),
+            scan: Kept::default(),
             ..self
         }
     }
@@ -118,6 +123,11 @@ impl Hamiltonian {
     /// Where windows of series in time are kept.
     pub(crate) fn windows(&self) -> &Kept {
         &self.windows
+    }
+
+    /// Where values of its functions of time are kept.
+    pub(crate) fn scan(&self) -> &Kept {
+        &self.scan
     }
 
     /// Whether it depends on time.

@@ -55,8 +55,10 @@ impl<S: Stored> Chebyshev<S> {
         let mut series = self.spare.pop().unwrap_or_default();
         series.lengths.clone_from(&self.lengths);
         series.c.resize_with(self.lengths.len(), Vec::new);
+        let recorder = self.sweeper.recorder();
+        let least = recorder.map_or(0, |recorder| recorder.least(self.beta * whole));
         for (c, s) in series.c.iter_mut().zip(&self.lengths) {
-            series_into(self.beta * s, tolerance, c);
+            series_into(self.beta * s, (tolerance, least), c);
         }
         self.kept.push(series);
         self.kept.len() - 1

@@ -58,11 +58,15 @@ impl Watch {
         }
     }
 
+    /// Whether a term and its change may be left out.
+    fn are_small(&self, (term, change): (f64, f64)) -> bool {
+        term <= self.most.0 && change <= self.most.1
+    }
+
     /// Whether a term and its change are the last ones, where such terms fall from here on.
     fn is_last(&mut self, (term, change): (f64, f64), is_falling: bool) -> bool {
         let size = term.max(change);
-        let is_small =
-            is_falling && term <= self.most.0 && change <= self.most.1 && 2.0 * size <= self.before;
+        let is_small = is_falling && self.are_small((term, change)) && 2.0 * size <= self.before;
         self.small = if is_small { self.small + 1 } else { 0 };
         self.largest = self.largest.max(size);
         self.before = size.max(f64::MIN_POSITIVE);
@@ -71,6 +75,16 @@ impl Watch {
 }
 
 impl Majorant {
+    /// Of an H that does not depend on time, whose bounds are for the terms of all states.
+    pub(super) fn of_constant(theta: f64, tolerance: f64) -> Self {
+        Self {
+            theta,
+            sizes: Vec::new(),
+            changes: vec![1.0],
+            tolerances: (f64::INFINITY, tolerance),
+        }
+    }
+
     fn most(&self) -> usize {
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // finite and positive
         let length = (4.0 * self.theta) as usize;
@@ -82,6 +96,9 @@ impl Majorant {
         let all: f64 = self.theta + self.sizes.iter().sum::<f64>();
         let (mut terms, mut moved) = (vec![1.0], vec![0.0]);
         let mut watch = Watch::new(self.tolerances);
+        // terms vanish before those that high powers of H make: as many have to be small as reach the next
+        let reach = self.sizes.len().max(self.changes.len().saturating_sub(1));
+        let mut last: Option<Length> = None;
         while terms.len() < self.most() {
             let n = terms.len() - 1;
             let next = (n + 1) as f64;
@@ -98,11 +115,16 @@ impl Majorant {
                 return None;
             }
             let is_falling = n >= self.changes.len() && 2.0 * all < next + 1.0;
-            if watch.is_last((term, change), is_falling) {
-                return Some(Length {
+            if watch.is_last((term, change), is_falling) && last.is_none() {
+                last = Some(Length {
                     count: terms.len() - 1,
                     largest: watch.largest,
                 });
+            }
+            match last {
+                Some(_) if !watch.are_small((term, change)) => last = None,
+                Some(found) if terms.len() > found.count + reach => return last,
+                _ => {}
             }
         }
         None

@@ -9,6 +9,7 @@ mod majorant;
 mod potential;
 mod powers;
 mod pull;
+mod recorder;
 mod series;
 mod shears;
 
@@ -18,13 +19,10 @@ use super::{Sweeper, Wave};
 use liouville_base::error::StepError;
 use liouville_base::simd::Stored;
 use pull::SeriesPull;
+use recorder::KeptTerms;
+pub use recorder::Recorder;
 pub(super) use series::{Output, SeriesPiece};
 pub(super) use shears::ShearsPiece;
-use std::collections::VecDeque;
-use std::sync::{Arc, Mutex, PoisonError};
-
-/// Most bytes of terms that are kept beyond those of one window.
-const ROOM: usize = 1 << 26;
 
 /// A part of a run with choices of its own.
 pub(super) enum Piece {
@@ -54,38 +52,6 @@ impl Piece {
             Self::Shears(piece) => &mut piece.weights,
         };
         *weights = firsts.iter().map(|first| weights[*first]).collect();
-    }
-}
-
-/// A place where a run leaves its pieces; clones are the same place.
-#[derive(Clone, Default)]
-pub struct Recorder(Arc<Mutex<Vec<Piece>>>);
-
-impl Recorder {
-    /// Adds a piece.
-    ///
-    /// # Errors
-    /// There is no memory for one more.
-    pub(super) fn add(&self, piece: Piece) -> Result<(), StepError> {
-        let mut pieces = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        pieces.try_reserve(1).map_err(|_| StepError::NoMemory)?;
-        pieces.push(piece);
-        Ok(())
-    }
-
-    /// Number of pieces.
-    pub(super) fn len(&self) -> usize {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner).len()
-    }
-
-    /// Changes the pieces from one on.
-    pub(super) fn change(&self, first: usize, change: impl FnMut(&mut Piece)) {
-        let mut pieces = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        pieces[first..].iter_mut().for_each(change);
-    }
-
-    fn taken(&self) -> Vec<Piece> {
-        std::mem::take(&mut self.0.lock().unwrap_or_else(PoisonError::into_inner))
     }
 }
 
@@ -139,13 +105,13 @@ pub struct Derivative {
     moved: Vec<Terms>,
     pull: SeriesPull,
     /// All terms of the last windows of series.
-    kept: VecDeque<(usize, Vec<Vec<f64>>)>,
+    kept: KeptTerms,
 }
 
 impl Derivative {
     /// The derivatives of a run that is over, of a Hamiltonian with so many terms in each group.
     pub fn new(sweeper: &Sweeper<f64>, groups: &[usize], recorder: &Recorder) -> Self {
-        let mut pieces = recorder.taken();
+        let (mut pieces, kept) = recorder.taken();
         let firsts = groups.iter().scan(0, |next, count| {
             *next += count;
             Some(*next - count)
@@ -159,7 +125,7 @@ impl Derivative {
             terms: Terms::new(sweeper, groups),
             moved: Vec::new(),
             pull: SeriesPull::default(),
-            kept: VecDeque::new(),
+            kept,
         }
     }
 
@@ -206,53 +172,18 @@ impl Derivative {
         }));
     }
 
-    /// Makes all pieces from the state where the first begins, which is replaced by that where the last ends, and keeps what
-    /// derivatives by H take: of shears, of an H that does not change, both states; of series the first, and all terms of
-    /// the last ones.
+    /// Makes all shears of an H that does not change from the state where the first begin, which is replaced by that where
+    /// the last end, and keeps both of each, which derivatives by H take.
     ///
     /// # Errors
     /// A product failed, or the run was cancelled.
     pub fn keep_ends(&mut self, state: &mut [f64]) -> Result<(), StepError> {
-        self.kept.clear();
-        let mut bytes = 0;
-        for (place, piece) in self.pieces.iter_mut().enumerate() {
-            let piece = match piece {
-                Piece::Series(piece) => piece,
-                Piece::Shears(piece) => {
-                    piece.keep_ends(&mut self.terms, state)?;
-                    continue;
-                }
-            };
-            let kept = piece.keep_start(&mut self.terms, state)?;
-            bytes += kept.len() * size_of_val(state);
-            self.kept.push_back((place, kept));
-            while bytes > ROOM && self.kept.len() > 1 {
-                let first = self
-                    .kept
-                    .pop_front()
-                    .map_or_else(Vec::new, |(_, kept)| kept);
-                bytes -= first.len() * size_of_val(state);
-                self.terms.reuse(first);
+        for piece in &mut self.pieces {
+            if let Piece::Shears(piece) = piece {
+                piece.keep_ends(&mut self.terms, state)?;
             }
         }
         Ok(())
-    }
-
-    /// Takes as many terms in a piece as its derivatives need, by any state and by changes of H at its nodes: as columns,
-    /// each in units of the largest it has in the run. Returns whether these are other terms than those of the run, and
-    /// none where there is no series.
-    pub fn lengthen(&mut self, piece: usize, changes: &[f64], tolerance: f64) -> Option<bool> {
-        match &mut self.pieces[piece] {
-            Piece::Series(piece) => piece.lengthen(changes, tolerance),
-            Piece::Shears(_) => Some(false), // as many as there are
-        }
-    }
-
-    /// Lets H change within a piece by polynomials of a degree, if it has polynomials of less.
-    pub fn raise(&mut self, piece: usize, degree: usize) {
-        if let Piece::Series(piece) = &mut self.pieces[piece] {
-            piece.raise(degree);
-        }
     }
 
     /// Replaces a state where a piece begins by that where it ends, by the same choices, with H changed at its nodes. Returns

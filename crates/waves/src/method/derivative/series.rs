@@ -12,7 +12,7 @@
 use super::majorant::Majorant;
 use super::pull::SeriesPull;
 use super::{AtNodes, Wanted, turn};
-use crate::method::blocks::{Scaled, combine};
+use crate::method::blocks::Scaled;
 use crate::method::driven::choice::{Form, LARGEST, Window};
 use crate::method::driven::factors::Factors;
 use crate::method::driven::fit::Fit;
@@ -79,7 +79,7 @@ impl SeriesPiece {
         })
     }
 
-    /// See [`super::Derivative::raise`].
+    /// See [`super::Recorder::raise`].
     pub(super) fn raise(&mut self, degree: usize) {
         let powers = self.fit.degree + 1;
         if degree < powers {
@@ -92,12 +92,12 @@ impl SeriesPiece {
         self.map = by_nodes(degree);
     }
 
-    /// See [`super::Derivative::lengthen`].
-    pub(super) fn lengthen(&mut self, changes: &[f64], tolerance: f64) -> Option<bool> {
+    /// See [`super::Recorder::lengthen`].
+    pub(super) fn lengthen(&mut self, changes: &[f64], tolerance: f64) -> bool {
         let (degree, form) = (self.fit.degree, self.window.form);
         let width = changes.len() / self.nodes.len();
         if width == 0 && degree == 0 && form == Form::Bessel {
-            return Some(false); // bounds of the spectrum are for all states
+            return true; // bounds of the spectrum are for all states
         }
         let found = match (width, degree) {
             (0, _) => Vec::new(),
@@ -131,9 +131,11 @@ impl SeriesPiece {
             Some(_) => None,
             None => powers(),
         };
-        let (form, length) = best.or(own)?;
+        let Some((form, length)) = best.or(own) else {
+            return false;
+        };
         if form == self.window.form && length.count <= self.count() {
-            return Some(false);
+            return true;
         }
         self.window.form = form;
         for output in &mut self.outputs {
@@ -142,26 +144,7 @@ impl SeriesPiece {
                 .map(|n| factors.of(&self.window, n))
                 .collect();
         }
-        Some(true)
-    }
-
-    /// Begins at a state, which is replaced by that where the window ends; returns all terms.
-    pub(super) fn keep_start(
-        &mut self,
-        terms: &mut Terms,
-        state: &mut [f64],
-    ) -> Result<Vec<Vec<f64>>, StepError> {
-        self.start.copy_from_slice(state);
-        turn(&mut self.start, self.phase);
-        let kept = terms.all(self.count(), &self.window, &self.fit, &self.start)?;
-        state.fill(0.0);
-        if let Some(end) = self.outputs.last() {
-            let factors = end.factors.iter().copied();
-            let scaled: Vec<Scaled<'_>> = factors.zip(kept.iter().map(Vec::as_slice)).collect();
-            combine(state, &scaled);
-            turn(state, -self.angle(end));
-        }
-        Ok(kept)
+        true
     }
 
     /// See [`super::Derivative::repeat`].

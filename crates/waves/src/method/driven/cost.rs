@@ -80,7 +80,7 @@ impl Driven {
             run: run.clone(),
             windows: self.walk(sampler.with_scan(), span),
         };
-        Some(hamiltonian.windows().get(fits, make))
+        Some(hamiltonian.windows().get(fits, make, |_| true))
     }
 
     /// Chooses one window after another.

@@ -121,11 +121,13 @@ impl Sampler {
         {
             return self;
         }
-        let scan = Scan::new(self.clone(), &self.bounds);
-        Self {
-            scan: Some(Arc::new(scan)),
-            ..self
-        }
+        let scan = Some(Scan::of(&self));
+        Self { scan, ..self }
+    }
+
+    /// Bounds of the parts.
+    pub(super) fn bounds(&self) -> &TermBounds {
+        &self.bounds
     }
 
     /// What it looks at.

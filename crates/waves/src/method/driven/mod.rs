@@ -4,6 +4,7 @@
 //! term takes one product. Windows are chosen before any product, so long that the terms per time are fewest and
 //! the fit and the tail keep to the tolerance.
 
+mod ahead;
 pub(super) mod choice;
 mod cost;
 pub(super) mod factors;
@@ -17,7 +18,6 @@ pub use cost::{Driven, DrivenCost};
 pub(super) use fit::Sampler;
 
 use super::bessel::LESS;
-use super::derivative::{Output, Piece, SeriesPiece, copied};
 use super::observe::dot;
 use super::sweep::{Outputs, TermBlock};
 use super::{Sweeper, Wave, guard, squares};
@@ -28,7 +28,6 @@ use fit::Fit;
 use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch, Numbers};
 use liouville_base::error::StepError;
 use liouville_base::method::{Stats, Stepper};
-use polynomials::{by_nodes, nodes};
 use std::f64::consts::TAU;
 use std::sync::Arc;
 use terms::Terms;
@@ -70,6 +69,8 @@ pub struct DrivenSeries {
     /// Whether the present window is to be made again, as the run was restored within it.
     is_lost: bool,
     has_begun: bool,
+    /// Number of windows made.
+    made: usize,
     /// The start of the run, and its windows once they are known.
     t0: f64,
     windows: Option<Arc<Found>>,
@@ -104,6 +105,7 @@ impl DrivenSeries {
             next: 0,
             is_lost: false,
             has_begun: false,
+            made: 0,
             t0: 0.0,
             windows: None,
             sigma: 0.0,
@@ -116,10 +118,9 @@ impl DrivenSeries {
         })
     }
 
-    /// Makes the window that begins at `start`, and the outputs in it.
-    fn make(&mut self) -> Result<(), StepError> {
-        let t = self.start.t;
-        let last = self.times[self.times.len() - 1];
+    /// The window that begins at `start`, as it was planned, its end, and its share of the tolerance.
+    fn planned(&mut self) -> Result<(Window, f64, Share), StepError> {
+        let (t, last) = (self.start.t, self.times[self.times.len() - 1]);
         let known = self.windows.take();
         let found = known.or_else(|| {
             let span = (self.t0, last);
@@ -132,21 +133,37 @@ impl DrivenSeries {
         let planned = found.at(t)?;
         let (rate, whole) = (self.driven.rate, self.driven.rate * (last - self.t0).abs());
         let (end, share) = (planned.next, Share::after(0, rate, whole));
-        let mut window = Window {
+        let window = Window {
             h: end - t,
             ..planned.window
         };
+        Ok((window, end, share))
+    }
+
+    /// Makes the window that begins at `start`, and the outputs in it.
+    fn make(&mut self) -> Result<(), StepError> {
+        let t = self.start.t;
+        let (mut window, end, share) = self.planned()?;
+        let recorder = self.terms.sweeper().recorder().cloned();
+        let mut count = None;
+        if let Some(recorder) = &recorder {
+            let (start, phase) = (&self.start.parts, self.start.phase);
+            let (form, terms) = recorder.begin(self.made, start, phase)?;
+            (window.form, count) = (form, Some(terms));
+        }
         loop {
             let next = self.lay_out(t, end, window);
             window.h = self.factors[self.factors.len() - 1].s;
-            if self.expand(&window, share.tail(window.h))? {
-                self.sigma = window.sigma;
-                self.keep(&window, share.tail(window.h))?;
+            if self.expand(&window, share.tail(window.h), count)? {
+                if let Some(recorder) = &recorder {
+                    let all = self.terms.taken();
+                    recorder.keep(self.made, all, &mut self.terms);
+                }
+                self.made += 1;
                 let mut parts = std::mem::take(&mut self.end.parts);
                 self.read(self.factors.len() - 1, &mut parts);
                 self.end.parts = parts;
-                self.end.t = next;
-                self.end.phase = (self.start.phase + window.sigma * window.h) % TAU;
+                self.finish(&window, next);
                 return Ok(());
             }
             // where Bessel functions do not converge, powers do
@@ -154,30 +171,11 @@ impl DrivenSeries {
         }
     }
 
-    /// Leaves the window to a run that is to be differentiated.
-    fn keep(&mut self, window: &Window, tail: f64) -> Result<(), StepError> {
-        let Some(recorder) = self.terms.sweeper().recorder().cloned() else {
-            return Ok(());
-        };
-        let count = self.terms.count();
-        let sizes = self.sampler.sizes(self.fit.degree).into_iter();
-        let output = |factors: &Factors| Output {
-            s: factors.s,
-            factors: (0..count).map(|n| factors.of(window, n)).collect(),
-        };
-        recorder.add(Piece::Series(SeriesPiece {
-            start: copied(&self.start.parts, 0)?,
-            phase: self.start.phase,
-            window: *window,
-            fit: self.fit.clone(),
-            sizes: sizes.map(|size| size * window.h.abs()).collect(),
-            tail,
-            nodes: (nodes().iter().map(|y| self.start.t + window.h * y)).collect(),
-            map: by_nodes(self.fit.degree),
-            outputs: self.factors.iter().map(output).collect(),
-            steps: self.factors.len() - 1,
-            is_by_terms: false,
-        }))
+    /// Ends a window.
+    fn finish(&mut self, window: &Window, next: f64) {
+        self.sigma = window.sigma;
+        self.end.t = next;
+        self.end.phase = (self.start.phase + window.sigma * window.h) % TAU;
     }
 
     /// Finds the outputs of a window, no more than there may be, and its end.
@@ -202,14 +200,22 @@ impl DrivenSeries {
         next
     }
 
-    /// Makes terms until they are below the share of the tolerance; false where they do not fall.
-    fn expand(&mut self, window: &Window, share: f64) -> Result<bool, StepError> {
+    /// Makes so many terms and keeps them, or terms until they are below the share of the tolerance; false where these do not
+    /// fall.
+    fn expand(
+        &mut self,
+        window: &Window,
+        share: f64,
+        count: Option<usize>,
+    ) -> Result<bool, StepError> {
         self.sampler
             .fit(self.start.t, window.h, window.degree, &mut self.fit);
         let size = self.start.parts.len();
         self.outputs.reset(size, self.factors.len())?;
         self.block.reset(size, AT_ONCE)?;
-        self.terms.begin(window, self.fit.degree, &self.start.parts);
+        let (degree, start) = (self.fit.degree, &self.start.parts);
+        self.terms
+            .begin_keeping(count.unwrap_or(0), window, degree, start);
         let theta = window.beta * window.h.abs();
         let norm = dot(&self.start.parts, &self.start.parts).sqrt();
         let share_of_norm = share.max(f64::EPSILON / 8.0) * norm;
@@ -229,15 +235,16 @@ impl DrivenSeries {
             let size = length * factor;
             // Bessel functions that are taken for zero at any output are nothing for terms below this
             let is_lost = ROUNDING * size > share * norm || CUT * length > share * norm;
-            if window.form == Form::Bessel && is_lost {
+            if window.form == Form::Bessel && is_lost && count.is_none() {
                 return Ok(false);
             }
             lengths.push(length);
             let is_small = n as f64 > theta && size <= END * share_of_norm;
             small = if is_small { small + 1 } else { 0 };
-            let is_last = match window.form {
-                Form::Powers => rest_of_powers(&sizes, &lengths) <= share_of_norm,
-                Form::Bessel => small == 2,
+            let is_last = match (count, window.form) {
+                (Some(count), _) => n + 1 == count,
+                (None, Form::Powers) => rest_of_powers(&sizes, &lengths) <= share_of_norm,
+                (None, Form::Bessel) => small == 2,
             };
             if is_last || n % AT_ONCE == AT_ONCE - 1 {
                 self.add(window, n)?;
@@ -245,8 +252,9 @@ impl DrivenSeries {
             if is_last {
                 return Ok(true);
             }
-            if !size.is_finite() || n > 3 * window.last + 50 {
-                if window.form == Form::Bessel {
+            let is_endless = count.is_none() && n > 3 * window.last + 50;
+            if !size.is_finite() || is_endless {
+                if window.form == Form::Bessel && count.is_none() {
                     return Ok(false);
                 }
                 let (t, start) = (self.start.t, norm);

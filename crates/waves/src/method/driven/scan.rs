@@ -3,6 +3,7 @@
 use super::choice::half;
 use super::fit::Sampler;
 use crate::method::term_bounds::TermBounds;
+use std::sync::Arc;
 
 /// Times that are looked at in a run, at least, and for each unit of 1/β; they are apart by one and a half of equal parts at
 /// most, ...
@@ -14,17 +15,31 @@ const SHIFT: f64 = 0.618_033_988_749_894_9;
 /// Numbers that are kept, where there are more times than at least.
 const NUMBERS: usize = 1 << 22;
 
+/// Most numbers that are kept with H for its next plan, as of breaks that derivatives ask for.
+const KEPT: usize = 1 << 18;
+
 /// Rows of values: weights of the groups, then the potential at some points.
 #[derive(Clone, Debug)]
 pub(super) struct Scan {
+    bounds: TermBounds,
     /// In order, and a row for each.
     times: Vec<f64>,
     rows: Vec<f64>,
 }
 
 impl Scan {
+    /// What was seen of H over a run, or what is seen now.
+    pub(super) fn of(sampler: &Sampler) -> Arc<Self> {
+        let bounds = sampler.bounds();
+        sampler.hamiltonian().scan().get(
+            |scan: &Self| scan.bounds == *bounds,
+            || Self::new(sampler.clone(), bounds),
+            |scan| scan.rows.len() <= KEPT,
+        )
+    }
+
     /// Looks at a run, and again where H is so large that it takes more times.
-    pub(super) fn new(mut sampler: Sampler, bounds: &TermBounds) -> Self {
+    fn new(mut sampler: Sampler, bounds: &TermBounds) -> Self {
         let mut times = times(bounds, TIMES);
         let mut rows = sampler.rows(&times);
         let width = rows.len() / times.len();
@@ -39,7 +54,11 @@ impl Scan {
             times = self::times(bounds, count);
             rows = sampler.rows(&times);
         }
-        Self { times, rows }
+        Self {
+            bounds: bounds.clone(),
+            times,
+            rows,
+        }
     }
 
     /// The times in an interval.

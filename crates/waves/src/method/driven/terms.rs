@@ -133,8 +133,14 @@ impl Terms {
         self.begin_keeping(0, window, degree, start);
     }
 
-    /// The same, and keeps so many terms.
-    fn begin_keeping(&mut self, count: usize, window: &Window, degree: usize, start: &[f64]) {
+    /// The same, and keeps so many terms, whose memory [`Terms::reuse`] takes back.
+    pub(in crate::method) fn begin_keeping(
+        &mut self,
+        count: usize,
+        window: &Window,
+        degree: usize,
+        start: &[f64],
+    ) {
         let (terms, sums) = match window.form {
             Form::Powers => ((degree + 1).max(2), 0),
             Form::Bessel => (2, degree),
@@ -167,7 +173,12 @@ impl Terms {
         while self.count() < count {
             self.advance(window, fit)?;
         }
-        Ok(std::mem::take(&mut self.c))
+        Ok(self.taken())
+    }
+
+    /// All terms since [`Terms::begin_keeping`].
+    pub(in crate::method) fn taken(&mut self) -> Vec<Flat> {
+        std::mem::take(&mut self.c)
     }
 
     /// Takes the memory of terms that are of no more use, where there are more than here.

@@ -132,7 +132,7 @@ impl<S: Stored> Magnus<S> {
             let sweeper = self.exponential.sweeper_mut();
             let hamiltonian = sweeper.hamiltonian().clone();
             let recorder = sweeper.recorder().cloned();
-            let first = recorder.as_ref().map_or(0, Recorder::len);
+            let first = recorder.as_ref().map_or(0, Recorder::count);
             let Some(current) = &mut sweeper.current else {
                 unreachable!("a sweeper with weights");
             };
@@ -149,7 +149,7 @@ impl<S: Stored> Magnus<S> {
 
 /// Completes the pieces of an exponential, for a run that is to be differentiated: the last one of a step ends it.
 fn keep(nodes: &Nodes, recorder: &Recorder, (first, row): (usize, usize), (t, h): (f64, f64)) {
-    let last = recorder.len() - 1;
+    let last = recorder.count() - 1;
     let mut place = first;
     recorder.change(first, |piece| {
         let times = nodes.nodes.iter().map(|c| t + c * h).collect();

@@ -1,0 +1,51 @@
+//! The windows of a run that is to be differentiated, laid out before it begins.
+
+use super::DrivenSeries;
+use super::choice::{Form, Window};
+use super::factors::Factors;
+use super::polynomials::{by_nodes, nodes};
+use crate::method::derivative::{Output, Piece, SeriesPiece};
+use liouville_base::error::StepError;
+
+impl DrivenSeries {
+    /// The pieces of a run from t0 without their states, with as many terms as bounds of the spectrum alone say.
+    pub(in crate::method) fn pieces(mut self, t0: f64) -> Result<Vec<Piece>, StepError> {
+        let mut pieces = Vec::new();
+        (self.t0, self.end.t) = (t0, t0);
+        while self.behind < self.times.len() {
+            (self.start.t, self.first) = (self.end.t, self.behind);
+            let (mut window, end, share) = self.planned()?;
+            let next = self.lay_out(self.start.t, end, window);
+            window.h = self.factors[self.factors.len() - 1].s;
+            pieces.push(Piece::Series(self.piece(&window, share.tail(window.h))));
+            self.finish(&window, next);
+        }
+        Ok(pieces)
+    }
+
+    /// A window as a piece.
+    fn piece(&mut self, window: &Window, tail: f64) -> SeriesPiece {
+        self.sampler
+            .fit(self.start.t, window.h, window.degree, &mut self.fit);
+        let is_by_bounds = window.form == Form::Bessel && self.fit.degree == 0;
+        let count = if is_by_bounds { window.last + 1 } else { 0 };
+        let sizes = self.sampler.sizes(self.fit.degree).into_iter();
+        let output = |factors: &Factors| Output {
+            s: factors.s,
+            factors: (0..count).map(|n| factors.of(window, n)).collect(),
+        };
+        SeriesPiece {
+            start: Vec::new(),
+            phase: 0.0,
+            window: *window,
+            fit: self.fit.clone(),
+            sizes: sizes.map(|size| size * window.h.abs()).collect(),
+            tail,
+            nodes: (nodes().iter().map(|y| self.start.t + window.h * y)).collect(),
+            map: by_nodes(self.fit.degree),
+            outputs: self.factors.iter().map(output).collect(),
+            steps: self.factors.len() - 1,
+            is_by_terms: false,
+        }
+    }
+}
