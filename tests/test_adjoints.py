@@ -273,6 +273,7 @@ def test_what_is_no_method_is_refused(call, method):
     ({}, {"q": [1.0, 2.0]}, r"has shape \(2,\), wanted \(5, 2\)"),
     ({}, {"lam": np.full((5, 1), np.nan)}, "the cotangent of 'lam' is not finite"),
     ({}, {"q": np.full((5, 2), 1j)}, "is an array of real numbers"),
+    ({}, {"q": np.ma.masked_less(np.eye(5, 2), 1)}, "the cotangent of 'q' has masked numbers"),
     ({}, {"q": [[1.0], [1.0, 2.0]]}, "is an array of real numbers"),
     ({}, {"invariants": np.ones(5)}, "cotangents of invariants are a mapping of their names"),
     ({}, {"invariants": {"spin": np.ones(5)}}, "there is no cotangent of 'invariants.spin'"),

@@ -362,6 +362,7 @@ def test_members_pickles_and_parts_have_the_bits_of_a_run():
     ({"tangents": {"params.l": []}}, r"shape \(0,\), which has no direction"),
     ({"tangents": {"params.l": [[1.0]]}}, r"wanted \(\) for one direction or \(d,\)"),
     ({"tangents": {"q": [1.0, "x"]}}, "is an array of real numbers"),
+    ({"tangents": {"q": np.ma.masked_less([1.0, 0.0], 1)}}, "is an array of real numbers"),
     ({"tangents": {"q": {"z": 1.0}}}, "which is no coordinate"),
     ({"tangents": {"q": [1.0, np.nan]}}, "is not finite"),
     ({"tangents": {"t1": 1.0}, "steps": None, "rtol": 1e-6}, "where steps are controlled"),

@@ -127,6 +127,10 @@ class Pullback:
                 value = np.asarray(cotangents[name]) if name in cotangents else np.zeros(shape)
             except ValueError:  # of rows of several lengths
                 value = np.empty(0, dtype=object)
+            if np.ma.is_masked(cotangents.get(name)):
+                sentence = f"the cotangent of '{name}' has masked numbers"
+                hint = "give zeros where nothing is to be pulled back: x.filled(0)"
+                raise TypeError(hinted(sentence, hint))
             if value.dtype.kind not in kinds:
                 raise TypeError(f"the cotangent of '{name}' is an array of {kind} numbers")
             if value.shape != shape:

@@ -350,7 +350,7 @@ def _direction(
                 raise ValueError(sentence)
         value = [value.get(label, 0.0) for label in labels]
     try:
-        array = np.asarray(value)
+        array = np.asarray(None if np.ma.is_masked(value) else value)  # what is masked is no number
     except ValueError:  # rows of different lengths
         array = np.array(None)
     if array.dtype.kind not in ("iufc" if is_complex else "iuf"):
