@@ -107,7 +107,10 @@ def fit(
     Notes
     -----
     The covariance is :math:`(J^T J)^{-1}` with the Jacobian J of the residuals at the end, times
-    the mean square of residuals where `sigma` is not given.
+    the mean square of residuals where `sigma` is not given: their sum of squares over the number of
+    measurements less that of unknowns. With K unknowns and N measurements it holds 95 % of truths
+    in the ellipsoid of :math:`\chi^2_K` where `sigma` is given, and otherwise of
+    :math:`K F_{K, N - K}`, as far as states are linear in the unknowns over its size.
 
     References
     ----------
