@@ -141,16 +141,18 @@ class OurPulse:
     """`lv.vjp` of the exponential midpoint rule by the samples in the middle of its steps."""
 
     def __init__(self, parts, psi, target, pulse, span):
-        self.parts, self.psi, self.target, self.pulse = parts, psi, target, pulse
+        self.psi, self.target, self.pulse = psi, target, pulse
         self.span, self.steps = span, pulse.size
-        self.times = span / self.steps * (np.arange(self.steps + 1) + 0.5)
+        times = span / self.steps * (np.arange(self.steps + 1) + 0.5)
+        static, driven = parts
+        drive = [(np.zeros(times.size), driven)]
+        self.system = lv.Schrodinger(static, drive=drive, times=times)
 
     def run(self, tolerance):
         """Go through the pulse with exponentials to this tolerance, and back."""
         begin = time.perf_counter()
-        static, driven = self.parts
         samples = np.append(self.pulse, 0.0)  # the spline's last point, beyond the end
-        system = lv.Schrodinger(static, drive=[(samples, driven)], times=self.times)
+        system = self.system.with_samples({"drive[0]": samples})
         solution, pullback = lv.vjp(
             system, lv.Magnus(2, tol=tolerance), wrt=["drive[0]"], t=(0, self.span),
             steps=self.steps, every=self.steps, psi=self.psi,
