@@ -150,6 +150,8 @@ def test_a_plan_says_windows_and_comes_back_from_its_file(tmp_path):
     assert runs[0].tobytes() == runs[1].tobytes()
     with pytest.raises(ValueError, match="an H that depends on time"):
         lv.integrate(lv.Schrodinger(h0), plan, t=span, psi=psi)
+    with pytest.raises(TypeError, match="times are those of samples, and no drive has any"):
+        lv.Schrodinger(SZ, drive=[(lambda t, q: t, SX)], times=[0.0, 1.0, 2.0])
     with pytest.raises(TypeError, match="is for an H without time"):
         lv.plan(system, lv.Lanczos(), t=span)
 

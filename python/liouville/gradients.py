@@ -196,8 +196,9 @@ def vjp(
     -------
     solution : Solution
         That of :func:`integrate` or :func:`ensemble`, bit for bit, by
-        ``LobattoPair(2)`` to roundoff; of an H(t) that is differentiated by parameters or
-        samples to the tolerance, as windows then end where these bend its functions.
+        ``LobattoPair(2)`` to roundoff; of an H that is differentiated by parameters or samples to
+        the tolerance, as its series then have the terms, and its windows the ends, that derivatives
+        need.
     pullback : Pullback
         Takes cotangents, ``pullback(q=..., lam=...)``, and returns a dict of gradients. Those by
         starts and parameters are of the run from the start as ``system.consistent`` moves it.

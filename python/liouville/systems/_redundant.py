@@ -65,7 +65,7 @@ def redundant(
         return ()
     if n >= rows > (MOST_OPERATIONS / n) ** 0.5 and _is_solved(system, t, y, z, params):
         return ()
-    # the verdict on nearly all starts, without units, which would change it for dependent rows alone
+    # the verdict on nearly all starts; units would change it for dependent rows alone
     if not system.nonholonomic and _core.are_independent(system.problem, params, t, y, CLEARLY):
         return ()
     gradients = _gradients(system, t, y, z, params)

@@ -81,7 +81,9 @@ class Span:
         if tol < 2 * self.roundoff:
             turns = self.roundoff / (PHASE * ROUNDOFF)
             least = 10 ** np.ceil(np.log10(2 * self.roundoff))
-            hint = f"give tol of {least:g} or more, or a shorter interval"
+            hint = "give a shorter interval"
+            if least < 1:
+                hint = f"give tol of {least:g} or more, or a shorter interval"
             if abs(self.sigma) > SHIFTED * self.beta:
                 hint += (
                     f"; energies are about {self.sigma:.6g} hbar and differ by at most "

@@ -107,6 +107,8 @@ def parted(
         if isinstance(function, (np.ndarray, list, tuple)):
             function = Samples(f"drive[{k}]", function, at)
         found.append((function, plain(f"H{k + 1}", matrix)))
+    if at is not None and not any(isinstance(function, Samples) for function, _ in found):
+        raise TypeError("times are those of samples, and no drive has any")
     return plain("H", hamiltonian), found
 
 
