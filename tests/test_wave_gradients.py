@@ -460,3 +460,18 @@ def test_what_does_not_fit_in_memory_is_refused_beforehand(monkeypatch):
     run = {"t": (0, 4), "steps": 10**6, "every": 10**6, "psi": state()}
     with pytest.raises(MemoryError, match="keeps 1000000 of its states"):
         lv.vjp(driven(C), lv.Magnus(2, tol=1e-7), wrt=["psi"], **run)
+
+
+@pytest.mark.parametrize(("power", "end"), [(2, 1.0), (5, 1.9), (8, 1.5)])
+def test_drives_that_grow_from_nothing_are_differentiated(power, end):
+    flip = np.array([[0.0, 1.0], [1.0, 0.0]])
+    drive = [(lambda t, params: params.a * t**power, flip)]
+    system = lv.Schrodinger(0 * flip, drive=drive, params={"a": 1.0})
+    solution, pullback = lv.vjp(system, "auto", t=(0, end), psi=[1, 0], wrt=("psi", "params.a"))
+    slope = end ** (power + 1) / (power + 1)
+    last = [np.cos(slope), -1j * np.sin(slope)]
+    np.testing.assert_allclose(solution.psi[-1], last, rtol=0, atol=1e-8)
+    cotangent = np.zeros_like(solution.psi)
+    cotangent[-1, 0] = 1.0
+    found = pullback(psi=cotangent)["params.a"]
+    np.testing.assert_allclose(found, -np.sin(slope) * slope, rtol=0, atol=1e-7)

@@ -186,6 +186,7 @@ impl<S: Stored> Chebyshev<S> {
             nodes: vec![t],
             map: NodeMap::constant(),
             steps: outputs.len(),
+            parts: 1.0,
             outputs,
             is_by_terms: true,
         }))

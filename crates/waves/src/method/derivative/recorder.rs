@@ -120,7 +120,8 @@ impl Recorder {
         found.map_or(0, |length| length.count)
     }
 
-    /// Begins a piece that was laid out at a state, and gives its form and how many terms it takes.
+    /// Begins a piece that was laid out at a state, and gives its form, how many terms it takes, and which part of a
+    /// planned window it is.
     ///
     /// # Errors
     /// There is no memory for the state.
@@ -129,14 +130,14 @@ impl Recorder {
         piece: usize,
         start: &[f64],
         phase: f64,
-    ) -> Result<(Form, usize), StepError> {
+    ) -> Result<(Form, usize, f64), StepError> {
         match self.left().pieces.get_mut(piece) {
             Some(Piece::Series(series)) => {
                 if !self.is_closed {
                     series.start = copied(start, 0)?;
                     series.phase = phase;
                 }
-                Ok((series.window.form, series.count()))
+                Ok((series.window.form, series.count(), series.parts))
             }
             _ => Err(StepError::Interrupted),
         }

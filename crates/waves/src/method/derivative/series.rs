@@ -9,7 +9,7 @@
 //!
 //! x_j = e^{iσs_j} times the cotangent of ψ_j. Source: the transpose of the series of `driven`.
 
-use super::majorant::Majorant;
+use super::majorant::{Length, Majorant};
 use super::pull::SeriesPull;
 use super::{AtNodes, Wanted, turn};
 use crate::method::blocks::Scaled;
@@ -44,6 +44,8 @@ pub(in crate::method) struct SeriesPiece {
     /// The ends of steps, and at last the end of the window.
     pub(in crate::method) outputs: Vec<Output>,
     pub(in crate::method) steps: usize,
+    /// The part of a planned window that it is, as one in so many.
+    pub(in crate::method) parts: f64,
     /// Whether the fit has a weight for each term, not for each group of terms.
     pub(in crate::method) is_by_terms: bool,
 }
@@ -94,9 +96,9 @@ impl SeriesPiece {
 
     /// See [`super::Recorder::lengthen`].
     pub(super) fn lengthen(&mut self, changes: &[f64], tolerance: f64) -> bool {
-        let (degree, form) = (self.fit.degree, self.window.form);
+        let degree = self.fit.degree;
         let width = changes.len() / self.nodes.len();
-        if width == 0 && degree == 0 && form == Form::Bessel {
+        if width == 0 && degree == 0 && self.window.form == Form::Bessel {
             return true; // bounds of the spectrum are for all states
         }
         let found = match (width, degree) {
@@ -106,10 +108,35 @@ impl SeriesPiece {
         };
         let sizes = found.chunks(width.max(1));
         let sizes = sizes.map(|row| row.iter().fold(0.0, |most: f64, x| most.max(x.abs())));
+        let Some((form, length)) = self.series(sizes.collect(), tolerance) else {
+            return false;
+        };
+        if form == self.window.form && length.count <= self.count() {
+            return true;
+        }
+        self.window.form = form;
+        for output in &mut self.outputs {
+            let factors = Factors::new(&self.window, output.s);
+            output.factors = (0..length.count)
+                .map(|n| factors.of(&self.window, n))
+                .collect();
+        }
+        true
+    }
+
+    /// Whether bounds of the terms, for all states and for changes of H by any of its powers, show a series that ends.
+    pub(in crate::method) fn ends(&self) -> bool {
+        let changes = vec![1.0; self.fit.degree + 1];
+        self.series(changes, f64::INFINITY).is_some()
+    }
+
+    /// The form of the series with the sizes of changes, and how many terms it takes.
+    fn series(&self, changes: Vec<f64>, tolerance: f64) -> Option<(Form, Length)> {
+        let (degree, form) = (self.fit.degree, self.window.form);
         let majorant = Majorant {
             theta: self.window.beta * self.window.h.abs(),
             sizes: self.sizes.clone(),
-            changes: sizes.collect(),
+            changes,
             tolerances: (self.tail, tolerance),
         };
         let powers = || Some((Form::Powers, majorant.powers()?));
@@ -131,20 +158,7 @@ impl SeriesPiece {
             Some(_) => None,
             None => powers(),
         };
-        let Some((form, length)) = best.or(own) else {
-            return false;
-        };
-        if form == self.window.form && length.count <= self.count() {
-            return true;
-        }
-        self.window.form = form;
-        for output in &mut self.outputs {
-            let factors = Factors::new(&self.window, output.s);
-            output.factors = (0..length.count)
-                .map(|n| factors.of(&self.window, n))
-                .collect();
-        }
-        true
+        best.or(own)
     }
 
     /// See [`super::Derivative::repeat`].

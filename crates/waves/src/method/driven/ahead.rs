@@ -7,6 +7,9 @@ use super::polynomials::{by_nodes, nodes};
 use crate::method::derivative::{Output, Piece, SeriesPiece};
 use liouville_base::error::StepError;
 
+/// Most parts of a planned window.
+const MOST_PARTS: f64 = 1024.0;
+
 impl DrivenSeries {
     /// The pieces of a run from t0 without their states, with as many terms as bounds of the spectrum alone say.
     pub(in crate::method) fn pieces(mut self, t0: f64) -> Result<Vec<Piece>, StepError> {
@@ -14,17 +17,28 @@ impl DrivenSeries {
         (self.t0, self.end.t) = (t0, t0);
         while self.behind < self.times.len() {
             (self.start.t, self.first) = (self.end.t, self.behind);
-            let (mut window, end, share) = self.planned()?;
-            let next = self.lay_out(self.start.t, end, window);
-            window.h = self.factors[self.factors.len() - 1].s;
-            pieces.push(Piece::Series(self.piece(&window, share.tail(window.h))));
-            self.finish(&window, next);
+            let (planned, end, share) = self.planned()?;
+            let mut parts = 1.0;
+            loop {
+                let mut window = planned;
+                window.h /= parts;
+                let next = self.lay_out(self.start.t, end, window);
+                window.h = self.factors[self.factors.len() - 1].s;
+                let piece = self.piece(&window, share.tail(window.h), parts);
+                // windows are planned by two levels, of which terms may be shorter than bounds for all states
+                if piece.ends() || parts >= MOST_PARTS {
+                    pieces.push(Piece::Series(piece));
+                    self.finish(&window, next);
+                    break;
+                }
+                parts *= 2.0;
+            }
         }
         Ok(pieces)
     }
 
-    /// A window as a piece.
-    fn piece(&mut self, window: &Window, tail: f64) -> SeriesPiece {
+    /// A window as a piece, one in so many parts of what was planned.
+    fn piece(&mut self, window: &Window, tail: f64, parts: f64) -> SeriesPiece {
         self.sampler
             .fit(self.start.t, window.h, window.degree, &mut self.fit);
         let is_by_bounds = window.form == Form::Bessel && self.fit.degree == 0;
@@ -45,6 +59,7 @@ impl DrivenSeries {
             map: by_nodes(self.fit.degree),
             outputs: self.factors.iter().map(output).collect(),
             steps: self.factors.len() - 1,
+            parts,
             is_by_terms: false,
         }
     }

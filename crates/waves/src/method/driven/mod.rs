@@ -148,8 +148,9 @@ impl DrivenSeries {
         let mut count = None;
         if let Some(recorder) = &recorder {
             let (start, phase) = (&self.start.parts, self.start.phase);
-            let (form, terms) = recorder.begin(self.made, start, phase)?;
+            let (form, terms, parts) = recorder.begin(self.made, start, phase)?;
             (window.form, count) = (form, Some(terms));
+            window.h /= parts;
         }
         loop {
             let next = self.lay_out(t, end, window);
