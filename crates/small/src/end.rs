@@ -218,10 +218,10 @@ impl<L: Layout> Small<L> {
         for (&(q, c), x) in at.r_lam.entries().iter().zip(r) {
             r_lam[c][q] = *x;
         }
-        let mass_r = r_lam.map(
-            #[inline(always)]
-            |r| self.inverse_times(&r),
-        );
+        let mut mass_r = [[L::splat(0.0); COORDINATES]; CONSTRAINTS];
+        for c in 0..m {
+            mass_r[c] = self.inverse_times(&r_lam[c]);
+        }
         let mut s = [[L::splat(0.0); CONSTRAINTS]; CONSTRAINTS];
         for c in 0..m {
             for d in 0..m {
@@ -291,10 +291,11 @@ impl<L: Layout> Small<L> {
     /// M⁻¹ x
     #[inline(always)]
     fn inverse_times(&self, x: &[L; COORDINATES]) -> [L; COORDINATES] {
-        self.inverse_mass.map(
-            #[inline(always)]
-            |row| dot(&row, x),
-        )
+        let mut out = [L::splat(0.0); COORDINATES];
+        for (out, row) in out.iter_mut().zip(&self.inverse_mass) {
+            *out = dot(row, x);
+        }
+        out
     }
 
     /// Writes the end of the step, and the values that the next one is extrapolated from.

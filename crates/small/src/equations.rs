@@ -215,7 +215,7 @@ impl<L: Layout> Small<L> {
         } else if has_constraints {
             self.correct_multipliers(h);
         }
-        let (mut largest, mut total) = (L::zeros(), L::Row::splat(0.0));
+        let [mut largest, mut total] = [L::Row::splat(0.0); 2];
         for q in 0..n {
             let u = self.velocity[q].as_ref();
             let d_z = &mut self.work.d_z.as_mut()[..rows];
@@ -238,15 +238,14 @@ impl<L: Layout> Small<L> {
             for row in 0..rows {
                 self.z[q].as_mut()[row] += d_z[row];
                 total += d_z[row];
-                let out = &mut largest.as_mut()[row];
-                *out = larger(*out, d_z[row]);
+                largest = larger(largest, d_z[row]);
             }
         }
         let is_finite = total.all(
             #[inline(always)]
             |x| x.abs() < f64::INFINITY,
         );
-        (L::largest(&largest.as_ref()[..rows]), is_finite)
+        (L::largest(largest), is_finite)
     }
 
     /// The size before a first correction: infinite, or zero where all is linear and a single correction is enough.

@@ -59,8 +59,8 @@ pub trait Layout: Real {
     }
     /// The same of numbers that do not stand in registers.
     fn product_of(out: &mut [Self::Row], weights: &Weights, x: impl Fn(usize) -> Self);
-    /// The largest of all rows, of each member.
-    fn largest(rows: &[Self::Row]) -> Self;
+    /// The largest value of a row, of each member.
+    fn largest(row: Self::Row) -> Self;
 }
 
 /// A one at each point.
@@ -192,8 +192,8 @@ impl Layout for f64 {
         out[0] = sum;
     }
     #[inline(always)]
-    fn largest(rows: &[Lanes]) -> f64 {
-        let mut most = rows[0].0;
+    fn largest(row: Lanes) -> f64 {
+        let mut most = row.0;
         for half in [4, 2, 1] {
             for i in 0..half {
                 most[i] = if most[i + half] > most[i] {
@@ -279,16 +279,8 @@ impl<const W: usize> Layout for Lanes<W> {
         }
     }
     #[inline(always)]
-    fn largest(rows: &[Self]) -> Self {
-        let mut most = rows[0];
-        for row in rows {
-            most = most.zip(
-                *row,
-                #[inline(always)]
-                |most, x| if x > most { x } else { most },
-            );
-        }
-        most
+    fn largest(row: Self) -> Self {
+        row
     }
 }
 

@@ -33,22 +33,18 @@ impl<L: Layout> SchurInverse<L> {
         let nodes = L::rows(k + 1);
         for l in 0..k {
             for d in 0..m {
-                let impulse = self.mass_r[d].map(
-                    #[inline(always)]
-                    |r| L::at(&r, l).every(),
-                );
                 for c in 0..m {
-                    let mut s = L::zeros();
                     for row in 0..nodes {
                         let mut sum = L::Row::splat(0.0);
                         for q in 0..n.min(COORDINATES) {
-                            sum += self.g_y[c][q].as_ref()[row] * impulse[q];
+                            let impulse = L::at(&self.mass_r[d][q], l).every();
+                            sum += self.g_y[c][q].as_ref()[row] * impulse;
                         }
-                        s.as_mut()[row] = sum * L::factor(&tables.product[l], row);
+                        self.sides[c].as_mut()[row] = sum * L::factor(&tables.product[l], row);
                     }
                     let column = &mut self.columns[d * k + l][c];
                     let out = &mut column.as_mut()[..L::rows(k)];
-                    L::sums(out, &tables.inverse_product, &s);
+                    L::sums(out, &tables.inverse_product, &self.sides[c]);
                 }
             }
         }

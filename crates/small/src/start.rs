@@ -5,6 +5,7 @@ use super::layout::{Layout, larger};
 use super::{CONSTRAINTS, COORDINATES, LAM, Small, Z};
 use liouville_base::linalg::max_norm;
 use liouville_base::newton;
+use liouville_base::real::Scalar;
 use liouville_base::simd::dispatch_simd;
 use liouville_problem::{Acceleration, Model, State, Step};
 
@@ -86,19 +87,17 @@ impl<L: Layout> Small<L> {
     #[inline(always)]
     pub(super) fn measure_deviation(&mut self, step: Step<L>) {
         let n = self.problem.n.min(COORDINATES);
-        let mut largest = L::zeros();
+        let mut largest = L::Row::splat(0.0);
         let rows = L::rows(self.tables.stages);
         for q in 0..n {
             let (y, y0, v0) = (self.stage.argument(1 + q), step.state.y[q], self.v0[q]);
             for row in 0..rows {
                 let uniform = v0.every() * (L::factor(&self.tables.c, row) * step.h);
-                let moved = (y[row] - y0.every()) - uniform;
-                let out = &mut largest.as_mut()[row];
-                *out = larger(*out, moved);
+                largest = larger(largest, (y[row] - y0.every()) - uniform);
             }
         }
         let unit = self.yardstick * step.h.abs();
-        self.deviation = L::largest(&largest.as_ref()[..rows]).zip(
+        self.deviation = L::largest(largest).zip(
             unit,
             #[inline(always)]
             |moved, unit| if unit == 0.0 { 0.0 } else { moved / unit },
@@ -109,14 +108,13 @@ impl<L: Layout> Small<L> {
     #[inline(always)]
     pub(super) fn relative(&mut self, size: L) -> L {
         let rows = L::rows(self.tables.stages);
-        let mut largest = L::zeros();
+        let mut largest = L::Row::splat(0.0);
         for z in &self.z[..self.problem.n.min(COORDINATES)] {
-            for row in 0..rows {
-                let out = &mut largest.as_mut()[row];
-                *out = larger(*out, z.as_ref()[row]);
+            for z in &z.as_ref()[..rows] {
+                largest = larger(largest, *z);
             }
         }
-        self.speed = L::largest(&largest.as_ref()[..rows]) + self.rest;
+        self.speed = L::largest(largest) + self.rest;
         size.zip(
             self.speed,
             #[inline(always)]
