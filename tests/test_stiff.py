@@ -406,3 +406,16 @@ def test_long_steps_are_confirmed_by_few_others(method, steps):
     problem = lv.problems.load("pendulum")
     run = lv.integrate(problem.system, method, t=problem.interval, steps=steps, **problem.start)
     assert run.stats["newton_steps"] < 4 * steps
+
+
+def test_of_an_ensemble_members_that_resets_change_are_watched_beside_the_others():
+    """A ball bounces off a floor and loses by it, and another starts too high to meet it."""
+    ball = lv.Lagrangian(lambda t, q, v, p: v[0] ** 2 / 2 - q[0], q=1)
+    floor = lv.Event(
+        lambda t, q, v, lam, p: q[0], direction=-1, reset=lambda t, q, v, lam, p: -0.7 * v
+    )
+    run = {"t": (0, 3), "h": 0.1, "q": [[1.0], [9.0]], "v": [0.0], "events": {"floor": floor}}
+    balls = lv.ensemble(ball, lv.Spark(2), **run)
+    assert set(balls.events["floor"].member) == {0}
+    assert np.ptp(balls.invariants["energy"][:, 0]) > 0.5
+    assert balls.message == ""

@@ -149,6 +149,12 @@ impl EnergyWatch {
         }
     }
 
+    /// The same watch over another motion, which has this energy at the start.
+    #[must_use]
+    pub fn of_another(&self, start: Option<f64>) -> Self {
+        Self::new(self.at, start, self.falls)
+    }
+
     /// Excludes the change by a reset at a time; to be called in their order and before the records after
     /// them.
     pub fn reset(&mut self, t: f64, change: f64) {

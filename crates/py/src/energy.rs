@@ -22,6 +22,40 @@ pub(crate) enum KineticAt {
     Recorded(usize),
 }
 
+/// What a watch has found, and numbers of it.
+type Found = (&'static str, Vec<f64>);
+
+/// A change by its name.
+fn named(change: EnergyChange) -> Found {
+    match change {
+        EnergyChange::Large {
+            record,
+            t,
+            energies: [first, now],
+        } => ("change", vec![record as f64, t, first, now]),
+        EnergyChange::Rise {
+            between: [from, to],
+            energies: [low, high],
+        } => ("rise", vec![from, to, low, high]),
+        EnergyChange::Jump {
+            between: [from, to],
+            part,
+        } => ("jump", vec![from, to, part]),
+    }
+}
+
+impl PyEnergyWatch {
+    /// The width of records and the number of their members.
+    fn shape(&self, rows: &PyReadonlyArrayDyn<'_, f64>) -> PyResult<(usize, usize)> {
+        let shape = rows.shape();
+        let width = shape.last().copied().unwrap_or(0);
+        if shape.len() < 2 || width < self.width {
+            return Err(refused("records are rows with all these columns"));
+        }
+        Ok((width, shape.iter().skip(1).rev().skip(1).product()))
+    }
+}
+
 #[pymethods]
 impl PyEnergyWatch {
     #[new]
@@ -51,11 +85,9 @@ impl PyEnergyWatch {
         rows: PyReadonlyArrayDyn<'_, f64>,
         member: usize,
     ) -> PyResult<()> {
-        let shape = rows.shape();
-        let width = shape.last().copied().unwrap_or(0);
-        let members: usize = shape.iter().skip(1).rev().skip(1).product();
-        if shape.len() < 2 || width < self.width || member >= members {
-            return Err(refused("records are rows with all these columns"));
+        let (width, members) = self.shape(&rows)?;
+        if member >= members {
+            return Err(refused("there are fewer members"));
         }
         let (times, rows) = (times.as_slice()?, rows.as_slice()?);
         let inner = &mut self.inner;
@@ -68,25 +100,38 @@ impl PyEnergyWatch {
         Ok(())
     }
 
+    /// What records of shape (k, P, width) show of a range of members, each watched from its own
+    /// start on: the number of each member of which something is found, and what `found` has of it. `starts` has the
+    /// energy at the start of each of the P, or of none.
+    fn found_of_each(
+        &self,
+        py: Python<'_>,
+        times: PyReadonlyArray1<'_, f64>,
+        rows: PyReadonlyArrayDyn<'_, f64>,
+        starts: PyReadonlyArray1<'_, f64>,
+        members: (usize, usize),
+    ) -> PyResult<Vec<(usize, Found)>> {
+        let (width, count) = self.shape(&rows)?;
+        let (times, rows, starts) = (times.as_slice()?, rows.as_slice()?, starts.as_slice()?);
+        if members.1 > count || !(starts.is_empty() || starts.len() == count) {
+            return Err(refused("there is a start for each member"));
+        }
+        let found = |member: usize| {
+            let mut watch = self.inner.of_another(starts.get(member).copied());
+            let all = rows.chunks_exact(width).skip(member).step_by(count);
+            for (t, row) in times.iter().zip(all) {
+                watch.add(*t, row);
+            }
+            Some((member, named(watch.found()?)))
+        };
+        Ok(py.detach(|| (members.0..members.1).filter_map(found).collect()))
+    }
+
     /// What is found, and numbers of it. Of a "change" by more than the energy's size: the number of the record, its
     /// time, and the energies at the start and there. Of a "rise": two times and the energies there. Of a "jump": the
     /// times around it, and its part of the energy's size. None if there is none.
-    fn found(&self) -> Option<(&'static str, Vec<f64>)> {
-        self.inner.found().map(|change| match change {
-            EnergyChange::Large {
-                record,
-                t,
-                energies: [first, now],
-            } => ("change", vec![record as f64, t, first, now]),
-            EnergyChange::Rise {
-                between: [from, to],
-                energies: [low, high],
-            } => ("rise", vec![from, to, low, high]),
-            EnergyChange::Jump {
-                between: [from, to],
-                part,
-            } => ("jump", vec![from, to, part]),
-        })
+    fn found(&self) -> Option<Found> {
+        self.inner.found().map(named)
     }
 
     /// All that the rest of the run adds to.

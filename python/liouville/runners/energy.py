@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from itertools import accumulate
 from typing import Literal
 
@@ -40,9 +40,9 @@ def watch_of(
     return _core.EnergyWatch(at["invariant energy"], kinetic, start, falls)
 
 
-def sentence_of(found_of_each: Iterable[Found | None], *, is_ensemble: bool) -> str:
-    """Return a sentence on the findings of watches, of one motion or of each member."""
-    found = [(member, *what) for member, what in enumerate(found_of_each) if what is not None]
+def sentence_of(found_of: Mapping[int, Found], *, is_ensemble: bool) -> str:
+    """Return a sentence on what watches have found, of one motion or of members by their number."""
+    found = [(member, *what) for member, what in sorted(found_of.items())]
     if not found:
         return ""
     # the earliest change of all members before a rise or a jump of any

@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 import os
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,6 +17,7 @@ from liouville import _core
 from liouville._arguments import MOST_STEPS, check_memory, count
 from liouville.control import Steps, Takes, steps_of
 from liouville.errors import Description, describe
+from liouville.events import AFTER
 from liouville.methods import Method
 from liouville.points import Points
 from liouville.runners.energy import Found, sentence_of
@@ -29,6 +31,9 @@ if TYPE_CHECKING:
 
 KEEP_LESS = "keep fewer with every=, or none with states=False"
 STORE = "; store= keeps all of them in a folder"
+
+#: Numbers that the core looks at in one call: Ctrl-C is answered in between.
+SLICE = 1 << 22
 
 #: Names of some columns of a record in messages.
 QUANTITIES = {
@@ -218,17 +223,33 @@ class Runner(ABC):
 
     def _found(
         self, t: np.ndarray, rows: np.ndarray, events: Mapping[str, Points]
-    ) -> Iterator[Found | None]:
-        """Give what is found of each member, one after another."""
-        for member in range(math.prod(self.members)):
-            watch = self.watch(member)
-            if watch is None:
-                return
+    ) -> dict[int, Found]:
+        """Return what is found of the energies of members, by their number."""
+        all_of, watch = math.prod(self.members), self.watch()
+        if watch is None:
+            return {}
+        found: dict[int, Found] = {}
+        starts = np.ravel(np.asarray(self.initial.get("energy", []), dtype=float))
+        slices = range(0, all_of, max(1, SLICE * all_of // max(1, rows.size)))
+        for first, last in pairwise([*slices, all_of]):
+            found |= watch.found_of_each(t, rows, starts, (first, last))
+        for member in self._members_with_resets(events):
+            found.pop(member, None)
+            own = self.watch(member) or watch
             for reset in self.resets(events, member):
-                watch.reset(*reset)
-            watch.add(t, rows, member)
-            found = watch.found()
-            yield None if found and self.is_driven(t, rows, member) else found
+                own.reset(*reset)
+            own.add(t, rows, member)
+            what = own.found()
+            if what is not None:
+                found[member] = what
+        return {k: what for k, what in found.items() if not self.is_driven(t, rows, k)}
+
+    def _members_with_resets(self, events: Mapping[str, Points]) -> set[int]:
+        """Return the numbers of the members that resets have changed."""
+        hits = [x.states for x in events.values() if any(name.endswith(AFTER) for name in x.states)]
+        if not self.members:
+            return {0} if hits else set()
+        return {int(member) for states in hits for member in states["member"]}
 
     def events(self, run: _core.Run) -> tuple[dict[str, Points], dict[int, str]]:
         """Return the events met, by name, and a sentence on each that ended a run, by member."""

@@ -98,7 +98,8 @@ class Stream:
         """Return a sentence on records that cannot be right; empty where there is none."""
         said = ""
         if self._watch is not None and not self._is_driven:
-            said = sentence_of([self._watch.found()], is_ensemble=False)
+            found = self._watch.found()
+            said = sentence_of({0: found} if found else {}, is_ensemble=False)
         return "; ".join(filter(None, [said, self._runner.outweighed(self._largest)]))
 
     def recent(self) -> Columns:
