@@ -62,6 +62,18 @@ def test_exact_data_give_back_what_made_them():
     assert not place.start["v"].any()
 
 
+@pytest.mark.parametrize("late", [0, 3])
+def test_starts_vary_with_lengths_in_their_constraints(late):
+    """The distance of the start from the pivot is the length, and as uncertain as that."""
+    data = {name: x[late:] for name, x in noisy(4).items()}
+    call = {"params": ("l", "g"), "free": ("q", "v"), "sigma": 0.01, "t0": 0.0}
+    found = lv.fit(SYSTEM, METHOD, data, h=0.05, **call, **START)
+    across = np.zeros(6)
+    across[2:4] = found.start["q"] / found.params["l"]
+    length = np.eye(6)[0]
+    np.testing.assert_allclose(found.covariance @ across, found.covariance @ length, rtol=1e-9)
+
+
 @pytest.mark.parametrize("sigma", [1e-3, None])
 def test_covariance_holds_the_truth_as_often_as_it_says(sigma):
     """Of 400 data sets 380 are expected within the ellipse of 95 %, 366 to 394 with odds of 0.999.
@@ -122,6 +134,10 @@ GIVEN = {"h": 0.05, "params": ("l",)}
         (noisy(0), GIVEN | {"free": ("p",)}, "free is q or v"),
         (noisy(0), GIVEN | {"bounds": {"g": (0, 1)}}, "'g', which is not fitted"),
         (noisy(0), GIVEN | {"bounds": {"l": (0, 1)}}, "'l' begins at 2.0, which is not between"),
+        (noisy(0), GIVEN | {"bounds": {"l": 3}}, "'l' is bounded by a pair"),
+        (noisy(0), GIVEN | {"params": ("l", "l")}, "params names 'l' twice"),
+        (noisy(0) | {"x": TRUTH.q[:, 0]}, GIVEN, "data 'x' gives again what"),
+        (noisy(0), GIVEN | {"sigma": {"q": 1, "x": 1}}, "sigma has 'x', of which there are no"),
         (noisy(0), GIVEN | {"sigma": -1.0}, "sigma is positive"),
         (noisy(0), GIVEN | {"sigma": {"x": 0.1}}, "sigma has no value for 'q'"),
         (noisy(0), GIVEN | {"t0": 3.0}, "after the first measurement"),

@@ -122,7 +122,8 @@ def section(
     period : float, optional
         Distance of parallel planes that are all meant, such as :math:`2 \pi` for an angle.
     direction : {"both", "up", "down"}
-        Whether :math:`a \cdot x` must grow or fall. Times have no direction.
+        Whether :math:`a \cdot x` must grow or fall in the order of the run, also of one backwards
+        in time. Times have no direction.
     x : array_like, shape (P, n)
         Starts of P trajectories.
 

@@ -19,7 +19,7 @@ from liouville.integrate import integrate
 from liouville.methods import Method
 from liouville.runners.execute import finished
 from liouville.solution import Solution
-from liouville.systems import Mechanics, SemiExplicit
+from liouville.systems import Mechanics, SemiExplicit, _trace
 
 #: Fits from the start that the last one found, until it moves by less than this part of its error.
 MOST, SETTLED = 10, 1e-3
@@ -41,7 +41,7 @@ def fit(
     params: Sequence[str] | Mapping[str, ArrayLike] = (),
     free: Sequence[str] = (),
     sigma: float | Mapping[str, ArrayLike] | None = None,
-    bounds: Mapping[str, tuple[float, float]] | None = None,
+    bounds: Mapping[str, Any] | None = None,
     t0: float | None = None,
     **start: ArrayLike,
 ) -> Fit:
@@ -80,8 +80,8 @@ def fit(
         Standard deviation of all measurements, or by the names in `data`, as a number, one for each
         coordinate, or of the shape of the data. Without it measurements count alike, and their
         deviation is found from the residuals.
-    bounds : mapping of str to (float, float), optional
-        Least and largest value of parameters, by name.
+    bounds : mapping, optional
+        Least and largest value of parameters by name, ``{"l": (0, 2)}``; None leaves a side open.
     t0 : float, optional
         Time of the start, before the first measurement or, by default, at it.
     **start : array_like
@@ -135,7 +135,7 @@ def fit(
         raise TypeError(hinted(sentence, "lv.vjp has gradients of the others, for an optimiser"))
     measured = Measurements(system, data, h, sigma, t0)
     problem = _Problem(system, method, measured, start)
-    problem.take(params, free, bounds or {})
+    problem.take(params, free, bounds)
     return problem.solve()
 
 
@@ -153,7 +153,7 @@ class _Problem:
         self,
         params: Sequence[str] | Mapping[str, ArrayLike],
         free: Sequence[str],
-        bounds: Mapping[str, tuple[float, float]],
+        bounds: Mapping[str, Any] | None,
     ) -> None:
         """Take what is to be fitted."""
         given: dict[str, Any] = dict(params) if isinstance(params, Mapping) else {}
@@ -164,6 +164,8 @@ class _Problem:
             if name not in self.params:
                 hint = f"there are {quoted(list(self.params))}" if self.params else "it has none"
                 raise ValueError(hinted(f"the system has no parameter {name!r}", hint))
+            if names.count(name) > 1:
+                raise ValueError(f"params names {name!r} twice")
         self.params |= given
         if not isinstance(free, Sequence):
             hint = f"write free={movable(self.system)!r}"
@@ -172,19 +174,20 @@ class _Problem:
         for name in self.free:
             if name not in movable(self.system):
                 raise ValueError(f"free is {' or '.join(movable(self.system))}, not {name!r}")
-        for name in bounds:
+        limits = _trace.mapping("bounds", bounds)
+        for name in limits:
             if name not in self.fitted:
                 raise ValueError(f"bounds has {name!r}, which is not fitted")
         sizes = [np.size(self.params[name]) for name in self.fitted]
         self.cuts = np.cumsum([0, *sizes]).tolist()
         self.bounds = np.array([[-np.inf, np.inf]] * self.cuts[-1]).reshape(-1, 2)
         for name, size, first in zip(self.fitted, sizes, self.cuts, strict=False):
-            low, high = bounds.get(name, (-np.inf, np.inf))
             value = np.asarray(self.params[name])
+            low, high = _trace.pair(f"'{name}'", limits.get(name, (None, None)), value.shape)
             if not ((low < value) & (value < high)).all():
-                sentence = f"'{name}' begins at {value}, which is not between {low:g} and {high:g}"
+                sentence = f"'{name}' begins at {value}, which is not between {low} and {high}"
                 raise ValueError(hinted(sentence, "give params= as a mapping with first values"))
-            self.bounds[first : first + size] = low, high
+            self.bounds[first : first + size] = np.stack([low, high], axis=-1).reshape(-1, 2)
         if not self.fitted and not self.free:
             raise ValueError("nothing is to be fitted: give params= or free=")
 
@@ -286,7 +289,7 @@ class _Problem:
             self.system, self.method, params=params, tangents=tangents, **self.data.run, **start
         )
         finished(run)
-        return _Tried(x.copy(), params, start, run)
+        return _Tried(x.copy(), params, start, tangents, run)
 
     def _residuals(self, x: Array) -> Array:
         if not np.array_equal(x, self.last.x):
@@ -295,14 +298,20 @@ class _Problem:
             except (IntegrationError, ValueError):
                 # the trust region becomes smaller where no motion is
                 return np.full(int(self.data.is_there.sum()), np.inf)
-        there = self._of(self.last.run.states)
+        there = self._of(self.last.run.states)[self.data.first :]
         found: Array = ((there - self.data.values) / self.data.weights)[self.data.is_there]
         return found
 
     def _jacobian(self, x: Array) -> Array:
         assert np.array_equal(x, self.last.x), "derivatives come from the run of the residuals"
+        slopes = self._slopes(self.last.run)[self.data.first :] / self.data.weights[:, None]
+        found: Array = np.moveaxis(slopes, 1, 2)[self.data.is_there]
+        return found
+
+    def _slopes(self, run: Solution) -> Array:
+        """Return derivatives of all records by the unknowns, shape (k, K, w)."""
         columns: list[Array] = []
-        for name, tangent in self.last.run.tangents.items():
+        for name, tangent in run.tangents.items():
             rows = self._of(tangent.states)
             rows = rows if rows.ndim == 3 else rows[:, None]
             if name in movable(self.system)[1:]:
@@ -310,12 +319,23 @@ class _Problem:
                 columns[-1] = columns[-1] + rows
             else:
                 columns.append(rows)
-        each = np.concatenate(columns, axis=1) / self.data.weights[:, None]
-        found: Array = np.moveaxis(each, 1, 2)[self.data.is_there]
+        return np.concatenate(columns, axis=1)
+
+    def _slopes_of_start(self) -> Array:
+        """Return derivatives of both states of the start, shape (w, K).
+
+        Parameters in constraints move it too.
+        """
+        run = integrate(
+            self.system, self.method, params=self.params, tangents=self.last.tangents,
+            **self.data.first_step, **self.start,
+        )  # fmt: skip
+        found: Array = self._slopes(finished(run))[0].T
         return found
 
     def _of(self, states: Mapping[str, Array]) -> Array:
-        return self.data.of({name: states[name] for name in self.system.states})
+        """Return both states of all records side by side."""
+        return np.concatenate([states[name] for name in self.system.states], axis=-1)
 
     def _covariance(self, jacobian: Array) -> Array:
         """Return the covariance of the unknowns for measurements of deviation one."""
@@ -330,11 +350,11 @@ class _Problem:
     def _scales(self, jacobian: Array) -> Array:
         """Return the sizes of derivatives; ValueError where one is nothing but roundoff."""
         scales: Array = np.linalg.norm(jacobian, axis=0)
-        states = (self._of(self.last.run.states) / self.data.weights)[self.data.is_there]
+        states = self._of(self.last.run.states)[self.data.first :] / self.data.weights
         typical = np.abs(self._theta())
         typical[typical == 0] = 1.0
         own = np.concatenate([1 / typical, self._along()])
-        nothing = scales <= NOTHING * np.linalg.norm(states) * own
+        nothing = scales <= NOTHING * np.linalg.norm(states[self.data.is_there]) * own
         if nothing.any():
             self._undetermined(nothing)
         return scales
@@ -380,7 +400,9 @@ class _Problem:
         rows = [k for k, (state, _) in enumerate(each) if state in self.free]
         names += [f"{each[k][0]}.{each[k][1]}" for k in rows]
         spread = np.zeros((own + len(rows), unknowns))
-        spread[:own, :own], spread[own:, own:] = np.eye(own), self.basis[rows]
+        spread[:own, :own] = np.eye(own)
+        if rows:
+            spread[own:] = self._slopes_of_start()[rows]
         return Fit(
             params=self.params, start=self.start, names=tuple(names),
             covariance=spread @ covariance @ spread.T, residuals=-residuals, sigma=sigma,
@@ -395,4 +417,5 @@ class _Tried:
     x: Array
     params: dict[str, Any]
     start: dict[str, Array]
+    tangents: dict[str, Any]
     run: Solution

@@ -9,7 +9,6 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from liouville._arguments import interval, number
-from liouville.analysis.point import Array
 from liouville.errors import hinted
 from liouville.systems import Mechanics, SemiExplicit
 
@@ -45,6 +44,8 @@ class Measurements:
         Time of the start.
     run : dict
         Interval, steps and kept times of a run that meets them, as arguments of ``integrate``.
+    first_step : dict
+        Interval and number of steps of its first step, likewise.
     first : int
         The record of the run that the first measurement is of.
     values : ndarray, shape (k, w)
@@ -84,11 +85,14 @@ class Measurements:
         if _are_whole((times - self.t0) / distance):
             self.first = int(places[0])
             every = max(1, int(np.ceil(distance / h * (1 - EVEN))))
-            self.run |= {"every": every, "steps": every * int(places[-1])}
-            return
-        self.first = 0
-        steps = max(1, int(np.ceil((span[1] - span[0]) / h * (1 - EVEN))))
-        self.run |= {"steps": steps, "t_eval": times}
+            steps = every * int(places[-1])
+            self.run |= {"every": every, "steps": steps}
+        else:
+            self.first = 0
+            steps = max(1, int(np.ceil((span[1] - span[0]) / h * (1 - EVEN))))
+            self.run |= {"steps": steps, "t_eval": times}
+        step = (span[0], span[0] + (span[1] - span[0]) / steps)
+        self.first_step: dict[str, Any] = {"t": step, "steps": 1}
 
     def _take_data(self, system: System, data: Mapping[str, Any], sigma: Any) -> None:
         names = [system.places[state] for state in system.states]
@@ -99,6 +103,7 @@ class Measurements:
         components = [name for each in own for name in each]
         self.values = np.full((self._count, ends[-1]), np.nan)
         self.weights = np.ones((self._count, ends[-1]))
+        given = np.zeros(ends[-1], dtype=bool)
         self.is_absolute = sigma is not None
         for name in data:
             if name == "t":
@@ -111,6 +116,10 @@ class Measurements:
             if values.shape != self.values[:, place].shape:
                 wanted = self.values[:, place].shape
                 raise ValueError(f"data {name!r} has shape {values.shape}, wanted {wanted}")
+            if given[place].any():
+                sentence = f"data {name!r} gives again what other data of the same state give"
+                raise ValueError(hinted(sentence, "give the state, or its coordinates"))
+            given[place] = True
             self.values[:, place] = values
             deviation = sigma.get(name) if isinstance(sigma, Mapping) else sigma
             if deviation is None and self.is_absolute:
@@ -122,6 +131,9 @@ class Measurements:
                 sentence = f"sigma of {name!r} has shape {weights.shape}"
                 raise ValueError(f"{sentence}, wanted a number or {values.shape}")
             self.weights[:, place] = weights
+        for name in sigma if isinstance(sigma, Mapping) else ():
+            if name not in data or name == "t":
+                raise ValueError(f"sigma has {name!r}, of which there are no data")
         self.is_there = np.isfinite(self.values)
         if np.isinf(self.values).any() or not self.is_there.any():
             raise ValueError("data are finite numbers, and NaN where nothing was measured")
@@ -132,7 +144,3 @@ class Measurements:
         sizes = self.weights[self.is_there]
         if not (sizes > 0).all() or not np.isfinite(sizes).all():
             raise ValueError("sigma is positive and finite")
-
-    def of(self, states: Mapping[str, Array]) -> Array:
-        """Return both states of a run side by side, at the times of the measurements."""
-        return np.concatenate([*states.values()], axis=-1)[self.first :]

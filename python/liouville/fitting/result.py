@@ -26,8 +26,8 @@ class Fit:
         What was fitted: ``params.l``, or ``params.k[0]`` of a vector, then coordinates of the start
         such as ``q.x``.
     covariance : ndarray, shape (K, K)
-        Of the values of `names`, linearised at the fit; of a start it is singular across the
-        constraints.
+        Of the values of `names`, linearised at the fit. Across its constraints a start varies with
+        the parameters in them alone.
     residuals : ndarray, shape (N,)
         Measured minus computed values over their standard deviations, or over 1 without `sigma`.
     sigma : float or None

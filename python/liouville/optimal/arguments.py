@@ -124,7 +124,7 @@ class Times:
     def _limits(given: Any, t0: float, t1: float) -> tuple[float, float] | None:
         if given is None:
             return None
-        low, high = pair("final_time", given, ())
+        low, high = _trace.pair("final_time", given, ())
         if not t0 < low <= t1 <= high:
             sentence = f"final_time is from {low:g} to {high:g}, with the guess {t1:g} of t in it"
             raise ValueError(hinted(sentence, f"limits are above the start, {t0:g}"))
@@ -149,21 +149,6 @@ def checked_method(method: Method | str) -> Spark:
     return method
 
 
-def pair(what: str, given: Any, shape: tuple[int, ...]) -> tuple[Array, Array]:
-    """Return least and largest values of a quantity; None leaves a side open."""
-    if not isinstance(given, Sequence | np.ndarray) or isinstance(given, str) or len(given) != 2:
-        raise TypeError(f"{what} is bounded by a pair (least, largest), not {given!r}")
-    found = []
-    for side, open_side in zip(given, (-np.inf, np.inf), strict=True):
-        array = _trace.numbers(open_side if side is None else side)
-        if array is None or np.isnan(array).any() or array.shape not in ((), shape):
-            raise ValueError(f"a bound of {what} is a number or has shape {shape}, not {side!r}")
-        found.append(np.broadcast_to(array, shape))
-    if (found[0] > found[1]).any():
-        raise ValueError(f"the bounds of {what} leave nothing: {given!r}")
-    return found[0], found[1]
-
-
 @dataclass(frozen=True)
 class Bounds:
     """Least and largest values: of y and z, shape (2, 2, n), and of controls, shape (2, k)."""
@@ -182,7 +167,7 @@ class Bounds:
             own[name][:] = sides.reshape(2, *([1] * (own[name].ndim - 1)))
         for name, value in _trace.mapping("bounds", given).items():
             if name in own:
-                own[name][:] = pair(f"control '{name}'", value, controls.shapes[name])
+                own[name][:] = _trace.pair(f"control '{name}'", value, controls.shapes[name])
             elif name in system.states:
                 place = system.states.index(name)
                 states[:, place] = _state_bounds(system, name, value, states[:, place])
@@ -204,11 +189,12 @@ class Bounds:
 
 def _state_bounds(system: Mechanics, name: str, value: Any, free: Array) -> Array:
     if not isinstance(value, Mapping):
-        return np.array(pair(name, value, (len(system.coordinates),)))
+        return np.array(_trace.pair(name, value, (len(system.coordinates),)))
     found = free.copy()
     for coordinate, own in value.items():
         if coordinate not in system.coordinates:
             known = f"there are {quoted(system.coordinates[:6])}"
             raise ValueError(hinted(f"bounds of {name}: there is no '{coordinate}'", known))
-        found[:, system.coordinates.index(coordinate)] = pair(f"{name} of '{coordinate}'", own, ())
+        sides = _trace.pair(f"{name} of '{coordinate}'", own, ())
+        found[:, system.coordinates.index(coordinate)] = sides
     return found

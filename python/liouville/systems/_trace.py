@@ -147,6 +147,21 @@ def numbers(value: Any) -> np.ndarray | None:
     return array.astype(float, copy=False) if array.dtype.kind in "iuf" else None
 
 
+def pair(what: str, given: Any, shape: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray]:
+    """Return least and largest values of a quantity; None leaves a side open."""
+    if not isinstance(given, Sequence | np.ndarray) or isinstance(given, str) or len(given) != 2:
+        raise TypeError(f"{what} is bounded by a pair (least, largest), not {given!r}")
+    found = []
+    for side, open_side in zip(given, (-np.inf, np.inf), strict=True):
+        array = numbers(open_side if side is None else side)
+        if array is None or np.isnan(array).any() or array.shape not in ((), shape):
+            raise ValueError(f"a bound of {what} is a number or has shape {shape}, not {side!r}")
+        found.append(np.broadcast_to(array, shape))
+    if (found[0] > found[1]).any():
+        raise ValueError(f"the bounds of {what} leave nothing: {given!r}")
+    return found[0], found[1]
+
+
 def vector(name: str, value: Any, places: tuple[str, ...]) -> np.ndarray:
     """Return a start value as an array with a number for each name."""
     array = numbers(value)
