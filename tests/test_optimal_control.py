@@ -1,11 +1,15 @@
 """Optimal control: orders, published optima, what is kept, and what is refused."""
 
+import _thread
+import threading
+
 import casadi as ca
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
 import liouville as lv
+from liouville.optimal import program
 
 # A pendulum on a cart, from rest below to rest above in 3 s, with gravity 1: what minimises its
 # effort, in minimal coordinates (X, theta) by Pontryagin and shooting. Costates at the start:
@@ -384,3 +388,24 @@ def test_units_do_not_matter(form, length, time, mass):
     # the costate of the position is constant, and that of the momentum is minus the force
     assert found.costates["q"][:, 0] / (force**2 * time / length) == pytest.approx(-12, rel=1e-8)
     assert found.costates["p"][:, 0] == pytest.approx(-found.controls["F"], abs=1e-8 * force)
+
+
+class InterruptedSolver:
+    """A solver to which Ctrl-C comes while IPOPT runs."""
+
+    def __init__(self, *given):
+        self.solver = ca.nlpsol(*given)
+        self.stats = self.solver.stats
+
+    def __call__(self, **given):
+        threading.Timer(0.05, _thread.interrupt_main).start()
+        return self.solver(**given)
+
+
+def test_ctrl_c_interrupts_ipopt(monkeypatch):
+    """It is no failure of the problem, which a caller might go on from."""
+    monkeypatch.setattr(program.ca, "nlpsol", InterruptedSolver, raising=False)
+    with pytest.raises(KeyboardInterrupt, match="interrupted after"):
+        swing(3, 300, bounds={"F": (-20, 20)})
+    monkeypatch.undo()
+    assert swing(2, 10).status == "Solve_Succeeded"

@@ -117,6 +117,8 @@ def optimal_control(
         scalar, a start off the constraints, final conditions that repeat others.
     OptimizationError
         IPOPT found no solution; the error has its status, and the last iterate as ``result``.
+    KeyboardInterrupt
+        IPOPT was interrupted (Ctrl-C); CasADi keeps no iterate then.
 
     Notes
     -----

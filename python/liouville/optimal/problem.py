@@ -22,8 +22,9 @@ from liouville.optimal.transcription import Equations, Transcription
 from liouville.runners.execute import finished
 from liouville.systems import Mechanics, _trace
 
-#: IPOPT's words for a solution.
+#: IPOPT's words for a solution, and for the exception of CasADi's that Ctrl-C is there.
 SOLVED = ("Solve_Succeeded", "Solved_To_Acceptable_Level")
+INTERRUPTED = "NonIpopt_Exception_Thrown"
 
 #: A final state may be off the one asked for by this part of its size.
 REACHED = 1e-6
@@ -87,6 +88,8 @@ class Problem:
         x0 = np.clip(transcription.guess(self.start, path), *limits)
         with np.errstate(all="ignore"):
             found, stats = program.solve(x0, limits, transcription.sizes(x0), options)
+        if stats["return_status"] == INTERRUPTED:
+            raise KeyboardInterrupt(f"interrupted after {stats['iter_count']} iterations")
         result = self._result(found, stats, perf_counter() - begun)
         if stats["return_status"] not in SOLVED:
             raise self._error(found["g"], result)
