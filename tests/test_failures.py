@@ -486,6 +486,13 @@ def optimum(system, method, *, t, **start):
     return found.solution
 
 
+def pulled(system, method, *, t, **start):
+    both = {name: np.array([x, x]) for name, x in start.items()}
+    run = {"t": t, "steps": 300, "every": 300, "threads": 1}  # too many to go without checkpoints
+    solution, pullback = lv.vjp(system, method, wrt=["v"], **run, **both)
+    return pullback(q=np.ones_like(solution.q))
+
+
 #: Computations made of runs.
 COMPUTATIONS = {
     "exponents": lambda: within("pendulum", lv.Spark(2), lv.lyapunov, h=0.01, every=20),
@@ -501,6 +508,7 @@ COMPUTATIONS = {
     "gradient of a field": lambda: within(
         "abc_flow", lv.VolumeSplitting(), lv.check_gradient, steps=20, wrt=["x"]
     ),
+    "gradients of members": lambda: within("pendulum", lv.Spark(2), pulled),
     "gradients of waves": lambda: lv.check_gradient(
         lv.Schrodinger(lv.Lattice(4)), lv.Chebyshev(), t=(0, 1), psi=np.eye(2, 4), wrt=["psi"]
     ),

@@ -96,6 +96,8 @@ class Pullback:
             There is no such state, or a cotangent has another shape or is not finite.
         IntegrationError
             A step cannot be differentiated.
+        KeyboardInterrupt
+            It was interrupted (Ctrl-C); it may be called again.
         """
         events = cotangents.pop("events", {})
         given = [events, *events.values()] if isinstance(events, Mapping) else [None]

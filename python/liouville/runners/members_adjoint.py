@@ -92,7 +92,7 @@ class MembersAdjoint(Adjoint):
                 checkpoints.stride = steps
                 checkpoints.take(run)
             else:
-                own = execute(adjoint.runner, checkpoints=checkpoints)
+                own = finished(execute(adjoint.runner, checkpoints=checkpoints))
             if own.status != "done":
                 raise IntegrationError(own.message, solution=own)
             return adjoint.pulled(own, _of_member(solution, own, member, cotangents))

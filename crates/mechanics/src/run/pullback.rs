@@ -6,6 +6,7 @@ use super::journal::{Entry, EventAdjoint, EventRecorder, GivenEntry, Journal, re
 use super::member::{BoxedStepper, Member, MonitoredSteps};
 use super::shared::SharedRun;
 use crate::events::{DenseDetector, LinearReset};
+use liouville_base::cancel;
 use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch};
 use liouville_base::error::StepError;
 use liouville_base::linalg::Matrix;
@@ -14,6 +15,9 @@ use liouville_base::recorder::{Recordable, Recorder, SharedRecords, StepRecord};
 use liouville_base::run::{Advance, Status, StepControl};
 use liouville_problem::{Carried, Cotangents, ObservePoint};
 use std::time::Duration;
+
+/// How long steps are repeated without asking whether to stop.
+const BETWEEN: Duration = Duration::from_millis(40);
 
 /// The adjoint of a run, which takes cotangents back to its start, from checkpoint to checkpoint.
 pub trait Follow: Send + Sync {
@@ -33,7 +37,7 @@ pub trait Follow: Send + Sync {
     /// are cotangents of (y, z, λ) at the ends of the steps `kept`, both in their order.
     ///
     /// # Errors
-    /// A step cannot be repeated, or its adjoint fails.
+    /// A step cannot be repeated, its adjoint fails, or the thread is cancelled.
     fn follow(&mut self, last: usize, kept: &[usize], rows: &Matrix) -> Result<(), StepError>;
 
     /// Adds the cotangents `row` of the start, and returns all.
@@ -308,7 +312,15 @@ impl<A: StepAdjoint> Follow for Pullback<A> {
     }
 
     fn follow(&mut self, last: usize, kept: &[usize], rows: &Matrix) -> Result<(), StepError> {
-        let status = self.run.advance_to(last, Duration::MAX);
+        let status = loop {
+            let status = self.run.advance_to(last, BETWEEN);
+            if status != Status::Paused || self.run.done() >= last {
+                break status;
+            }
+            if cancel::is_cancelled() {
+                return Err(StepError::Interrupted);
+            }
+        };
         if let Status::Failed { error, .. } = status {
             return Err(error);
         }
@@ -320,6 +332,9 @@ impl<A: StepAdjoint> Follow for Pullback<A> {
         let (mut number, parts) = (self.run.done().min(last), self.parts);
         let last = records.len() - (self.run.done() - number) * parts;
         for place in (1..=last / parts).rev().map(|k| k * parts) {
+            if cancel::is_cancelled() {
+                return Err(StepError::Interrupted);
+            }
             let own = entries.split_off(entries.partition_point(|entry| entry.place < place));
             let cut = own.iter().rfind(|entry| entry.is_cut());
             let mut within = given.split_off(given.partition_point(|entry| entry.place < place));
