@@ -479,3 +479,20 @@ def test_an_interrupted_section_has_what_was_found(monkeypatch):
     for member in range(2):
         mine, theirs = found.x[found.member == member], whole.x[whole.member == member]
         assert np.array_equal(mine, theirs[: len(mine)])
+
+
+def test_a_strobe_map_says_who_failed():
+    """By steps counted from the start; without a member that is left it is an error."""
+    strobe = {"t": (0, 2), "h": 0.05, "plane": "t", "period": 0.1, "offset": 0.03}
+    calm, burst = [0.1, 0.1, 0.1], [5.0, 5.0, 5.0]
+    field = lv.PolynomialField(
+        lambda t, x, params: [x[1] ** 2, x[2] ** 2, x[0] ** 2], x=("x", "y", "z")
+    )
+    found = lv.section(field, V("shears"), x=[calm, burst], **strobe)
+    assert "trajectories, 1 failed" in repr(found)
+    step = found.failures[1].step
+    assert f"step {step} of 39 at t = {found.failures[1].t:g} failed" in found.failures[1].message
+    assert found.failures[1].t == pytest.approx(0.03 + (step - 1) * 0.05)
+    with pytest.raises(lv.IntegrationError, match="1 of 1 members failed") as caught:
+        lv.section(field, V("shears"), x=[burst], **strobe)
+    np.testing.assert_array_equal(caught.value.section.x, found.x[found.member == 1])

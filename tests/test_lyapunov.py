@@ -175,3 +175,11 @@ def test_waves_have_none():
     waves = lv.Schrodinger(np.diag([0.0, 1.0]))
     with pytest.raises(TypeError, match="moves linearly"):
         lv.lyapunov(waves, lv.Chebyshev(), t=(0, 1), h=0.1, psi=[1, 0])
+
+
+def test_failed_steps_are_counted_from_the_start():
+    """And not from where directions were last made orthogonal."""
+    run = {"t": (0, 100), "h": 0.05, "q": [0, 1.5], "v": [0.49, 0]}
+    with pytest.raises(lv.IntegrationError, match="step 62 of 2000 at t") as caught:
+        lv.lyapunov(henon_heiles(), lv.Spark(4), **run)
+    assert (caught.value.step, caught.value.t) == (62, pytest.approx(3.1))

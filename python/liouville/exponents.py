@@ -14,7 +14,8 @@ from liouville._arguments import count
 from liouville.analysis.linearization import linearized_at
 from liouville.analysis.point import Array, Point, Split
 from liouville.control import Steps, Takes, steps_of
-from liouville.errors import hinted
+from liouville.errors import IntegrationError, hinted
+from liouville.failure import counted_on
 from liouville.integrate import integrate
 from liouville.methods import Method, VolumeSplitting
 from liouville.planner import plan as plan_of
@@ -170,7 +171,17 @@ def lyapunov(
     with reported(progress, "steps") as call:
         for k, t0 in enumerate([plan.t0, *times[:-1].tolist()]):
             done = ends[k - 1] if k else 0
-            flow.advance((t0, float(times[k])), ends[k] - done)
+            try:
+                flow.advance((t0, float(times[k])), ends[k] - done)
+            except IntegrationError as error:
+                own = error.step, ends[k] - done
+                raise IntegrationError(
+                    counted_on(str(error), *own, done, plan.count), t=error.t,
+                    step=done + error.step, quantity=error.quantity, solution=error.solution,
+                ) from error.__cause__  # fmt: skip
+            except KeyboardInterrupt:
+                sentence = f"interrupted after at least {done} of {plan.count} steps"
+                raise KeyboardInterrupt(sentence) from None
             total += flow.stretched(float(times[k]))
             history[k] = total / (times[k] - plan.t0)
             if call is not None:

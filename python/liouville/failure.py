@@ -48,3 +48,8 @@ def summary_of(failures: Mapping[int, Failure], members: int) -> str:
         last = f"{rest} more" if rest else shown.pop()
         count += f" ({', '.join(shown)} and {last})"
     return f"{count}; the first, member {first}: {failures[first].message}"
+
+
+def counted_on(message: str, step: int, of: int, done: int, total: int) -> str:
+    """Return what a failed step of a piece says, with its number in the whole computation."""
+    return message.replace(f"step {step} of {of} ", f"step {done + step} of {total} ", 1)

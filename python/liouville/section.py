@@ -15,7 +15,7 @@ from liouville import _core
 from liouville._arguments import MOST_STEPS, check_memory, interval, number
 from liouville.errors import IntegrationError, hinted
 from liouville.events import DIRECTIONS, Event
-from liouville.failure import Failure, summary_of
+from liouville.failure import Failure, counted_on, summary_of
 from liouville.methods import VolumeSplitting
 from liouville.progress import Progress
 from liouville.runners import Request, runner_of
@@ -81,8 +81,10 @@ class Section:
         return self.t.size
 
     def __repr__(self) -> str:
-        """Return how many crossings of how many trajectories."""
-        return f"<Section {self.status}: {len(self)} crossings of {self.members} trajectories>"
+        """Return how many crossings of how many trajectories, and how many of these failed."""
+        failed = f", {len(self.failures)} failed" if self.failures else ""
+        crossings = f"{len(self)} crossings of {self.members} trajectories"
+        return f"<Section {self.status}: {crossings}{failed}>"
 
 
 def section(
@@ -169,7 +171,7 @@ def section(
     runner = runner_of(system, method, request)
     assert isinstance(runner, FieldRunner)
     if isinstance(plane, str) and plane == "t" and "t" not in names:
-        return _strobed(runner, request, cuts, progress)
+        return _with_some_left(_strobed(runner, request, cuts, progress))
     normal, job = np.zeros(len(names)), runner.job
     if not callable(plane):
         normal = _plane(plane, names)
@@ -198,11 +200,16 @@ def section(
             message, t=outcome.get("start", made.t0), step=outcome.get("step", 0),
             quantity=quantity, member=outcome.get("member"), section=found,
         )  # fmt: skip
-    if len(failures) == runner.members[0]:
-        member, failure = next(iter(failures.items()))
+    return _with_some_left(found)
+
+
+def _with_some_left(found: Section) -> Section:
+    """Return what was found, unless all members failed."""
+    if len(found.failures) == found.members:
+        member, failure = next(iter(found.failures.items()))
         raise IntegrationError(
-            summary_of(failures, runner.members[0]), t=failure.t, step=failure.step, member=member,
-            section=replace(found, status="failed"),
+            summary_of(found.failures, found.members), t=failure.t, step=failure.step,
+            member=member, section=replace(found, status="failed"),
         )  # fmt: skip
     return found
 
@@ -257,6 +264,9 @@ def _strobed(
     x, alive = np.full((times.size, many, len(runner.system.coordinates)), np.nan), np.arange(many)
     start, begin, made, status = runner.x[:, : x.shape[-1]], steps.t0, 0, "done"
     failures: dict[int, Failure] = {}
+    # the first of these times is less than a period away, the others follow each other
+    lead = abs(times[0] - begin) / period if times.size else 0.0
+    stepped, total = 0, max(math.ceil(lead * each - ROUNDOFF), 1) + each * (times.size - 1)
     while made < times.size and alive.size and status == "done":
         # up to the first of these times, and from there to the last
         lead = abs(times[made] - begin) / period
@@ -274,7 +284,11 @@ def _strobed(
             ),
             progress,
         )  # fmt: skip
-        failures |= {int(alive[member]): each for member, each in found.failures.items()}
+        for place, failure in found.failures.items():
+            message = counted_on(failure.message, failure.step, count * pace, stepped, total)
+            whole = replace(failure, step=stepped + failure.step, message=message)
+            failures[int(alive[place])] = whole
+        stepped += count * pace
         x[made : made + len(found.x) - 1, alive] = found.x[1:]
         status = "done" if found.status == "partly failed" else found.status
         is_left = np.isfinite(found.x[-1]).all(axis=-1)
