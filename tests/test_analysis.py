@@ -180,7 +180,7 @@ def test_independent_coordinates_have_to_tell_the_freedoms_apart():
         lv.linearize(PENDULUM, independent=["q1"], q=DOWN)
     with pytest.raises(TypeError, match=r"independent=\['q0'\]"):
         lv.linearize(PENDULUM, independent="q0", q=DOWN)
-    with pytest.raises(ValueError, match="no coordinate 'x'"):
+    with pytest.raises(ValueError, match="the system has no coordinate 'x'"):
         lv.linearize(PENDULUM, independent=["x"], q=DOWN)
 
 

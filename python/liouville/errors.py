@@ -105,11 +105,11 @@ def meant(name: str, names: Collection[str]) -> str:
     return f"did you mean {near[0]!r}?" if near else f"there are {', '.join(names)}"
 
 
-def check_name(name: str, names: Collection[str], kind: str) -> None:
-    """Refuse a name that a solution has not."""
+def check_name(name: str, names: Collection[str], kind: str, of: str = "solution") -> None:
+    """Refuse a name that a solution, or what else it is of, has not."""
     if name not in names:
         known = ", ".join(names) or "none"
-        raise ValueError(hinted(f"the solution has no {kind} {name!r}", f"it has {known}"))
+        raise ValueError(hinted(f"the {of} has no {kind} {name!r}", f"it has {known}"))
 
 
 #: Sentence, hint and quantity of an error of the core.

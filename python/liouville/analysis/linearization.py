@@ -205,7 +205,7 @@ def _picked(system: Mechanics, names: Sequence[str], free: Array) -> Array:
         hint = f"give a list, independent=[{names!r}]"
         raise TypeError(hinted(f"independent is a sequence of names, not {names!r}", hint))
     for name in names:
-        check_name(name, system.coordinates, "coordinate")
+        check_name(name, system.coordinates, "coordinate", "system")
     count = free.shape[1]
     if len(names) != count:
         raise ValueError(f"{len(names)} independent coordinates are named, and {count} are free")
