@@ -412,7 +412,7 @@ def test_of_an_ensemble_members_that_resets_change_are_watched_beside_the_others
     """A ball bounces off a floor and loses by it, and another starts too high to meet it."""
     ball = lv.Lagrangian(lambda t, q, v, p: v[0] ** 2 / 2 - q[0], q=1)
     floor = lv.Event(
-        lambda t, q, v, lam, p: q[0], direction=-1, reset=lambda t, q, v, lam, p: -0.7 * v
+        lambda t, q, v, lam, p: q[0], direction="down", reset=lambda t, q, v, lam, p: -0.7 * v
     )
     run = {"t": (0, 3), "h": 0.1, "q": [[1.0], [9.0]], "v": [0.0], "events": {"floor": floor}}
     balls = lv.ensemble(ball, lv.Spark(2), **run)
