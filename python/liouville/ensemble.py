@@ -15,7 +15,7 @@ from liouville.events import Event
 from liouville.methods import Method
 from liouville.progress import Progress
 from liouville.runners import Request, runner_of
-from liouville.runners.execute import execute, plain
+from liouville.runners.execute import checked, plain
 from liouville.solution import Solution
 from liouville.systems import System
 
@@ -108,7 +108,8 @@ def ensemble(
     TypeError, ValueError, MemoryError
         As for :func:`integrate`.
     IntegrationError
-        The start of no member can be taken.
+        The start of no member can be taken, or, of a run with tangents as for :func:`integrate`,
+        one is at a kink or passes over a jump.
 
     Examples
     --------
@@ -127,7 +128,7 @@ def ensemble(
     if executor is None:
         if chunk is not None:
             raise TypeError("chunk is for an executor: give executor= too")
-        return execute(runner, progress)
+        return checked(runner, request, progress)
     if tangents is not None:
         hint = "leave executor= out: threads of this process take the members"
         raise TypeError(hinted("an ensemble on an executor has no tangents", hint))

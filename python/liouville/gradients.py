@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -13,10 +13,8 @@ from numpy.typing import ArrayLike
 
 from liouville._arguments import number
 from liouville.control import Control
-from liouville.ensemble import ensemble
 from liouville.errors import IntegrationError, hinted
 from liouville.events import Event
-from liouville.integrate import integrate
 from liouville.methods import Method
 from liouville.progress import Progress
 from liouville.runners import Request, check_system, runner_of
@@ -29,6 +27,9 @@ from liouville.tangents import Tangent
 
 #: Moved starts of a difference of order six, in units of its step, with their weights.
 WEIGHTS = {1: 3 / 4, 2: -3 / 20, 3: 1 / 60}
+
+#: The arguments of :func:`vjp` that a run with tangents takes too.
+OPTIONS = {"h", "steps", "rtol", "atol", "control", "every", "t_eval", "events", "threads"}
 
 #: The part of the largest state that a smaller one counts as where directions are scaled, and the
 #: part of the states' own pairing that differences are measured by at least.
@@ -95,7 +96,8 @@ class Pullback:
         TypeError, ValueError
             There is no such state, or a cotangent has another shape or is not finite.
         IntegrationError
-            A step cannot be differentiated.
+            A step cannot be differentiated, or, on constraints, one that cotangents depend on
+            begins at a kink of the model or passes over a jump of its forces whose time moves.
         KeyboardInterrupt
             It was interrupted (Ctrl-C); it may be called again.
         """
@@ -236,6 +238,9 @@ def vjp(
     solution = execute(adjoint.runner, progress, adjoint.checkpoints)
     if solution.status != "done":
         raise IntegrationError(solution.message, solution=solution)
+    if said := adjoint.remark():
+        message = "; ".join(filter(None, [solution.message, said]))
+        solution = replace(solution, message=message)
     return solution, Pullback(adjoint, solution)
 
 
@@ -272,6 +277,8 @@ def check_gradient(
     """Check the gradient of a run in a random direction, by its tangent and by differences.
 
     Directions of a start are along its constraints, onto which runs nearby are moved besides.
+
+    What bends or jumps is not refused here, but seen.
 
     The two tests see different things. The pairing of tangent and pullback is exact, but agrees
     even where a model bends within a step; differences see that, with their own error. They are of
@@ -344,8 +351,14 @@ def check_gradient(
         x: random(*which) * _values(solution, x, which[0], span) for x, which in shapes.items()
     }
     states = {x: random(solution.states[x].shape, adjoint.is_complex) for x in pullback.states}
-    call = ensemble if is_many else integrate
-    moving = finished(call(system, method, t=t, params=params, tangents=alike, **run))
+    own = {name: run[name] for name in OPTIONS & run.keys()}
+    start = {name: x for name, x in run.items() if name not in {*OPTIONS, "progress"}}
+    request = Request(
+        t=t, params=params, tangents=alike, start=start, is_ensemble=is_many, **own
+    )  # fmt: skip
+    # what bends is to be seen by differences, and not refused
+    adjoint.refuses_kinks = False
+    moving = finished(execute(runner_of(system, method, request), run.get("progress")))
     found = moving.tangents
     parts = {x: _part(solution, tangent) for x, tangent in found.items()}
     directions = {

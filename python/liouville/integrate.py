@@ -13,7 +13,7 @@ from liouville.events import Event
 from liouville.methods import Method
 from liouville.progress import Progress
 from liouville.runners import Request, runner_of
-from liouville.runners.execute import execute
+from liouville.runners.execute import checked
 from liouville.solution import Solution
 from liouville.systems import System
 
@@ -142,7 +142,9 @@ def integrate(
     MemoryError
         The records, or the matrices of the method, would not fit in memory.
     IntegrationError
-        A step failed; ``error.solution`` is what was computed before it.
+        A step failed; ``error.solution`` is what was computed before it. Or, on constraints, a run
+        with tangents is at a kink of the model, or passes over a jump of its forces whose time
+        moves with a direction.
     FileExistsError
         There is something at `store` already.
 
@@ -165,7 +167,7 @@ def integrate(
         threads=threads, start=start, is_stored=store is not None,
     )  # fmt: skip
     if store is None:
-        return execute(runner_of(system, method, request), progress)
+        return checked(runner_of(system, method, request), request, progress)
     from liouville import stored
 
     place = stored.place_of(store)

@@ -34,6 +34,8 @@ class Adjoint(ABC):
         What the run is to leave for its repetition, if anything.
     holds_run : bool
         Whether moved runs hold what this run has chosen, which is over by then.
+    refuses_kinks : bool
+        Whether runs on constraints are pulled back only where the model does not bend or jump.
     """
 
     runner: Runner
@@ -41,6 +43,7 @@ class Adjoint(ABC):
     is_complex: bool = False
     checkpoints: Checkpoints | None = None
     holds_run: bool = False
+    refuses_kinks: bool = True
 
     @property
     def wrt(self) -> tuple[str, ...]:
@@ -50,6 +53,10 @@ class Adjoint(ABC):
     @abstractmethod
     def shapes(self, solution: Solution) -> dict[str, tuple[int, ...]]:
         """Return the shapes of what has cotangents, by the names of the states."""
+
+    def remark(self) -> str:
+        """Return a sentence on a derivative that a switch makes wrong, empty if none does."""
+        return ""
 
     @abstractmethod
     def pulled(self, solution: Solution, cotangents: Mapping[str, np.ndarray]) -> Gradients:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,9 @@ import numpy as np
 from liouville.errors import IntegrationError, hinted
 from liouville.events import AFTER
 from liouville.runners.adjoint import EVENTS, INVARIANTS, Adjoint, Gradients
+from liouville.runners.edges import Kink
 from liouville.runners.execute import Checkpoints, execute, finished
+from liouville.runners.kinks import kinks
 from liouville.runners.runner import Request
 from liouville.runners.tangents import PARAMS, check_wrt, gradients_of, shapes_of
 from liouville.runners.traced import TracedRunner
@@ -78,6 +81,9 @@ class ConstrainedAdjoint(Adjoint):
         core.give_events(self._rows_of_events(solution, cotangents))
         kept = np.minimum(np.arange(len(rows)) * runner.every, steps)
         steps = self._last(solution, cotangents, kept)
+        kink = self._kinks[0] if self.refuses_kinks else None
+        if kink is not None and kink.step < steps:
+            raise kink.error(runner)
         if runner.times is not None:
             # between steps, from where the core takes them to the starts of these
             over = runner.times.size - len(rows)  # behind the end of a run that an event ended
@@ -99,6 +105,18 @@ class ConstrainedAdjoint(Adjoint):
             of_tau = of_tau + more
         moved = runner.pulled_start((of_y, of_z, of_tau))
         return gradients_of(runner.system, runner.steps, moved, stretch + longer, self.wrt)
+
+    @cached_property
+    def _kinks(self) -> tuple[Kink | None, Kink | None]:
+        """Where the run first has no derivative, and passes over a switch."""
+        return kinks(self.runner, self._request, self.wrt)
+
+    def remark(self) -> str:
+        """Return a sentence on a derivative that a switch makes wrong, empty if none does."""
+        if not self.runner.system.switch_tapes or self.runner._sees_switches:
+            return ""
+        passed = self._kinks[1]
+        return "" if passed is None else passed.remark
 
     def _of_invariants(
         self, solution: Solution, cotangents: Mapping[str, np.ndarray]

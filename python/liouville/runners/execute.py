@@ -19,7 +19,7 @@ from liouville.failure import Failure, ending_of, summary_of
 from liouville.parts import steps_made
 from liouville.points import STATES, Points
 from liouville.progress import Progress, Report, reported
-from liouville.runners.runner import Runner
+from liouville.runners.runner import Request, Runner
 from liouville.solution import RESIDUALS, Solution
 from liouville.systems import SemiExplicit
 
@@ -153,6 +153,14 @@ def execute(
         )
     if isinstance(outcome, dict):
         raise error_of(outcome, runner, quantity, solution) from outcome.get("cause")
+    return solution
+
+
+def checked(runner: Runner, request: Request, progress: Progress) -> Solution:
+    """Run to the end; IntegrationError if a step fails, or has not the tangents asked for."""
+    solution = execute(runner, progress)
+    if request.tangents is not None and solution.status != "interrupted":
+        return runner.check_tangents(request, solution)
     return solution
 
 

@@ -48,6 +48,11 @@ class MembersAdjoint(Adjoint):
         """Return the shapes of what has cotangents, by the names of the states."""
         return self._first.shapes(solution)
 
+    def remark(self) -> str:
+        """Return a sentence on a derivative that a switch makes wrong, of the first such member."""
+        each = ((member, self._of_member(member).remark()) for member in range(self._count))
+        return next((f"member {member}: {said}" for member, said in each if said), "")
+
     def pulled(self, solution: Solution, cotangents: Mapping[str, np.ndarray]) -> Gradients:
         """Return gradients of each member, along their first axis; see :class:`Adjoint`."""
         stop, tracing = Event(), Lock()
@@ -55,6 +60,7 @@ class MembersAdjoint(Adjoint):
         def pulled(member: int) -> Gradients:
             with tracing:  # CasADi does not trace in several threads
                 adjoint = self._of_member(member)
+            adjoint.refuses_kinks = self.refuses_kinks
             if adjoint.checkpoints is not None:
                 adjoint.checkpoints.stop = stop
             return self._pulled(adjoint, solution, member, cotangents)

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from liouville.planner import Plan
     from liouville.runners.adjoint import Adjoint
     from liouville.runners.watch import CoreEvents
+    from liouville.solution import Solution
 
 KEEP_LESS = "keep fewer with every=, or none with states=False"
 STORE = "; store= keeps all of them in a folder"
@@ -162,6 +163,11 @@ class Runner(ABC):
         """Return the tangents in records by the names of their directions, if any were wanted."""
         del parts
         return {}
+
+    def check_tangents(self, request: Request, solution: Solution) -> Solution:
+        """Refuse tangents of a run that a kink of the model makes wrong; by default none are."""
+        del request
+        return solution
 
     def recorder(self) -> _core.Pullback | dict[str, Any] | None:
         """Return what records the steps of the run as it makes them, or the error of its start.

@@ -147,6 +147,12 @@ def read(
         yield called.get(k, names[code]), slot, reads(k), value
 
 
+def operations(name: str, inputs: Mapping[str, ca.SX], column: ca.SX) -> set[str]:
+    """Return the names of CasADi's operations in a dense column of expressions."""
+    codes = _instructions(_function(name, inputs, column))
+    return {_names()[code] for code in _distinct(codes)}
+
+
 def evaluate(operation: str, *values: float) -> float:
     """Apply CasADi's operation of this name to one or two numbers."""
     if isinstance(operation, Lookup):

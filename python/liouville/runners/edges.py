@@ -1,0 +1,275 @@
+"""Places where a model bends or jumps, and a run has no derivative.
+
+The states of a run are looked at after each of its steps. Where a function by cases is at the edge
+of two cases, to roundoff, the derivatives of the equations on both sides are compared along the
+tangent: a model that is smooth there all the same, such as ``fabs(v) * v``, goes on. Where a case
+changes within a step, the equations of both sides are compared at the edge. If they jump, and the
+tangent moves the edge, the derivative of the motion has a part that that of the steps has not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from liouville.errors import IntegrationError, hinted
+from liouville.systems import SemiExplicit
+from liouville.systems._branches import Branches
+
+if TYPE_CHECKING:
+    from liouville.runners.traced import TracedRunner
+
+#: Part of its size by which a state is moved to see whether it is at an edge: roundings.
+ROUNDINGS = 2.0**-46
+
+#: Part of the size of the states by which an edge is moved to see whether a tangent moves it.
+MOVED = 2.0**-20
+
+#: Sides that agree to this part of what is largest in the run are the same.
+SAME = 1e-9
+
+#: A switch or an event is met where it is below this part of its largest value, or of a step.
+MET = 1e-7
+
+#: Halvings that end at neighbouring numbers, and most edges looked at between two states.
+HALVINGS, MOST_EDGES = 64, 8
+
+#: Of the random moves by roundings; any serves.
+SEED = 0
+
+KINK = (
+    "start beside it, or write a function that is smooth there, such as ca.sqrt(x**2 + e**2) for "
+    "ca.fabs(x) or ca.tanh(x / e) for ca.sign(x)"
+)
+JUMP = (
+    "end the step of a Spark(s) there, by an event whose reset returns {} unchanged or by "
+    "switches= of the system with rtol=; or write ca.tanh(x / e) for ca.sign(x)"
+)
+
+
+@dataclass(frozen=True)
+class Kink:
+    """Where a run has no derivative.
+
+    Attributes
+    ----------
+    step : int
+        The number of steps before it.
+    t : float
+        When it is.
+    name : str
+        The function by cases.
+    is_jump : bool
+        Whether the equations jump within a step; else they bend or jump at its start.
+    is_declared : bool
+        Whether a switch of the system is there, at which the steps of this run do not end.
+    """
+
+    step: int
+    t: float
+    name: str
+    is_jump: bool
+    is_declared: bool = False
+
+    @property
+    def remark(self) -> str:
+        """The sentence on a switch that is passed over."""
+        return (
+            f"step {self.step} passes a switch of the system at t = {self.t:.6g}, where the "
+            f"equations jump with '{self.name}': derivatives lack what its time adds, but for "
+            "those of Spark with rtol=, whose steps end there"
+        )
+
+    def error(self, runner: TracedRunner, **more: Any) -> IntegrationError:
+        """Return the error in the user's words."""
+        if self.is_jump:
+            sentence = (
+                f"step {self.step} has no derivative: at t = {self.t:.6g} the equations jump with "
+                f"'{self.name}', at a time that moves with what is differentiated"
+            )
+            hint = JUMP.format("y" if isinstance(runner.system, SemiExplicit) else "v")
+        else:
+            where = f"the state after {self.step} steps, at t = {self.t:.6g},"
+            if self.step == 0:
+                where = f"the start at t = {self.t:.6g}"
+            sentence = f"{where} has no derivative: it is at a kink of '{self.name}', to roundoff"
+            hint = KINK
+        said = hinted(sentence, hint)
+        return IntegrationError(said, t=self.t, step=self.step, quantity=self.name, **more)
+
+
+@dataclass(frozen=True)
+class Motion:
+    """States of a run with their tangents, as w = (t, y, z, lam, params).
+
+    Attributes
+    ----------
+    w : ndarray, shape (k, width)
+        The states.
+    along : ndarray, shape (k, d, width)
+        Their tangents.
+    steps : ndarray of int
+        How many steps were made before each.
+    pieces : list of tuple
+        Pairs of states that a step leads from and to, and which of both is at an event with a
+        reset.
+    sees_switches : bool
+        Whether steps end at the system's switches.
+    is_inside : bool
+        Whether forces act within steps alone, so that one that ends at a jump is on one side of it.
+    """
+
+    w: np.ndarray
+    along: np.ndarray
+    steps: np.ndarray
+    pieces: np.ndarray
+    sees_switches: bool
+    is_inside: bool
+
+
+def kinks_of(found: Branches, motion: Motion) -> tuple[Kink | None, Kink | None]:
+    """Return the first kink of a motion, and the first of the system's switches passed over."""
+    with np.errstate(all="ignore"):
+        look = _Look(found, motion)
+        each = [*look.at_edges(), *look.over_edges()]
+    each.sort(key=lambda kink: (kink.step, kink.is_jump))
+    first = next((kink for kink in each if not kink.is_declared), None)
+    return first, next((kink for kink in each if kink.is_declared), None)
+
+
+class _Look:
+    """What is looked at in a motion."""
+
+    def __init__(self, found: Branches, motion: Motion) -> None:
+        self._found, self._motion = found, motion
+        w = motion.w
+        sizes = _largest(w)
+        self._sizes = np.where(sizes > 0, sizes, 1.0)
+        self._sides = self._map(found.sides, w)
+        self._switches = _largest(self._map(found.switches, w))
+        self._values = _largest(self._map(found.values, w, self._sides))
+        slopes = [
+            _largest(self._map(found.slopes, w, self._sides, along))
+            for along in np.moveaxis(motion.along, 1, 0)
+        ]
+        self._slopes = np.array(slopes)
+
+    @staticmethod
+    def _map(tape: Any, *columns: np.ndarray) -> np.ndarray:
+        rows = [np.ascontiguousarray(x) for x in columns]
+        found: np.ndarray = tape.map(np.empty(0), rows)
+        return found
+
+    def at_edges(self) -> Iterator[Kink]:
+        """Give the states at edges, in order, where slopes along a tangent differ by the side."""
+        motion, found = self._motion, self._found
+        rng = np.random.default_rng(SEED)
+        ends, at_events = motion.pieces[:, :2], motion.pieces[:, 2:].astype(bool)
+        kept = np.unique(ends[~at_events])
+        moves = rng.uniform(0.5, 1.0, (2, motion.w.shape[1]))
+        moves *= rng.choice([-1.0, 1.0], moves.shape) * self._sizes * ROUNDINGS
+        w = motion.w[kept]
+        is_near = np.zeros(len(kept), dtype=bool)
+        for move in moves:
+            beside = [self._map(found.sides, w + way * move) for way in (1, -1)]
+            is_near |= (beside[0] != beside[1]).any(axis=1)
+        for k in kept[is_near].tolist():
+            if motion.sees_switches and motion.is_inside and self._is_at_switch(motion.w[k]):
+                continue
+            for direction, along in enumerate(motion.along[k]):
+                parts = np.abs(along) / self._sizes
+                for move in moves * (parts > SAME * parts.max()):
+                    name = self._edge(k, direction, move)
+                    if name:
+                        yield Kink(int(motion.steps[k]), float(motion.w[k, 0]), name, False)
+                        return
+
+    def _edge(self, k: int, direction: int, move: np.ndarray) -> str:
+        """Return the function at whose edge a state has two slopes, empty if it has one."""
+        found, w, along = self._found, self._motion.w[k], self._motion.along[k, direction]
+        beside = self._map(found.sides, np.array([w + move, w - move]))
+        is_edge = beside[0] != beside[1]
+        if not is_edge.any():
+            return ""
+        sides = np.where(is_edge, beside, self._sides[k])
+        at, way = np.array([w, w]), np.array([along, along])
+        values = self._map(found.values, at, sides)
+        slopes = self._map(found.slopes, at, sides, way)
+        differs = _differ(values, self._values) or _differ(slopes, self._slopes[direction])
+        return found.names[int(np.argmax(is_edge))] if differs else ""
+
+    def _is_at_switch(self, w: np.ndarray) -> bool:
+        """Whether one of the system's switches is zero there."""
+        found = np.abs(self._map(self._found.switches, w[None])[0])
+        return bool((found <= MET * self._switches).any())
+
+    def over_edges(self) -> Iterator[Kink]:
+        """Give the first edge that lies between two states, where equations jump."""
+        motion, may_jump = self._motion, self._found.may_jump
+        if not may_jump.any():
+            return
+        first, last, *at_events = motion.pieces.T
+        starts = np.zeros(len(first))
+        sides = self._sides[:, may_jump]
+        begin = sides[first]
+        open_ = np.flatnonzero((begin != sides[last]).any(axis=1))
+        for _ in range(MOST_EDGES):
+            if not open_.size:
+                return
+            a, b = (motion.w[x[open_]] for x in (first, last))
+            low, high = starts[open_], np.ones(open_.size)
+            for _ in range(HALVINGS):
+                middle = (low + high) / 2
+                own = self._map(self._found.sides, a + (b - a) * middle[:, None])[:, may_jump]
+                is_before = (own == begin[open_]).all(axis=1)
+                low, high = np.where(is_before, middle, low), np.where(is_before, high, middle)
+            for k, ends in zip(open_.tolist(), zip(low, high, strict=True), strict=True):
+                is_met = (at_events[0][k] and ends[1] < MET) or (
+                    at_events[1][k] and ends[0] > 1 - MET
+                )
+                is_past = is_met and motion.is_inside
+                kink = None if is_past else self._jump(first[k], last[k], *ends)
+                if kink is not None:
+                    yield kink
+                    if not kink.is_declared:
+                        return
+            starts[open_] = high
+            begin[open_] = self._map(self._found.sides, a + (b - a) * high[:, None])[:, may_jump]
+            open_ = open_[(begin[open_] != sides[last[open_]]).any(axis=1)]
+
+    def _jump(self, first: int, last: int, low: float, high: float) -> Kink | None:
+        """Return the jump of the equations between two points, if a tangent moves it."""
+        found, motion = self._found, self._motion
+        a, b = motion.w[first], motion.w[last]
+        ends = np.array([a + (b - a) * low, a + (b - a) * high])
+        sides = self._map(found.sides, ends)
+        if not _differ(self._map(found.values, ends[[0, 0]], sides), self._values):
+            return None
+        is_declared = self._is_at_switch(ends[0])
+        if is_declared and motion.sees_switches and motion.is_inside:
+            return None
+        change = (sides[0] != sides[1]) & found.may_jump
+        for way in motion.along[[first, last]].reshape(-1, len(a)):
+            largest = (np.abs(way) / self._sizes).max()
+            move = way * (MOVED / largest if largest else 0.0)
+            moved = [self._map(found.sides, ends + sign * move) for sign in (1, -1)]
+            if any((own[:, change] != sides[:, change]).any() for own in moved):
+                name = found.names[int(np.argmax(change))]
+                passed = is_declared and not motion.sees_switches
+                return Kink(int(motion.steps[first]), float(ends[1, 0]), name, True, passed)
+        return None
+
+
+def _largest(rows: np.ndarray) -> np.ndarray:
+    """Return the largest size in each column, in which members that are over are NaN."""
+    found: np.ndarray = np.fmax.reduce(np.abs(rows), axis=0, initial=0.0)
+    return found
+
+
+def _differ(both: np.ndarray, sizes: np.ndarray) -> bool:
+    """Whether two rows differ, in what is not small in the whole run."""
+    largest = np.maximum(sizes, np.abs(both).max(axis=0))
+    return bool((np.abs(both[0] - both[1]) > SAME * largest).any())

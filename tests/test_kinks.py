@@ -1,0 +1,234 @@
+"""Where functions by cases leave a run without a derivative, and where they do not."""
+
+from functools import partial
+
+import casadi as ca
+import numpy as np
+import pytest
+
+import liouville as lv
+from liouville.systems._branches import branches
+
+BOTH = ["tangents", "pullback"]
+
+
+def oscillator(force=None, potential=lambda q, p: p.k * q[0] ** 2 / 2, **more):
+    """Return a mass on a spring with another force."""
+    forces = {} if force is None else {"force": lambda t, q, v, p: force(t, q[0], v[0], p)}
+    return lv.Lagrangian(
+        lambda t, q, v, p: v[0] ** 2 / 2 - potential(q, p), q=1, params={"k": 1.0, "c": 0.2},
+        **forces, **more,
+    )  # fmt: skip
+
+
+def differentiate(which, system, method, wrt, **run):
+    """Return the derivative of the last position by each name."""
+    run = {"q": [1.0], "v": [0.1]} | run
+    if which == "tangents":
+        sizes = {name: 1.0 if "." in name or name in ("t0", "t1") else [1.0] for name in wrt}
+        found = lv.integrate(system, method, tangents=sizes, **run).tangents
+        return {name: float(found[name].q[-1, 0]) for name in wrt}
+    solution, pullback = lv.vjp(system, method, wrt=wrt, **run)
+    cotangent = np.zeros_like(solution.q)
+    cotangent[-1] = 1
+    return {name: float(np.squeeze(x)) for name, x in pullback(q=cotangent).items()}
+
+
+SMOOTH = {
+    "drag through zero": (lambda t, q, v, p: -p.c * ca.fabs(v) * v, {}),
+    "drag from rest": (lambda t, q, v, p: -p.c * ca.fabs(v) * v, {"v": [0.0]}),
+    "a cubic of two cases": (lambda t, q, v, p: ca.if_else(q > 0.5, -p.c * (q - 0.5) ** 3, 0), {}),
+    "a stop": (lambda t, q, v, p: p.c * ca.fmax(0, 0.3 - q) ** 2, {}),
+    "nested": (lambda t, q, v, p: -p.c * ca.fabs(ca.fabs(v)) * ca.fmin(v, 9), {"v": [0.0]}),
+    "a period": (lambda t, q, v, p: p.c * ca.sin(2 * np.pi * ca.fmod(q + 7, 1)), {"q": [0.97]}),
+    "an angle": (lambda t, q, v, p: p.c * ca.sin(ca.atan2(v - 0.05, q - 0.5)), {}),
+    "a quotient": (lambda t, q, v, p: p.c * ca.if_else(q == 0, 1, ca.sin(q) / q), {}),
+    "a push until a time": (lambda t, q, v, p: ca.if_else(t < 1.3, p.c, -p.c) * (1 + q), {}),
+    "one that ends with a step": (lambda t, q, v, p: ca.if_else(t < 1.5, p.c, -p.c * q), {}),
+    "a bend": (lambda t, q, v, p: -p.c * ca.fabs(v), {}),
+    "a jump not met": (lambda t, q, v, p: p.c * ca.sign(q + 3), {}),
+}
+
+
+@pytest.mark.parametrize("name", SMOOTH)
+def test_what_is_smooth_along_the_motion_has_derivatives(name):
+    """Also where a step crosses a kink, or begins at one that both sides leave alike."""
+    force, start = SMOOTH[name]
+    run = {"t": (0, 4), "steps": 40, "q": [1.0], "v": [0.1]} | start
+    system = oscillator(force)
+    assert branches(system) is not None
+    wrt = ["q", "v", "params.k", "params.c"]
+    each = [differentiate(which, system, lv.Spark(2), wrt, **run) for which in BOTH]
+    assert each[0] == pytest.approx(each[1], rel=1e-11, abs=1e-12)
+    found = lv.check_gradient(system, lv.Spark(2), wrt=wrt, size=1e-5, **run)
+    assert found.differences < 1e-8
+
+
+def test_a_potential_that_bends_away_from_its_kink():
+    """An oscillator in |q| falls as a stone does: q = 1 + v t - k t^2 / 2."""
+    system = oscillator(potential=lambda q, p: p.k * ca.fabs(q[0]))
+    for which in BOTH:
+        by = differentiate(which, system, lv.Spark(2), ["params.k", "v"], t=(0, 1), steps=7)
+        assert by == pytest.approx({"params.k": -0.5, "v": 1.0}, abs=1e-14)
+
+
+AT = {
+    "sign": (lambda t, q, v, p: -p.c * ca.sign(v), {"v": [0.0]}, r"sign\(v\[0\]\)"),
+    "fabs": (lambda t, q, v, p: -p.c * ca.fabs(v), {"v": [0.0]}, r"fabs\(v\[0\]\)"),
+    "roundoff": (lambda t, q, v, p: -p.c * ca.fabs(v), {"v": [1e-17]}, r"fabs\(v\[0\]\)"),
+    "fmax": (lambda t, q, v, p: ca.fmax(p.c, q), {"q": [0.2]}, r"fmax\(params.c, q\[0\]\)"),
+    "if_else": (lambda t, q, v, p: ca.if_else(q < 0.3, 0.3 - q, 0), {"q": [0.3]}, r"q\[0\] < 0.3"),
+    "floor": (lambda t, q, v, p: p.c * ca.floor(3 * q), {}, r"floor\(3\*q\[0\]\)"),
+    "potential": (None, {"q": [0.0]}, r"sign\(q\[0\]\)"),
+}
+
+
+@pytest.mark.parametrize("which", BOTH)
+@pytest.mark.parametrize("name", AT)
+def test_a_start_at_a_kink_is_refused(name, which):
+    force, start, text = AT[name]
+    bent = {"potential": lambda q, p: p.k * ca.fabs(q[0])} if force is None else {}
+    sentence = rf"the start at t = 0 has no derivative: .* kink of '{text}'.*\nhint: start beside"
+    with pytest.raises(lv.IntegrationError, match=sentence) as caught:
+        differentiate(
+            which, oscillator(force, **bent), lv.Spark(2), ["q", "v"], t=(0, 1), steps=9, **start
+        )
+    assert (caught.value.step, caught.value.t) == (0, 0.0)
+
+
+def test_what_does_not_move_the_start_off_a_kink_has_a_derivative():
+    """The force of |q| at q = 0 has one by its size, but not by q."""
+    system = oscillator(lambda t, q, v, p: p.c * (1 + ca.fabs(q)), lambda q, p: 0)
+    run = {"t": (0, 1), "steps": 9, "q": [0.0]}
+    for which in BOTH:
+        by = differentiate(which, system, lv.Spark(2), ["params.c"], **run)
+        assert 0.5 < by["params.c"] < 0.7
+        with pytest.raises(lv.IntegrationError, match="the start at t = 0 has no derivative"):
+            differentiate(which, system, lv.Spark(2), ["q"], **run)
+
+
+JUMPS = {
+    "dry friction": (lambda t, q, v, p: -p.c * ca.sign(v), 0.083126, ["q"]),
+    "steps of a force": (lambda t, q, v, p: p.c * ca.floor(3 * q), 1.271246, ["v"]),
+    "a comparison": (lambda t, q, v, p: ca.if_else(q < 0.5, p.c, 0), 1.146941, ["v", "params.k"]),
+    "a time that is a parameter": (lambda t, q, v, p: ca.if_else(t < p.c + 0.01, 1, -1), 0.21,
+                                   ["params.c"]),
+    "steps that are moved": (lambda t, q, v, p: ca.if_else(t < 0.33, 1, -1), 0.33, ["t1"]),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kept", [{}, {"every": 60}, {"t_eval": [0.01, 2.0]}], ids=str)
+@pytest.mark.parametrize("which", BOTH)
+@pytest.mark.parametrize("name", JUMPS)
+def test_a_jump_that_a_step_passes_over_is_refused(name, which, kept):
+    """Wherever states are kept; its time is found within the step."""
+    force, t, wrt = JUMPS[name]
+    start = {"q": [0.98]} if "steps of" in name else {}
+    with pytest.raises(
+        lv.IntegrationError, match=r"the equations jump with .*\nhint: end"
+    ) as found:
+        differentiate(
+            which, oscillator(force), lv.Spark(2), wrt, t=(0, 2), steps=60, **start, **kept
+        )
+    assert found.value.step == int(found.value.t * 30)
+    assert found.value.t == pytest.approx(t, abs=0.02)
+    assert f"step {found.value.step} has no derivative: at t = {found.value.t:.6g} " in str(
+        found.value
+    )
+
+
+def fallen(c, v, at, end):
+    """Return where a force of -c, and of c beyond the place `at`, brings a mass from one."""
+    fast = np.sqrt(v**2 + 2 * c * (1 - at))
+    rest = end - (fast + v) / c
+    return at - fast * rest + c * rest**2 / 2
+
+
+@pytest.mark.parametrize("which", BOTH)
+def test_steps_that_end_at_a_jump_have_the_derivative_of_the_motion(which):
+    """By an event that changes nothing, and stages on one side of it alone."""
+    method = lv.Spark(2)
+    system = oscillator(lambda t, q, v, p: -p.c * ca.sign(q - p.k), lambda q, p: 0)
+    run = {"t": (0, 1.4), "steps": 14, "params": {"c": 0.8, "k": 0.3}, "v": [-0.2]}
+    wrt = ["params.c", "params.k", "v"]
+    values, size = np.array([0.8, 0.3, -0.2]), 1e-5
+    wanted = {}
+    for name, move in zip(wrt, np.eye(3) * size, strict=True):
+        (c, at, v), (d, to, w) = values + move, values - move
+        wanted[name] = (fallen(c, v, at, 1.4) - fallen(d, w, to, 1.4)) / (2 * size)
+    same = lv.Event(lambda t, q, v, lam, p: q[0] - p.k, reset=lambda t, q, v, lam, p: v)
+    found = differentiate(which, system, method, wrt, events={"side": same}, **run)
+    assert found == pytest.approx(wanted, abs=1e-8)
+    plain = {"side": lambda t, q, v, lam, p: q[0] - p.k}
+    radau = lv.Spark(3, points="radau")
+    composed = lv.Composition(lv.Spark(1), "Y4")  # its parts go beyond the end of a step
+    refused = [(method, {}), (method, plain), *((x, {"side": same}) for x in (radau, composed))]
+    for by, events in refused:
+        with pytest.raises(lv.IntegrationError, match="the equations jump with"):
+            differentiate(which, system, by, wrt, events=events, **run)
+
+
+def test_cotangents_before_a_jump_are_pulled_back():
+    system = oscillator(lambda t, q, v, p: -p.c * ca.sign(q - 0.3))
+    run = {"t": (0, 2), "steps": 40, "q": [1.0], "v": [0.0]}
+    solution, pullback = lv.vjp(system, lv.Spark(2), wrt=["q"], **run)
+    row = int(np.argmax(solution.q[:, 0] < 0.3))
+    cotangents = np.eye(len(solution.t))[:, :, None]
+    assert pullback(q=cotangents[row - 1])["q"] == pytest.approx(np.cos(solution.t[row - 1]))
+    with pytest.raises(lv.IntegrationError, match=f"step {row - 1} has no derivative"):
+        pullback(q=cotangents[row])
+
+
+@pytest.mark.parametrize("which", BOTH)
+def test_members_are_named(which):
+    system = oscillator(lambda t, q, v, p: -p.c * ca.sign(q - 0.3))
+    run = {"t": (0, 1), "steps": 9, "q": [[5.0], [0.5]], "v": [-0.4]}
+    if which == "tangents":
+        call = partial(lv.ensemble, system, lv.Spark(2), tangents={"q": [1.0]}, **run)
+    else:
+        solution, pullback = lv.vjp(system, lv.Spark(2), wrt=["q"], **run)
+        call = partial(pullback, q=np.ones_like(solution.q))
+    with pytest.raises(lv.IntegrationError, match="member 1: step 3 has no derivative") as caught:
+        call()
+    assert caught.value.member == 1
+
+
+@pytest.mark.parametrize("q", [[1.0], [[9.0], [1.0]]], ids=["one", "members"])
+def test_a_switch_that_steps_pass_over_is_said(q):
+    """Steps by rtol end there, and have the derivative."""
+    system = oscillator(
+        lambda t, q, v, p: -p.c * ca.sign(q - 0.3),
+        switches={"side": lambda t, q, v, p: q[0] - 0.3},
+    )
+    run = {"t": (0, 2), "q": q, "v": [0.0]}
+    call = lv.integrate if np.ndim(q) == 1 else lv.ensemble
+    for solution in (
+        call(system, lv.Spark(2), tangents={"q": [1.0]}, steps=40, **run),
+        lv.vjp(system, lv.Spark(2), wrt=["q"], steps=40, **run)[0],
+    ):
+        assert "passes a switch of the system at t = 1." in solution.message
+    if call is lv.integrate:
+        solution = lv.integrate(system, lv.Spark(2), tangents={"q": [1.0]}, rtol=1e-8, **run)
+        assert solution.message == ""
+
+
+@pytest.mark.parametrize("which", BOTH)
+def test_a_semi_explicit_system_with_a_jump(which):
+    system = lv.SemiExplicit(
+        field=lambda t, y, z, p: [y[2], z[0], -p.c * ca.sign(y[0] - 0.5)],
+        constraint=lambda t, y, p: {"same": y[1] - y[0]},
+        y=3, z=1, params={"c": 1.0},
+    )  # fmt: skip
+    run = {"t": (0, 2), "steps": 20, "y": [0.0, 0.0, 1.0]}
+    if which == "tangents":
+        call = partial(lv.integrate, system, lv.Spark(2), tangents={"params.c": 1.0}, **run)
+    else:
+        solution, pullback = lv.vjp(system, lv.Spark(2), wrt=["params.c"], **run)
+        call = partial(pullback, y=np.ones_like(solution.y))
+    with pytest.raises(lv.IntegrationError, match=r"jump with 'sign\(y\[0\]-0.5\)'.*\n.*y unch"):
+        call()
+
+
+def test_systems_without_cases_are_not_looked_at():
+    smooth = oscillator(lambda t, q, v, p: lv.table([0, 1, 2], [0, 1, 4])(q) - ca.tanh(v / 1e-3))
+    assert branches(smooth) is None
