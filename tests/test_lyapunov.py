@@ -183,3 +183,15 @@ def test_failed_steps_are_counted_from_the_start():
     with pytest.raises(lv.IntegrationError, match="step 62 of 2000 at t") as caught:
         lv.lyapunov(henon_heiles(), lv.Spark(4), **run)
     assert (caught.value.step, caught.value.t) == (62, pytest.approx(3.1))
+
+
+def test_steps_at_jumps_are_counted_from_the_start():
+    rubbed = lv.Lagrangian(
+        lambda t, q, v, p: (v[0] ** 2 - q[0] ** 2) / 2,
+        force=lambda t, q, v, p: -0.2 * ca.sign(q[0] - 0.3),
+        q=1,
+    )
+    run = {"t": (0, 10), "steps": 1000, "every": 10, "q": [1.0], "v": [0.0]}
+    with pytest.raises(lv.IntegrationError, match="step 114 has no derivative") as caught:
+        lv.lyapunov(rubbed, lv.Spark(2), **run)
+    assert caught.value.step == 114

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -52,4 +53,8 @@ def summary_of(failures: Mapping[int, Failure], members: int) -> str:
 
 def counted_on(message: str, step: int, of: int, done: int, total: int) -> str:
     """Return what a failed step of a piece says, with its number in the whole computation."""
-    return message.replace(f"step {step} of {of} ", f"step {done + step} of {total} ", 1)
+
+    def counted(found: re.Match[str]) -> str:
+        return f"{found[1]} {done + step}" + (f" of {total}" if found[2] else "")
+
+    return re.sub(rf"\b(step|after) {step}\b( of {of}\b)?", counted, message, count=1)

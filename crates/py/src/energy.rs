@@ -5,6 +5,7 @@ use liouville_base::checkpoint::Checkpoint;
 use liouville_problem::{EnergyChange, EnergyColumns, EnergyWatch, KineticColumns};
 use numpy::{PyArray1, PyReadonlyArray1, PyReadonlyArrayDyn, PyUntypedArrayMethods};
 use pyo3::prelude::*;
+use std::collections::BTreeMap;
 
 /// Follows the energy of a motion through its records, in memory that does not grow with their number. `kinetic` is the
 /// column of the kinetic energy, or those of the first of n velocities and momenta with n. `start` is the energy at
@@ -76,39 +77,37 @@ impl PyEnergyWatch {
         self.inner.reset(t, change);
     }
 
-    /// Looks at further records, of one member where rows have shape (k, P, width).
-    #[pyo3(signature = (times, rows, member = 0))]
+    /// Looks at further records, of one motion.
     fn add(
         &mut self,
         py: Python<'_>,
         times: PyReadonlyArray1<'_, f64>,
         rows: PyReadonlyArrayDyn<'_, f64>,
-        member: usize,
     ) -> PyResult<()> {
         let (width, members) = self.shape(&rows)?;
-        if member >= members {
-            return Err(refused("there are fewer members"));
+        if members != 1 {
+            return Err(refused("a watch follows one motion"));
         }
         let (times, rows) = (times.as_slice()?, rows.as_slice()?);
         let inner = &mut self.inner;
         py.detach(|| {
-            let all = rows.chunks_exact(width).skip(member).step_by(members);
-            for (t, row) in times.iter().zip(all) {
+            for (t, row) in times.iter().zip(rows.chunks_exact(width)) {
                 inner.add(*t, row);
             }
         });
         Ok(())
     }
 
-    /// What records of shape (k, P, width) show of a range of members, each watched from its own
-    /// start on: the number of each member of which something is found, and what `found` has of it. `starts` has the
-    /// energy at the start of each of the P, or of none.
+    /// What records of shape (k, P, width) show of a range of members, each watched from its own start on: the number of
+    /// each member of which something is found, and what `found` has of it. `starts` has the energy at the start of each
+    /// of the P, or of none; `resets` has the times and changes of members that have any, in order.
     fn found_of_each(
         &self,
         py: Python<'_>,
         times: PyReadonlyArray1<'_, f64>,
         rows: PyReadonlyArrayDyn<'_, f64>,
         starts: PyReadonlyArray1<'_, f64>,
+        resets: BTreeMap<usize, Vec<(f64, f64)>>,
         members: (usize, usize),
     ) -> PyResult<Vec<(usize, Found)>> {
         let (width, count) = self.shape(&rows)?;
@@ -118,6 +117,9 @@ impl PyEnergyWatch {
         }
         let found = |member: usize| {
             let mut watch = self.inner.of_another(starts.get(member).copied());
+            for (t, change) in resets.get(&member).into_iter().flatten() {
+                watch.reset(*t, *change);
+            }
             let all = rows.chunks_exact(width).skip(member).step_by(count);
             for (t, row) in times.iter().zip(all) {
                 watch.add(*t, row);

@@ -232,16 +232,14 @@ class MechanicalRunner(TracedRunner):
         start = self.initial.get("energy", energy[:1])
         return {"work": work, "dissipated": start + work - energy}
 
-    def watch(self, member: int = 0) -> _core.EnergyWatch | None:
+    def watch(self) -> _core.EnergyWatch | None:
         """Return a watch over the energy of a system that nothing drives."""
         is_damped = self.system.may_only_lose
         # damping adds to the energy on the way back
         is_seen = self._states and self.steps.t0 < self.steps.t1
         if not self.system.is_conservative and not (is_damped and is_seen):
             return None
-        start = self.initial.get("energy")
-        if start is not None and self.members:
-            start = float(start[member])
+        start = None if self.members else self.initial.get("energy")
         return watch_of(self.columns, start, falls=is_damped or not self._is_general)
 
     def is_driven(self, t: np.ndarray, rows: np.ndarray, member: int = 0) -> bool:

@@ -187,9 +187,8 @@ class Runner(ABC):
         del request, wrt
         raise TypeError(f"{self.method} has no pullback for {self.system!r}")
 
-    def watch(self, member: int = 0) -> _core.EnergyWatch | None:
+    def watch(self) -> _core.EnergyWatch | None:
         """Return a watch over the energy of a motion, None where its change has no bound."""
-        del member
         return None
 
     def is_driven(self, t: np.ndarray, rows: np.ndarray, member: int = 0) -> bool:
@@ -235,19 +234,11 @@ class Runner(ABC):
         if watch is None:
             return {}
         found: dict[int, Found] = {}
+        resets = {k: self.resets(events, k) for k in self._members_with_resets(events)}
         starts = np.ravel(np.asarray(self.initial.get("energy", []), dtype=float))
         slices = range(0, all_of, max(1, SLICE * all_of // max(1, rows.size)))
         for first, last in pairwise([*slices, all_of]):
-            found |= watch.found_of_each(t, rows, starts, (first, last))
-        for member in self._members_with_resets(events):
-            found.pop(member, None)
-            own = self.watch(member) or watch
-            for reset in self.resets(events, member):
-                own.reset(*reset)
-            own.add(t, rows, member)
-            what = own.found()
-            if what is not None:
-                found[member] = what
+            found |= watch.found_of_each(t, rows, starts, resets, (first, last))
         return {k: what for k, what in found.items() if not self.is_driven(t, rows, k)}
 
     def _members_with_resets(self, events: Mapping[str, Points]) -> set[int]:
