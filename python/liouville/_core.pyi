@@ -386,7 +386,8 @@ class WaveDerivative:
     ) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]: ...
     def pull(
         self,
-        piece: int,
+        pieces: tuple[int, int],
+        steps: Sequence[int],
         of_steps: NDArray[np.complex128],
         wanted: tuple[bool, bool],
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]: ...

@@ -236,32 +236,34 @@ impl WaveDerivative {
         Ok((self.complex(py, &rows)?, self.complex(py, &found)?))
     }
 
-    /// Goes back through a piece, from the last to the first: the cotangents of the weights of H and of the potential at
-    /// its nodes, where they are wanted, given those of the states at the ends of its steps, or no rows where they are zero.
+    /// Goes back through pieces from `end` to `first`, those behind them before: the cotangents of the weights of H and of
+    /// the potential at their nodes, where they are wanted, given those of the states where these steps end, counted
+    /// through the run and increasing; all others are zero.
     fn pull<'py>(
         &mut self,
         py: Python<'py>,
-        piece: usize,
+        pieces: (usize, usize),
+        steps: Vec<usize>,
         of_steps: PyReadonlyArray2<'py, Complex64>,
         wanted: (bool, bool),
     ) -> PyResult<(Reals<'py>, Reals<'py>)> {
-        self.check(piece)?;
-        if piece + 1 == self.inner.count() {
-            self.cotangent = (vec![0.0; 2 * self.places], self.inner.count());
+        let ((first, end), count) = (pieces, self.inner.count());
+        if end == count {
+            self.cotangent = (vec![0.0; 2 * self.places], count);
         }
-        if self.cotangent.1 != piece + 1 {
+        if first > end || self.cotangent.1 != end {
             return Err(refused("pieces from the last to the first"));
         }
-        let of_steps = self.flat(&of_steps)?;
-        if !of_steps.is_empty() && of_steps.len() != self.inner.piece(piece).0 {
-            return Err(refused("a cotangent for each step that ends in the piece"));
+        let rows = self.flat(&of_steps)?;
+        if rows.len() != steps.len() {
+            return Err(refused("a cotangent for each of the steps"));
         }
         let (weights, potential) = wanted;
         let wanted = Wanted { weights, potential };
         let (inner, cotangent) = (&mut self.inner, &mut self.cotangent);
-        let found = py.detach(|| inner.pull(piece, &mut cotangent.0, &of_steps, wanted));
+        let found = py.detach(|| inner.pull(first..end, &mut cotangent.0, (&steps, &rows), wanted));
         let found = found.map_err(|error| self.explained(error))?;
-        self.cotangent.1 = piece;
+        self.cotangent.1 = first;
         let weights = PyArray1::from_vec(py, found.weights);
         Ok((weights, PyArray1::from_vec(py, found.potential)))
     }

@@ -235,7 +235,9 @@ class WaveDerivative:
             of_points = np.zeros((0, 0))
             if nodes.size and drive.count:
                 change = change if change.size else np.zeros((nodes.size, 1 + drive.count))
-                change[:, 1:] += drive.values(nodes, params) - drive.values(nodes, start)
+                change[:, 1:] += system.drive_values(nodes, params) - system.drive_values(
+                    nodes, start
+                )
             if (potential := self._potential) is not None and not np.array_equal(params, start):
                 of_points = potential.values(nodes, params) - potential.values(nodes, start)
             state, outputs = self._core.repeat(k, state, change, of_points)
@@ -275,26 +277,24 @@ class WaveDerivative:
         """Return gradients by these names from cotangents of the states kept, shape (k, N)."""
         system, drive = self._system, self._drive
         inward = system.frame.inward(cotangents)
-        pairs = zip(self._kept, inward, strict=True)
-        rows = {k: row for k, row in pairs if row.any()}
+        has = inward.any(axis=1)
+        steps, rows = np.array(self._kept)[has], inward[has]
+        at_start = rows[steps == 0].sum(axis=0)
         potential = self._potential if of_potential(system, names) else None
         wanted = bool(of_drive(system, names)), potential is not None
         by_potential = np.zeros(system.parameters.values(None).size)
         times, weights = [np.empty(0)], [np.empty((0, 1 + drive.count))]
-        for k in reversed(range(len(self._pieces))):
-            steps, nodes = self._pieces[k]
-            first = self._steps[k] + 1
-            here = rows.keys() & set(range(first, first + steps))
-            of_steps = np.zeros((steps if here else 0, system.size), dtype=complex)
-            for j in here:
-                of_steps[j - first] = rows[j]
-            of_weights, of_points = self._core.pull(k, of_steps, wanted)
+        for first, end in self._parts(is_single=potential is not None):
+            cut = slice(*np.searchsorted(steps, [self._steps[first] + 1, self._steps[end] + 1]))
+            pulled = self._core.pull((first, end), (steps[cut] - 1).tolist(), rows[cut], wanted)
+            nodes = np.concatenate([nodes for _, nodes in self._pieces[first:end]])
+            of_weights, of_points = (found.reshape(nodes.size, -1) for found in pulled)
             if of_weights.size:
                 times.append(nodes)
-                weights.append(of_weights.reshape(nodes.size, -1))
+                weights.append(of_weights)
             if potential is not None:
-                by_potential += potential.pulled(nodes, of_points.reshape(nodes.size, -1))
-        gradients = {"psi": system.outward(self._core.cotangent[0] + rows.get(0, 0.0))}
+                by_potential += potential.pulled(nodes, of_points)
+        gradients = {"psi": system.outward(self._core.cotangent[0] + at_start)}
         t, w = np.concatenate(times), np.concatenate(weights)[:, 1:]
         if any(name.startswith(PARAMS) for name in names):
             by_params = by_potential + (drive.pulled(t, w) if t.size else 0.0)
@@ -304,6 +304,11 @@ class WaveDerivative:
             if name in names:
                 gradients[name] = w[:, k] @ drive.basis(name, t)
         return {name: gradients[name] for name in names}
+
+    def _parts(self, *, is_single: bool) -> list[tuple[int, int]]:
+        """Return pieces from the last back, as ranges: one each, or all at once."""
+        count = len(self._pieces)
+        return [(k, k + 1) for k in reversed(range(count))] if is_single else [(0, count)]
 
 
 def direction_row(system: Schrodinger, directions: Mapping[str, Any]) -> Array:

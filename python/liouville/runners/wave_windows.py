@@ -110,7 +110,8 @@ def with_breaks(plan: WavePlan, system: Schrodinger, names: Sequence[str]) -> Wa
     each = slopes_of(system, by)
     if not isinstance(plan.core, Driven):
         for what, slopes in each.items():
-            at_times(what, slopes, np.linspace(t0, t1, LOOKS))
+            if what not in drive.samples:  # splines are finite
+                at_times(what, slopes, np.linspace(t0, t1, LOOKS))
         return plan
     if not by:
         return plan

@@ -116,7 +116,7 @@ def driving(system: Schrodinger, times: Sequence[float], tol: float | None = Non
         bounds = tuple(separated.bounds)
         parts: Parts = ((1,) * len(bounds), bounds, system.given_bounds, (), (), (t0, t1, (), ()))
         return Driving(parts, separated.spectrum, separated)
-    ends = np.array([system.bounds_at(t) for t in np.linspace(t0, t1, TIMES)])
+    ends = system.bounds_over(np.linspace(t0, t1, TIMES))
     if not np.isfinite(ends).all():
         raise ValueError(hinted("H(t) is not finite", "look for a division by zero in a drive"))
     low, high = float(ends[:, 0].min()), float(ends[:, 1].max())
@@ -162,7 +162,7 @@ def _corners(
     if count < 2:
         return (), ()
     axes = tuple(_axis(low, high, count) for low, high in ranges)
-    return axes, tuple(system.corner(f) for f in itertools.product(*axes))
+    return axes, tuple(system.corners([*itertools.product(*axes)]))
 
 
 def _axis(low: float, high: float, count: int) -> tuple[float, ...]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cached_property
 
@@ -11,6 +11,8 @@ import numpy as np
 from liouville import _core
 from liouville.errors import hinted
 from liouville.systems._expressions import Pickled
+from liouville.systems._trace import Parameters
+from liouville.systems.schrodinger import time_functions
 from liouville.systems.schrodinger.bounds import (
     GIVEN,
     PROBABLE,
@@ -46,6 +48,7 @@ class Bounded(Pickled):
     _way: str
     _terms: list[Term]
     _functions: list[TimeFunction]
+    _params: Parameters
     _moving: TimeFunction | None
     moving_product: MovingProduct | None
 
@@ -85,13 +88,26 @@ class Bounded(Pickled):
         terms = [_core.Hamiltonian(term.operators) for term in self._terms]
         return np.array([[term.multiply(row) for row in unit] for term in terms])
 
-    def weights_at(self, t: float) -> np.ndarray:
-        """Return the weights of these at a time, the first of which is 1."""
-        return np.array([1.0, *(float(f.at(t)[0]) for f in self._functions)])
+    @cached_property
+    def _weights(self) -> _core.Tape:
+        """The program of the weights of all operators, for all values of the parameters."""
+        return time_functions.weights(self._functions, self.groups, self._params)
+
+    def drive_values(self, times: np.ndarray, params: np.ndarray | None = None) -> np.ndarray:
+        """Return each function of time at times, shape (k, count); they may be not finite.
+
+        Values of all parameters may be given in place of the system's own.
+        """
+        if not self._functions:
+            return np.zeros((times.size, 0))
+        args = [np.ascontiguousarray(times, dtype=float)[:, None]]
+        params = self._params.values(None) if params is None else params
+        found: np.ndarray = self._weights.map(params, args)
+        return found[:, np.cumsum(self.groups)[:-1]]
 
     def check_time(self, t: float) -> None:
         """Refuse a time at which the potential or a drive is not finite: ValueError names it."""
-        self.weights_at(t)
+        self._finite_values(np.array([t]))
         if self._moving is not None and self.grid is not None:
             self._moving.at(t, self.grid.points)
 
@@ -100,7 +116,8 @@ class Bounded(Pickled):
         if self.moving_product is not None:
             return self.at(t).multiply
         terms = [_core.Hamiltonian(term.operators) for term in self._terms]
-        parts = [pair for pair in zip(self.weights_at(t).tolist(), terms, strict=True) if pair[0]]
+        weights = [1.0, *self._finite_values(np.array([t]))[0].tolist()]
+        parts = [pair for pair in zip(weights, terms, strict=True) if pair[0]]
         potential: np.ndarray | None = None
         if self._moving is not None and self.grid is not None:
             values = self._moving.at(t, self.grid.points) / self.hbar
@@ -121,32 +138,40 @@ class Bounded(Pickled):
         """
         if self._moving is not None:
             return None
-        found = [function.values(times) for function in self._functions]
-        if not all(np.isfinite(values).all() for values in found):
+        found = self.drive_values(times)
+        if not np.isfinite(found).all():
             return None
-        return [(float(values.min()), float(values.max())) for values in found]
+        return [(float(values.min()), float(values.max())) for values in found.T]
+
+    def _finite_values(self, times: np.ndarray) -> np.ndarray:
+        """Return them, each seen to be finite: ValueError names one that is not."""
+        found = self.drive_values(times)
+        for function, values in zip(self._functions, found.T, strict=True):
+            function.check(times, values)
+        return found
 
     @property
     def takes_lanczos(self) -> bool:
         """Whether closer bounds than the rigorous ones may be found by Lanczos' method."""
         return self._way in ("auto", "lanczos")
 
-    def corner(self, values: tuple[float, ...]) -> Bounds:
+    def corners(self, each: Sequence[tuple[float, ...]]) -> list[Bounds]:
         r"""Bound the eigenvalues of :math:`H / \hbar` for these values of the functions of time.
 
         They are those of the eigenvalues at the ends of a small H, and else of Lanczos' method.
         """
-        if values not in self._known:
-            weights = (1.0, *values)
-            if self._parts is not None:
-                ends = np.linalg.eigvalsh(np.tensordot(weights, self._parts, axes=1))[[0, -1]]
-                slack = 1e-12 * float(np.abs(ends).max())
-                self._known[values] = float(ends[0]) - slack, float(ends[1]) + slack
-            else:
-                repeated = np.repeat(weights, self.groups).tolist()
-                find = likely if self._way == "lanczos" else probable
+        new = [values for values in each if values not in self._known]
+        if self._parts is None:
+            find = likely if self._way == "lanczos" else probable
+            for values in new:
+                repeated = np.repeat((1.0, *values), self.groups).tolist()
                 self._known[values] = find(self.hamiltonian, repeated).bounds
-        return self._known[values]
+        elif new:
+            factors = np.column_stack([np.ones(len(new)), new])
+            ends = np.linalg.eigvalsh(np.tensordot(factors, self._parts, axes=1))[:, [0, -1]]
+            ends += 1e-12 * np.abs(ends).max(axis=1, keepdims=True) * [-1.0, 1.0]
+            self._known.update(zip(new, map(tuple, ends.tolist()), strict=True))
+        return [self._known[values] for values in each]
 
     def at(self, t: float) -> _core.Hamiltonian:
         """Return an H(t) that is known by its products at a time.
@@ -272,16 +297,20 @@ class Bounded(Pickled):
 
     def bounds_at(self, t: float) -> Bounds:
         r"""Bound the eigenvalues of :math:`H / \hbar` at a time."""
-        if self._given is not None:
-            return self._given
-        if self.moving_product is not None:
-            return self.spectrum_at(t).bounds
-        low, high = self.term_bounds[0]
-        weights = self.weights_at(t)[1:].tolist()
-        for weight, ends in zip(weights, self.term_bounds[1:], strict=True):
-            ends = (weight * ends[0], weight * ends[1])
-            low, high = low + min(ends), high + max(ends)
-        if self._moving is not None and self.grid is not None:
-            values = self._moving.at(t, self.grid.points) / self.hbar
-            low, high = low + float(values.min()), high + float(values.max())
+        low, high = self.bounds_over(np.array([t]))[0].tolist()
         return low, high
+
+    def bounds_over(self, times: np.ndarray) -> np.ndarray:
+        r"""Bound the eigenvalues of :math:`H / \hbar` at times, shape (k, 2)."""
+        if self._given is not None:
+            return np.tile(self._given, (times.size, 1))
+        if self.moving_product is not None:
+            return np.array([self.spectrum_at(t).bounds for t in times.tolist()])
+        found = np.tile(self.term_bounds[0], (times.size, 1))
+        for values, ends in zip(self._finite_values(times).T, self.term_bounds[1:], strict=True):
+            found += np.sort(np.outer(values, ends), axis=1)
+        if self._moving is not None and self.grid is not None:
+            for own, t in zip(found, times.tolist(), strict=True):
+                values = self._moving.at(t, self.grid.points) / self.hbar
+                own += values.min(), values.max()
+        return found

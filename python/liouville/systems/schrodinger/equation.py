@@ -232,10 +232,6 @@ class Schrodinger(Bounded):
             more["potential"] = (tape, params, points.ravel())
         self.hamiltonian = _core.Hamiltonian(flat, self.frame.is_doubled, **more)
 
-    @cached_property
-    def _weights(self) -> _core.Tape:
-        return time_functions.weights(self._functions, self.groups, self._params)
-
     def _of_grid(self, grid: Grid, found: TimeFunction | np.ndarray) -> Term:
         kinetic = [energies / self.hbar for energies in grid.kinetic(self.hbar)]
         check_size("T / hbar", np.concatenate(kinetic))

@@ -30,7 +30,7 @@ LOOKED = 2048
 
 
 class _DriveTapes:
-    """Programs of the functions of a drive, of all values of their parameters."""
+    """Programs of derivatives of a drive's functions, of all values of their parameters."""
 
     def __init__(self, functions: Sequence[TimeFunction], params: Parameters) -> None:
         self._functions, self._params = functions, params
@@ -41,11 +41,6 @@ class _DriveTapes:
         t = ca.SX.sym("t")
         each = [ca.substitute(f.expression, f.t, t) for f in self._functions]
         return t, ca.vertcat(ca.SX(0, 1), *each)
-
-    @cached_property
-    def value(self) -> _core.Tape:
-        t, column = self._column
-        return record("drive", {"t": t, "params": self._params.vector}, column)
 
     @cached_property
     def slope(self) -> _core.Tape:
@@ -65,7 +60,7 @@ class _DriveTapes:
 
 
 class DriveSensitivity:
-    """The weights f_k(t) of a driven Hamiltonian, and their derivatives.
+    """The derivatives of the weights f_k(t) of a driven Hamiltonian.
 
     Attributes
     ----------
@@ -102,12 +97,8 @@ class DriveSensitivity:
         """Whether a function depends on a parameter."""
         return any(function.depends_on(name) for function in self._functions)
 
-    def values(self, t: Array, params: Array) -> Array:
-        """Return the functions at times, shape (k, count), with these values of all parameters."""
-        return np.asarray(self._tapes.value.map(params, [t[:, None]]))
-
     def slopes(self, t: Array) -> Array:
-        """Return their derivatives by all parameters at times, shape (k, P, count)."""
+        """Return the functions' derivatives by all parameters at times, shape (k, P, count)."""
         flat = self._tapes.slope.map(self._values, [t[:, None]])
         return np.asarray(flat).reshape(t.size, -1, self.count)
 
@@ -128,7 +119,8 @@ class DriveSensitivity:
         inside = np.clip(t, table.x[0], table.x[-1])
         found: Array = spline(inside)
         beyond = np.flatnonzero(t != inside)
-        found[beyond] += (t - inside)[beyond, None] * spline(inside[beyond], 1)
+        if beyond.size:
+            found[beyond] += (t - inside)[beyond, None] * spline(inside[beyond], 1)
         return found
 
 

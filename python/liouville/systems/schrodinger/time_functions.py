@@ -87,27 +87,27 @@ class TimeFunction:
             self._tapes[factor] = record(self.what, self.inputs, expression)
         return self._tapes[factor]
 
-    def values(self, times: np.ndarray) -> np.ndarray:
-        """Return values at times, of a function without points; they may be not finite."""
-        params = self._expressions.symbols.params.values(None)
-        found = self.tape(1.0).map(params, [np.ascontiguousarray(times, dtype=float)[:, None]])
-        return np.array(found[:, 0])
-
-    def at(self, t: float, points: np.ndarray | None = None) -> np.ndarray:
+    def at(self, t: float, points: np.ndarray) -> np.ndarray:
         """Return values at a time, one for each point; ValueError names one that is not finite."""
-        times = np.full((1 if points is None else len(points), 1), float(t))
-        args = [times] if points is None else [times, np.ascontiguousarray(points)]
-        values = self.tape(1.0).map(self._expressions.symbols.params.values(None), args)[:, 0]
+        times = np.full(len(points), float(t))
+        args = [times[:, None], np.ascontiguousarray(points)]
+        found = self.tape(1.0).map(self._expressions.symbols.params.values(None), args)
+        values = np.array(found[:, 0])
+        self.check(times, values, points)
+        return values
+
+    def check(self, t: np.ndarray, values: np.ndarray, points: np.ndarray | None = None) -> None:
+        """Refuse values at times that are not finite: ValueError names the first."""
         bad = np.flatnonzero(~np.isfinite(values))
         if bad.size:
-            place = "" if points is None else f" and x = {_point(points[bad[0]])}"
+            k = bad[0]
+            place = "" if points is None else f" and x = {_point(points[k])}"
             raise ValueError(
                 hinted(
-                    f"{self.what} is {values[bad[0]]} at t = {t:g}{place}",
+                    f"{self.what} is {values[k]} at t = {t[k]:g}{place}",
                     "look for a division by zero, a root or a logarithm there",
                 )
             )
-        return np.array(values)
 
 
 def _point(x: np.ndarray) -> str:

@@ -23,6 +23,7 @@ use recorder::KeptTerms;
 pub use recorder::Recorder;
 pub(super) use series::{Output, SeriesPiece};
 pub(super) use shears::ShearsPiece;
+use std::ops::Range;
 
 /// A part of a run with choices of its own.
 pub(super) enum Piece {
@@ -42,6 +43,14 @@ impl Piece {
         map.series = row.to_vec();
         map.powers = vec![1.0];
         *steps = usize::from(is_end);
+    }
+
+    /// How many steps of the run end in it.
+    fn steps(&self) -> usize {
+        match self {
+            Self::Series(piece) => piece.steps,
+            Self::Shears(piece) => piece.steps,
+        }
     }
 
     /// Takes the weights of groups of terms, which begin at these, for those of all terms.
@@ -136,10 +145,10 @@ impl Derivative {
 
     /// How many steps of the run end in a piece, and the times of its nodes.
     pub fn piece(&self, piece: usize) -> (usize, &[f64]) {
-        match &self.pieces[piece] {
-            Piece::Series(SeriesPiece { steps, nodes, .. })
-            | Piece::Shears(ShearsPiece { steps, nodes, .. }) => (*steps, nodes),
-        }
+        let piece = &self.pieces[piece];
+        let (Piece::Series(SeriesPiece { nodes, .. }) | Piece::Shears(ShearsPiece { nodes, .. })) =
+            piece;
+        (piece.steps(), nodes)
     }
 
     /// Adds steps of shears q ← q + c h (H − shift) p and p ← p − c h (H − shift) q in turn, of an H that does not change,
@@ -228,12 +237,45 @@ impl Derivative {
         )
     }
 
-    /// Replaces a cotangent of the state where a piece ends by that where it begins, given those of the ends of its
-    /// steps, or none; returns those of H at its nodes, as far as they are wanted.
+    /// Replaces a cotangent of the state where the last of these pieces ends by that where the first begins, given those of
+    /// the states where some steps end, which are counted through the run; returns those of H at their nodes, as far as they
+    /// are wanted.
     ///
     /// # Errors
     /// A product failed, or the run was cancelled.
     pub fn pull(
+        &mut self,
+        pieces: Range<usize>,
+        cotangent: &mut [f64],
+        (steps, rows): (&[usize], &[Vec<f64>]),
+        wanted: Wanted,
+    ) -> Result<AtNodes, StepError> {
+        let mut before: usize = self.pieces[..pieces.end].iter().map(Piece::steps).sum();
+        let mut each = Vec::with_capacity(pieces.len());
+        for piece in pieces.rev() {
+            let count = self.pieces[piece].steps();
+            before -= count;
+            let here = steps.partition_point(|step| *step < before)
+                ..steps.partition_point(|step| *step < before + count);
+            let mut of_steps = Vec::new();
+            if !here.is_empty() {
+                of_steps.resize(count, vec![0.0; cotangent.len()]);
+            }
+            for (step, row) in steps[here.clone()].iter().zip(&rows[here]) {
+                of_steps[step - before].copy_from_slice(row);
+            }
+            each.push(self.pull_piece(piece, cotangent, &of_steps, wanted)?);
+        }
+        let mut found = AtNodes::default();
+        for own in each.iter().rev() {
+            found.weights.extend(&own.weights);
+            found.potential.extend(&own.potential);
+        }
+        Ok(found)
+    }
+
+    /// The same of one piece, given cotangents of the ends of all its steps, or none.
+    fn pull_piece(
         &mut self,
         piece: usize,
         cotangent: &mut [f64],
