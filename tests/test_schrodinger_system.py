@@ -548,3 +548,25 @@ def test_other_samples_are_those_of_another_equation_bit_for_bit():
     one, two = (lv.integrate(x, "auto", t=(0, 1), psi=np.eye(12)[1]) for x in (found, wanted))
     np.testing.assert_array_equal(one.psi, two.psi)
     assert found.term_bounds == first.term_bounds
+
+
+@pytest.mark.parametrize("first", [0.0, 1.0, 1e-290], ids=["none", "equal", "tiny"])
+def test_other_samples_take_the_places_of_equal_ones(first):
+    """The program is recorded once; columns of equal numbers are told apart, and none overflows."""
+    rng, times = np.random.default_rng(2), np.linspace(0, 1, 9)
+    parts, psi = [np.diag([0.0, 1.0, 3.0]), np.eye(3)[::-1], np.ones((3, 3))], np.eye(3)[0]
+
+    def system(*samples):
+        return lv.Schrodinger(parts[0], drive=[*zip(samples, parts[1:], strict=True)], times=times)
+
+    old, a, b, c = np.full(9, first), *rng.normal(size=(3, 9))
+    start = system(old, old)
+    one = start.with_samples({"drive[1]": b})
+    both = one.with_samples({"drive[0]": a})
+    other = both.with_samples({"drive[0]": c})
+    cases = [(start, old, old), (one, old, b), (both, a, b), (other, c, b), (start, old, old)]
+    for found, *samples in cases:
+        run = {"t": (0, 1), "h": 0.1, "psi": psi}
+        wanted = lv.integrate(system(*samples), lv.Magnus(4), **run)
+        for own in (found, pickle.loads(pickle.dumps(found))):
+            np.testing.assert_array_equal(lv.integrate(own, lv.Magnus(4), **run).psi, wanted.psi)

@@ -164,3 +164,11 @@ def test_a_bound_that_is_too_close_is_found_while_it_runs():
     for method in (lv.Chebyshev(1e-7), lv.Magnus(6, 1e-7)):
         solution = lv.integrate(system, method, t=span, psi=psi)
         assert np.linalg.norm(solution.psi[-1] - exact) < 1e-7
+
+
+@pytest.mark.parametrize("choice", [{"h": 0.1}, {"tol": 0.1}], ids=["steps", "tolerance"])
+def test_an_exponential_whose_series_does_not_fit_in_memory_is_refused(choice):
+    h0, drive = np.diag([0.0, 1e13]), [(lambda t, p: 1.0 + t, np.ones((2, 2)))]
+    system, tol = lv.Schrodinger(h0, drive=drive), choice.pop("tol", 1e-8)
+    with pytest.raises(MemoryError, match=r"the series of an exponential over .* / beta takes .*B"):
+        lv.integrate(system, lv.Magnus(4, tol), t=(0, 1), psi=[1.0, 0.0], **choice)

@@ -91,6 +91,7 @@ class Tape:
     def map(
         self, params: NDArray[np.float64], args: list[NDArray[np.float64]]
     ) -> NDArray[np.float64]: ...
+    def with_columns(self, replaced: list[tuple[Column, Column]]) -> Tape: ...
     def with_terms(
         self,
         constant: NDArray[np.float64],

@@ -229,6 +229,19 @@ impl Tape {
         ))
     }
 
+    /// The same program with columns in place of others that it has.
+    fn with_columns(&self, replaced: Vec<(Py<Column>, Py<Column>)>, py: Python<'_>) -> Self {
+        let new = |old: &Py<Column>| {
+            let found = replaced.iter().find(|(of, _)| of.is(old));
+            found.map_or(old, |(_, new)| new).clone_ref(py)
+        };
+        let columns: Vec<_> = self.3.iter().map(new).collect();
+        let numbers = columns.iter().map(|column| column.get().0.clone());
+        let tape = self.0.with_numbers(numbers.collect());
+        let (program, terms) = (self.1.clone(), self.2.clone());
+        Self(Arc::new(tape), program, terms, columns.into())
+    }
+
     /// Number of instructions an evaluation runs.
     fn __len__(&self) -> usize {
         self.0.len()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -11,10 +10,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from liouville import _casadi as ca
+from liouville._core import Column
 from liouville._scipy import scipy
 from liouville.errors import hinted
 from liouville.systems._trace import numbers
-from liouville.tape.lookups import lookups
+from liouville.tape.lookups import LookedUp, lookups
 
 Array = NDArray[np.float64]
 
@@ -36,6 +36,8 @@ class Table:
         The points.
     ends : str
         What holds at the ends.
+    name : str
+        A name that keeps its columns on tapes apart from those of other tables.
     """
 
     x: Array
@@ -44,6 +46,7 @@ class Table:
     _starts: Array  # of the pieces
     _powers: Array  # coefficients of 1, u, u^2 and u^3 of each, with u from its base
     _bases: Array
+    name: str = ""
 
     def __repr__(self) -> str:
         """Give the number of points and the interval."""
@@ -69,8 +72,21 @@ class Table:
         return {name: x for name, x in self.__dict__.items() if name != "_lookups"}
 
     @cached_property
-    def _lookups(self) -> list[Callable[[ca.SX], ca.SX]]:
-        return lookups(self._starts[1:], self._bases, *self._powers)
+    def _lookups(self) -> list[LookedUp]:
+        return lookups(self.name, self._starts[1:], self._bases, *self._powers)
+
+    def replaced(self, other: Table) -> list[tuple[Column, Column]] | None:
+        """Return pairs of columns that make a tape of this table one of another at the same points.
+
+        None where numbers would overflow.
+        """
+        found = []
+        for own, powers in zip(self._lookups[1:], other._powers, strict=True):
+            new = own.other(powers)
+            if new is None:
+                return None
+            found.append((own.column, new))
+        return found
 
     def _of_numbers(self, x: Any) -> Any:
         at = numbers(x)

@@ -13,7 +13,7 @@ import numpy as np
 from liouville import _casadi as ca
 from liouville._core import OPERATIONS, Column, Tape
 from liouville.errors import hinted
-from liouville.tape.lookups import LOOKUP, column_of, numbers_of
+from liouville.tape.lookups import LOOKUP, columns_of
 from liouville.tape.lookups import Lookup as Lookup
 
 _INPUT, _CONSTANT, _OUTPUT = -1, -2, -3
@@ -267,7 +267,7 @@ def _with_columns(
         return lines, values, []
     first, columns, slots = lines[:, 1].max() + 1, dict[Column, int](), dict[int, list[int]]()
     for at, lookup in calls.items():
-        held = [column_of(column) for column in numbers_of(lookup)]
+        held = columns_of(lookup)
         slots[lines[at, 1]] = [first + columns.setdefault(x, len(columns)) for x in held]
         lines[at, 3] = slots[lines[at, 1]][0]
     is_looked_up = (lines[:, 0] == floor) & np.isin(lines[:, 2], [*slots])
@@ -293,7 +293,7 @@ def _codes(name: str, function: ca.Function, codes: np.ndarray, values: np.ndarr
                     "code for numbers does: lv.table(x, y) stands in for it by its values",
                 )
             )
-        is_lookup = code == ca.OP_CALL and called == {LOOKUP}
+        is_lookup = code == ca.OP_CALL and all(of.startswith(LOOKUP) for of in called)
         found[at] = OPERATIONS["search"] if is_lookup else _operation(name, code)
     return found
 

@@ -279,6 +279,19 @@ impl Tape {
         Ok(self)
     }
 
+    /// The same program with other numbers in its columns, as many columns as it has.
+    ///
+    /// # Panics
+    /// When their number differs.
+    #[must_use]
+    pub fn with_numbers(&self, columns: Box<[Column]>) -> Self {
+        assert_eq!(columns.len(), self.columns.len(), "number of columns");
+        Self {
+            columns,
+            ..self.clone()
+        }
+    }
+
     /// Number of instructions one evaluation runs.
     pub fn len(&self) -> usize {
         self.body.len()

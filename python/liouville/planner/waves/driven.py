@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from liouville import _core
+from liouville._arguments import check_memory
 from liouville.errors import hinted
 from liouville.methods import Chebyshev, Lanczos, Magnus, SchrodingerSplitting
 from liouville.planner.waves.propagators import Interval, MagnusSteps, Parts
@@ -45,6 +46,9 @@ FEW_TIMES = 5
 #: Most values of one function of time, of two, and of three, at which H is bounded.
 AXIS = (17, 5, 3)
 
+#: Bytes of the factors of a series for each unit of 1/beta.
+BYTES = 16.0
+
 #: Lanczos' method finds one corner for so many units of 1/beta, as it takes 20 products.
 EACH = WORTH / 2
 
@@ -78,16 +82,21 @@ def _scheme(schemes: tuple[tuple[int, int, float], ...], tol: float) -> Magnus:
     return Magnus(order, tol, count)
 
 
+def check_terms(theta: float, hint: str) -> None:
+    """Refuse exponentials over so many units of 1/beta whose series do not fit in memory."""
+    check_memory(f"the series of an exponential over {theta:.3g} / beta", BYTES * theta, hint)
+
+
 def magnus_cost(
     system: Schrodinger, core: MagnusSteps, times: Sequence[float], bounds: Interval
 ) -> tuple[float, float, str]:
     """Return products of a Magnus method that chooses its steps, its longest step, and a reason."""
+    lengths, beta = np.abs(np.diff(times)), 0.5 * (bounds[1] - bounds[0])
+    check_terms(beta * float(lengths.max()), "give more times to keep states at")
     if system.moving_product is None:
         steps, products, theta = _core.magnus_cost(system.hamiltonian, core, times)
         why = f"steps are chosen by estimates while running, at most about {steps}"
         return float(products), theta, why
-    lengths = np.abs(np.diff(times))
-    beta = 0.5 * (bounds[1] - bounds[0])
     degree = _core.chebyshev_degree(beta * float(lengths.sum()), core.tol)
     why = "steps are chosen by estimates while running; the products are the least there may be"
     # every step is made as one and as two halves

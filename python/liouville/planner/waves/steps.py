@@ -16,7 +16,7 @@ from liouville.methods import (
     Stepped,
     shears_of,
 )
-from liouville.planner.waves.driven import NODES, driving
+from liouville.planner.waves.driven import NODES, check_terms, driving
 from liouville.planner.waves.ladder import ROUNDOFF, cheapest
 from liouville.planner.waves.plan import WavePlan
 from liouville.planner.waves.propagators import (
@@ -96,6 +96,7 @@ def _magnus(system: Schrodinger, method: Magnus, t0: float, stops: Stops) -> Wav
     count = exponentials * steps
     # the phase of H over a step, shared by its exponentials
     theta = 0.5 * (high - low) * h * PHASES[method.scheme] / exponentials
+    check_terms(theta, "give a smaller h")
     degree = _core.chebyshev_degree(theta, method.tol / count)
     shears = None
     if system.is_real:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from liouville import _core
 from liouville.errors import hinted
 from liouville.systems._expressions import Pickled
 from liouville.systems._trace import Parameters
-from liouville.systems.schrodinger import time_functions
+from liouville.systems.schrodinger import foreign, time_functions
 from liouville.systems.schrodinger.bounds import (
     GIVEN,
     PROBABLE,
@@ -48,6 +49,7 @@ class Bounded(Pickled):
     _way: str
     _terms: list[Term]
     _functions: list[TimeFunction]
+    _drive: foreign.Drive
     _params: Parameters
     _moving: TimeFunction | None
     moving_product: MovingProduct | None
@@ -89,9 +91,24 @@ class Bounded(Pickled):
         return np.array([[term.multiply(row) for row in unit] for term in terms])
 
     @cached_property
+    def _recorded(self) -> tuple[_core.Tape, list[Any]]:
+        """The program of the weights of all operators, and the functions it was recorded for."""
+        tape = time_functions.weights(self._functions, self.groups, self._params)
+        return tape, [function for function, _ in self._drive]
+
+    @cached_property
     def _weights(self) -> _core.Tape:
         """The program of the weights of all operators, for all values of the parameters."""
-        return time_functions.weights(self._functions, self.groups, self._params)
+        tape, recorded = self._recorded
+        replaced: list[tuple[_core.Column, _core.Column]] = []
+        for old, (new, _) in zip(recorded, self._drive, strict=True):
+            if new is not old:  # other samples at the same times
+                pairs = old.table.replaced(new.table)
+                if pairs is None:
+                    del self._recorded
+                    return self._recorded[0]
+                replaced += pairs
+        return tape.with_columns(replaced) if replaced else tape
 
     def drive_values(self, times: np.ndarray, params: np.ndarray | None = None) -> np.ndarray:
         """Return each function of time at times, shape (k, count); they may be not finite.

@@ -326,7 +326,7 @@ class Schrodinger(Bounded):
         drive, functions = foreign.resampled(self._drive, samples), [*self._functions]
         for k, (new, _) in enumerate(drive):
             if new is not self._drive[k][0]:
-                functions[k] = TimeFunction(f"drive[{k}]", new, self._params)
+                functions[k] = functions[k].replaced(new, self._params)
         return self._of_other(drive, functions, self._params)
 
     def inward(self, psi: Any, is_ensemble: bool = False) -> np.ndarray:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -206,7 +207,7 @@ class Samples:
         from liouville.systems._table import table
 
         ends = "not-a-knot" if times.size > 3 else "natural"
-        self.table = table(times, values.astype(float), ends=ends)
+        self.table = replace(table(times, values.astype(float), ends=ends), name=name)
 
     def __call__(self, t: Any, params: Any) -> Any:
         """Return the spline's value."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from copy import copy
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -38,15 +39,30 @@ class TimeFunction:
         Whether it depends on time.
     """
 
+    _untraced: tuple[Callable[..., Any], _trace.Parameters]
+
     def __init__(
         self, what: str, function: Callable[..., Any], params: _trace.Parameters, axes: int = 0
     ) -> None:
-        s = Symbols(params, {"x": axes} if axes else {})
-        self.what = what
-        expression = _trace.scalar(what, function, s.args)
-        self.is_driven = ca.depends_on(expression, s.t)
-        self._expressions = Expressions(s, {what: expression})
+        self.what, self._axes = what, axes
+        self._expressions = self._traced(function, params)
+        self.is_driven = ca.depends_on(self.expression, self.t)
         self._tapes: dict[float, _core.Tape] = {}  # of all values of the parameters
+
+    def _traced(self, function: Callable[..., Any], params: _trace.Parameters) -> Expressions:
+        s = Symbols(params, {"x": self._axes} if self._axes else {})
+        return Expressions(s, {self.what: _trace.scalar(self.what, function, s.args)})
+
+    @cached_property
+    def _expressions(self) -> Expressions:
+        return self._traced(*self._untraced)
+
+    def replaced(self, samples: Callable[..., Any], params: _trace.Parameters) -> TimeFunction:
+        """Return a function of other samples at the same times, which is traced when needed."""
+        other = copy(self)
+        other._untraced, other._tapes = (samples, params), {}
+        other.__dict__.pop("_expressions", None)
+        return other
 
     @property
     def expression(self) -> ca.SX:
