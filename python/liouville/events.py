@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,6 +12,9 @@ from liouville.errors import hinted
 
 #: The suffix of the names of states after a reset.
 AFTER = "_after"
+
+#: States by name, as arrays.
+States = Mapping[str, np.ndarray]
 
 #: Which zeros count: the sign of the change.
 DIRECTIONS = {"both": 0, "up": 1, "down": -1}
@@ -168,3 +171,10 @@ def _plain(name: str, function: Any) -> Event:
     if not callable(function):
         raise TypeError(f"event '{name}' is an Event or a function, not {function!r}")
     return Event(function)
+
+
+def sides_of(states: States, names: Sequence[str]) -> list[list[np.ndarray]] | None:
+    """Return states of an event by these names before its resets and after, None without resets."""
+    if f"{names[0]}{AFTER}" not in states:
+        return None
+    return [[states[f"{name}{end}"] for name in names] for end in ("", AFTER)]

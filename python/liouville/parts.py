@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from liouville.errors import check_name, hinted
-from liouville.events import AFTER
+from liouville.events import AFTER, sides_of
 from liouville.points import Points
 from liouville.tangents import Tangent
 
@@ -218,22 +218,23 @@ def between(solution: Solution, system: Any, times: Array) -> dict[str, Array]:
     return found
 
 
-def pieces(solution: Solution, names: tuple[str, str]) -> list[tuple[Array, Array, Array]]:
-    """Return t, y and z at the ends of all steps, one piece of a run between resets after another.
+def pieces(solution: Solution, names: tuple[str, ...]) -> list[tuple[Array, ...]]:
+    """Return t and states at the ends of all steps, a piece of a run between resets after another.
 
     A piece begins with the state after a reset and ends with the one before the next.
     """
     t, *states = solution.t, *(solution.states[name] for name in names)
-    hits = [x for x in solution.events.values() if names[0] + AFTER in x.states]
+    each = [(x.t, sides_of(x.states, names)) for x in solution.events.values()]
+    hits = [(times, *sides) for times, sides in each if sides is not None]
     way = 1 if not t.size or t[0] <= t[-1] else -1
-    times = np.concatenate([np.empty(0), *(x.t for x in hits)])
+    times = np.concatenate([np.empty(0), *(x[0] for x in hits)])
     order = np.argsort(way * times, kind="stable")
     times = times[order]
     if not times.size:
-        return [(t, states[0], states[1])]
+        return [(t, *states)]
     before, after = (
-        [np.concatenate([x.states[name + end] for x in hits])[order] for name in names]
-        for end in ("", AFTER)
+        [np.concatenate(x)[order] for x in zip(*(hit[k] for hit in hits), strict=True)]
+        for k in (1, 2)
     )
     found, row, begin = [], 0, [x[:0] for x in (t, *states)]
     for group in np.split(np.arange(times.size), np.flatnonzero(np.diff(times)) + 1):
@@ -247,9 +248,8 @@ def pieces(solution: Solution, names: tuple[str, str]) -> list[tuple[Array, Arra
     return found
 
 
-def _joined(*parts: list[Array]) -> tuple[Array, Array, Array]:
-    t, y, z = (np.concatenate(x) for x in zip(*parts, strict=True))
-    return t, y, z
+def _joined(*parts: list[Array]) -> tuple[Array, ...]:
+    return tuple(np.concatenate(x) for x in zip(*parts, strict=True))
 
 
 def _outermost(group: Array, before: list[Array], after: list[Array]) -> tuple[int, int]:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from liouville.analysis.point import mechanical
 from liouville.errors import hinted
-from liouville.events import AFTER
+from liouville.events import sides_of
 from liouville.parts import system_of
 from liouville.solution import Solution
 from liouville.systems import Mechanics
@@ -139,18 +139,12 @@ def _jumps(system: Mechanics, values: Array, solution: Solution) -> tuple[Array,
     place = sum([*widths.values()][: [*widths].index("invariant energy")])
     times, changes = [np.empty(0)], [np.empty(0)]
     for points in solution.events.values():
-        sides = [[f"{name}{end}" for name in system.states] for end in ("", AFTER)]
-        if sides[1][0] not in points.states:
+        sides = sides_of(points.states, system.states)
+        if sides is None:
             continue
         before, after = (
-            observer.map(
-                values,
-                [
-                    np.ascontiguousarray(x)
-                    for x in (points.t[:, None], *(points.states[name] for name in names))
-                ],
-            )[:, place]
-            for names in sides
+            observer.map(values, [*map(np.ascontiguousarray, (points.t[:, None], *side))])[:, place]
+            for side in sides
         )
         times.append(points.t)
         changes.append(after - before)

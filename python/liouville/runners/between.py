@@ -15,7 +15,7 @@ from liouville.runners.traced import TracedRunner
 from liouville.systems import Mechanics, SemiExplicit
 
 #: Times, and both halves of the state, at the ends of the steps of a piece of a run.
-Piece = tuple[np.ndarray, np.ndarray, np.ndarray]
+Piece = tuple[np.ndarray, ...]
 
 #: A run of which the start alone is wanted has this length, or this part of its time.
 SHORT = 1e-9

@@ -11,7 +11,7 @@ from liouville import _core
 from liouville._job import AlphaTransposed, Job
 from liouville.control import Takes
 from liouville.errors import Description, hinted, quoted
-from liouville.events import AFTER
+from liouville.events import sides_of
 from liouville.methods import Composition, LobattoPair, Method
 from liouville.points import Points
 from liouville.runners.energy import watch_of
@@ -269,16 +269,14 @@ class MechanicalRunner(TracedRunner):
         params = np.ascontiguousarray(params[member if len(params) > 1 else 0])
         found: list[tuple[float, float]] = []
         for points in events.values():
-            sides = [[f"{name}{end}" for name in self.system.states] for end in ("", AFTER)]
-            if sides[1][0] not in points.states:
-                continue
             at = points.of_member(member) if self.members else points
             energies = []
-            for names in sides:
-                args = [at.t[:, None], *(at.states[name] for name in names)]
-                rows = self._observer.map(params, [*map(np.ascontiguousarray, args)])
+            for side in sides_of(at.states, self.system.states) or ():
+                args = map(np.ascontiguousarray, [at.t[:, None], *side])
+                rows = self._observer.map(params, [*args])
                 energies.append(rows[:, sum(place)])
-            found += zip(at.t.tolist(), (energies[1] - energies[0]).tolist(), strict=True)
+            if energies:
+                found += zip(at.t.tolist(), (energies[1] - energies[0]).tolist(), strict=True)
         return sorted(found)
 
     def contradiction(self, rows: np.ndarray) -> tuple[int, dict[str, Any]] | None:
