@@ -193,23 +193,22 @@ def test_members_are_named(which):
     assert caught.value.member == 1
 
 
-@pytest.mark.parametrize("q", [[1.0], [[9.0], [1.0]]], ids=["one", "members"])
-def test_a_switch_that_steps_pass_over_is_said(q):
+@pytest.mark.parametrize("which", BOTH)
+def test_a_switch_that_equal_steps_pass_over_is_refused(which):
     """Steps by rtol end there, and have the derivative."""
     system = oscillator(
-        lambda t, q, v, p: -p.c * ca.sign(q - 0.3),
-        switches={"side": lambda t, q, v, p: q[0] - 0.3},
+        lambda t, q, v, p: -p.c * ca.sign(q - p.k),
+        lambda q, p: 0,
+        switches={"side": lambda t, q, v, p: q[0] - p.k},
     )
-    run = {"t": (0, 2), "q": q, "v": [0.0]}
-    call = lv.integrate if np.ndim(q) == 1 else lv.ensemble
-    for solution in (
-        call(system, lv.Spark(2), tangents={"q": [1.0]}, steps=40, **run),
-        lv.vjp(system, lv.Spark(2), wrt=["q"], steps=40, **run)[0],
-    ):
-        assert "passes a switch of the system at t = 1." in solution.message
-    if call is lv.integrate:
-        solution = lv.integrate(system, lv.Spark(2), tangents={"q": [1.0]}, rtol=1e-8, **run)
-        assert solution.message == ""
+    run = {"t": (0, 1.4), "params": {"c": 0.8, "k": 0.3}, "v": [-0.2]}
+    size = 1e-5
+    ends = [fallen(0.8, -0.2, 0.3 + way * size, 1.4) for way in (1, -1)]
+    found = differentiate(which, system, lv.Spark(2), ["params.k"], rtol=1e-9, **run)
+    assert found["params.k"] == pytest.approx((ends[0] - ends[1]) / (2 * size), abs=1e-8)
+    for method in (lv.Spark(2), lv.HHT()):
+        with pytest.raises(lv.IntegrationError, match=r"the equations jump with .*\n.* with rtol="):
+            differentiate(which, system, method, ["params.k"], steps=14, **run)
 
 
 @pytest.mark.parametrize("which", BOTH)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -238,9 +238,6 @@ def vjp(
     solution = execute(adjoint.runner, progress, adjoint.checkpoints)
     if solution.status != "done":
         raise IntegrationError(solution.message, solution=solution)
-    if said := adjoint.remark():
-        message = "; ".join(filter(None, [solution.message, said]))
-        solution = replace(solution, message=message)
     return solution, Pullback(adjoint, solution)
 
 

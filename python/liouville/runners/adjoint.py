@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from liouville.runners.execute import Checkpoints
 from liouville.runners.runner import Runner
 from liouville.solution import Solution
+
+if TYPE_CHECKING:
+    from liouville.runners.kinks import Kinks
 
 #: The prefixes of cotangents of events and of invariants, among those of states.
 EVENTS, INVARIANTS = "events.", "invariants."
@@ -34,8 +37,10 @@ class Adjoint(ABC):
         What the run is to leave for its repetition, if anything.
     holds_run : bool
         Whether moved runs hold what this run has chosen, which is over by then.
+    kinks : Kinks or None
+        Where the model bends or jumps, if it is looked at.
     refuses_kinks : bool
-        Whether runs on constraints are pulled back only where the model does not bend or jump.
+        Whether runs are pulled back only where it does not.
     """
 
     runner: Runner
@@ -43,6 +48,7 @@ class Adjoint(ABC):
     is_complex: bool = False
     checkpoints: Checkpoints | None = None
     holds_run: bool = False
+    kinks: Kinks | None = None
     refuses_kinks: bool = True
 
     @property
@@ -54,9 +60,11 @@ class Adjoint(ABC):
     def shapes(self, solution: Solution) -> dict[str, tuple[int, ...]]:
         """Return the shapes of what has cotangents, by the names of the states."""
 
-    def remark(self) -> str:
-        """Return a sentence on a derivative that a switch makes wrong, empty if none does."""
-        return ""
+    def check(self, steps: int) -> None:
+        """Refuse a pullback of so many steps if one of them has no derivative."""
+        kink = self.kinks.first if self.kinks is not None and self.refuses_kinks else None
+        if kink is not None and kink.step < steps:
+            raise kink.error(self.runner)
 
     @abstractmethod
     def pulled(self, solution: Solution, cotangents: Mapping[str, np.ndarray]) -> Gradients:

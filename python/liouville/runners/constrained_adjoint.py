@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import replace
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -13,9 +12,8 @@ import numpy as np
 from liouville.errors import IntegrationError, hinted
 from liouville.events import AFTER
 from liouville.runners.adjoint import EVENTS, INVARIANTS, Adjoint, Gradients
-from liouville.runners.edges import Kink
 from liouville.runners.execute import Checkpoints, execute, finished
-from liouville.runners.kinks import kinks
+from liouville.runners.kinks import Kinks
 from liouville.runners.runner import Request
 from liouville.runners.tangents import PARAMS, check_wrt, gradients_of, shapes_of
 from liouville.runners.traced import TracedRunner
@@ -39,6 +37,7 @@ class ConstrainedAdjoint(Adjoint):
         shapes = shapes_of(runner.system, check_wrt(runner.system, wrt, runner.steps))
         self.directions = {name: (shape, False) for name, shape in shapes.items()}
         self.checkpoints = Checkpoints(None if runner.steps.control else runner.steps.count)
+        self.kinks = Kinks(runner, request, shapes)
 
     def shapes(self, solution: Solution) -> dict[str, tuple[int, ...]]:
         """Return the shapes of what has cotangents, by the names of the states."""
@@ -81,9 +80,7 @@ class ConstrainedAdjoint(Adjoint):
         core.give_events(self._rows_of_events(solution, cotangents))
         kept = np.minimum(np.arange(len(rows)) * runner.every, steps)
         steps = self._last(solution, cotangents, kept)
-        kink = self._kinks[0] if self.refuses_kinks else None
-        if kink is not None and kink.step < steps:
-            raise kink.error(runner)
+        self.check(steps)
         if runner.times is not None:
             # between steps, from where the core takes them to the starts of these
             over = runner.times.size - len(rows)  # behind the end of a run that an event ended
@@ -105,18 +102,6 @@ class ConstrainedAdjoint(Adjoint):
             of_tau = of_tau + more
         moved = runner.pulled_start((of_y, of_z, of_tau))
         return gradients_of(runner.system, runner.steps, moved, stretch + longer, self.wrt)
-
-    @cached_property
-    def _kinks(self) -> tuple[Kink | None, Kink | None]:
-        """Where the run first has no derivative, and passes over a switch."""
-        return kinks(self.runner, self._request, self.wrt)
-
-    def remark(self) -> str:
-        """Return a sentence on a derivative that a switch makes wrong, empty if none does."""
-        if not self.runner.system.switch_tapes or self.runner._sees_switches:
-            return ""
-        passed = self._kinks[1]
-        return "" if passed is None else passed.remark
 
     def _of_invariants(
         self, solution: Solution, cotangents: Mapping[str, np.ndarray]

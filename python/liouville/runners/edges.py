@@ -16,11 +16,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from liouville.errors import IntegrationError, hinted
-from liouville.systems import SemiExplicit
+from liouville.systems import Field, Mechanics, SemiExplicit
 from liouville.systems._branches import Branches
 
 if TYPE_CHECKING:
-    from liouville.runners.traced import TracedRunner
+    from liouville.runners.runner import Runner
+    from liouville.solution import Solution
 
 #: Part of its size by which a state is moved to see whether it is at an edge: roundings.
 ROUNDINGS = 2.0**-46
@@ -44,10 +45,12 @@ KINK = (
     "start beside it, or write a function that is smooth there, such as ca.sqrt(x**2 + e**2) for "
     "ca.fabs(x) or ca.tanh(x / e) for ca.sign(x)"
 )
-JUMP = (
+SMOOTH = "write a smooth function, such as ca.tanh(x / e) for ca.sign(x)"
+ENDED = (
     "end the step of a Spark(s) there, by an event whose reset returns {} unchanged or by "
-    "switches= of the system with rtol=; or write ca.tanh(x / e) for ca.sign(x)"
+    "switches= of the system with rtol="
 )
+PARTED = "end the run where the field jumps in time and begin another, with 't1' and 't0'"
 
 
 @dataclass(frozen=True)
@@ -64,41 +67,39 @@ class Kink:
         The function by cases.
     is_jump : bool
         Whether the equations jump within a step; else they bend or jump at its start.
-    is_declared : bool
-        Whether a switch of the system is there, at which the steps of this run do not end.
     """
 
     step: int
     t: float
     name: str
     is_jump: bool
-    is_declared: bool = False
 
-    @property
-    def remark(self) -> str:
-        """The sentence on a switch that is passed over."""
-        return (
-            f"step {self.step} passes a switch of the system at t = {self.t:.6g}, where the "
-            f"equations jump with '{self.name}': derivatives lack what its time adds, but for "
-            "those of Spark with rtol=, whose steps end there"
-        )
-
-    def error(self, runner: TracedRunner, **more: Any) -> IntegrationError:
+    def error(
+        self, runner: Runner, member: int | None = None, solution: Solution | None = None
+    ) -> IntegrationError:
         """Return the error in the user's words."""
         if self.is_jump:
             sentence = (
                 f"step {self.step} has no derivative: at t = {self.t:.6g} the equations jump with "
                 f"'{self.name}', at a time that moves with what is differentiated"
             )
-            hint = JUMP.format("y" if isinstance(runner.system, SemiExplicit) else "v")
+            hint = SMOOTH
+            if isinstance(runner.system, Mechanics | SemiExplicit):
+                partner = "y" if isinstance(runner.system, SemiExplicit) else "v"
+                hint = f"{ENDED.format(partner)}; or {SMOOTH}"
+            elif isinstance(runner.system, Field):
+                hint = f"{SMOOTH}; or {PARTED}"
         else:
             where = f"the state after {self.step} steps, at t = {self.t:.6g},"
             if self.step == 0:
                 where = f"the start at t = {self.t:.6g}"
             sentence = f"{where} has no derivative: it is at a kink of '{self.name}', to roundoff"
             hint = KINK
-        said = hinted(sentence, hint)
-        return IntegrationError(said, t=self.t, step=self.step, quantity=self.name, **more)
+        of_member = "" if member is None else f"member {member}: "
+        return IntegrationError(
+            hinted(of_member + sentence, hint), t=self.t, step=self.step, quantity=self.name,
+            member=member, solution=solution,
+        )  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -111,33 +112,33 @@ class Motion:
         The states.
     along : ndarray, shape (k, d, width)
         Their tangents.
-    steps : ndarray of int
+    steps : ndarray of int, shape (k,)
         How many steps were made before each.
-    pieces : list of tuple
-        Pairs of states that a step leads from and to, and which of both is at an event with a
-        reset.
-    sees_switches : bool
-        Whether steps end at the system's switches.
+    first : ndarray of int
+        The states from which a step leads to the next one.
+    is_reset : ndarray of bool, shape (k,)
+        Which states are at an event with a reset.
     is_inside : bool
         Whether forces act within steps alone, so that one that ends at a jump is on one side of it.
+    ends_at_switches : bool
+        Whether such steps end at the system's switches.
     """
 
     w: np.ndarray
     along: np.ndarray
     steps: np.ndarray
-    pieces: np.ndarray
-    sees_switches: bool
-    is_inside: bool
+    first: np.ndarray
+    is_reset: np.ndarray
+    is_inside: bool = False
+    ends_at_switches: bool = False
 
 
-def kinks_of(found: Branches, motion: Motion) -> tuple[Kink | None, Kink | None]:
-    """Return the first kink of a motion, and the first of the system's switches passed over."""
+def kink_of(found: Branches, motion: Motion) -> Kink | None:
+    """Return the first kink of a motion, None where it has none."""
     with np.errstate(all="ignore"):
         look = _Look(found, motion)
         each = [*look.at_edges(), *look.over_edges()]
-    each.sort(key=lambda kink: (kink.step, kink.is_jump))
-    first = next((kink for kink in each if not kink.is_declared), None)
-    return first, next((kink for kink in each if kink.is_declared), None)
+    return min(each, key=lambda kink: (kink.step, kink.is_jump), default=None)
 
 
 class _Look:
@@ -149,7 +150,8 @@ class _Look:
         sizes = _largest(w)
         self._sizes = np.where(sizes > 0, sizes, 1.0)
         self._sides = self._map(found.sides, w)
-        self._switches = _largest(self._map(found.switches, w))
+        if motion.ends_at_switches:
+            self._switches = _largest(self._map(found.switches, w))
         self._values = _largest(self._map(found.values, w, self._sides))
         slopes = [
             _largest(self._map(found.slopes, w, self._sides, along))
@@ -167,8 +169,7 @@ class _Look:
         """Give the states at edges, in order, where slopes along a tangent differ by the side."""
         motion, found = self._motion, self._found
         rng = np.random.default_rng(SEED)
-        ends, at_events = motion.pieces[:, :2], motion.pieces[:, 2:].astype(bool)
-        kept = np.unique(ends[~at_events])
+        kept = np.flatnonzero(~motion.is_reset)
         moves = rng.uniform(0.5, 1.0, (2, motion.w.shape[1]))
         moves *= rng.choice([-1.0, 1.0], moves.shape) * self._sizes * ROUNDINGS
         w = motion.w[kept]
@@ -177,7 +178,7 @@ class _Look:
             beside = [self._map(found.sides, w + way * move) for way in (1, -1)]
             is_near |= (beside[0] != beside[1]).any(axis=1)
         for k in kept[is_near].tolist():
-            if motion.sees_switches and motion.is_inside and self._is_at_switch(motion.w[k]):
+            if motion.ends_at_switches and self._is_at_switch(motion.w[k]):
                 continue
             for direction, along in enumerate(motion.along[k]):
                 parts = np.abs(along) / self._sizes
@@ -211,7 +212,8 @@ class _Look:
         motion, may_jump = self._motion, self._found.may_jump
         if not may_jump.any():
             return
-        first, last, *at_events = motion.pieces.T
+        first, last = motion.first, motion.first + 1
+        is_reset = motion.is_reset[[first, last]]
         starts = np.zeros(len(first))
         sides = self._sides[:, may_jump]
         begin = sides[first]
@@ -227,39 +229,34 @@ class _Look:
                 is_before = (own == begin[open_]).all(axis=1)
                 low, high = np.where(is_before, middle, low), np.where(is_before, high, middle)
             for k, ends in zip(open_.tolist(), zip(low, high, strict=True), strict=True):
-                is_met = (at_events[0][k] and ends[1] < MET) or (
-                    at_events[1][k] and ends[0] > 1 - MET
-                )
-                is_past = is_met and motion.is_inside
-                kink = None if is_past else self._jump(first[k], last[k], *ends)
+                is_met = is_reset[:, k] & [ends[1] < MET, ends[0] > 1 - MET]
+                is_past = motion.is_inside and is_met.any()
+                kink = None if is_past else self._jump(first[k], *ends)
                 if kink is not None:
                     yield kink
-                    if not kink.is_declared:
-                        return
+                    return
             starts[open_] = high
             begin[open_] = self._map(self._found.sides, a + (b - a) * high[:, None])[:, may_jump]
             open_ = open_[(begin[open_] != sides[last[open_]]).any(axis=1)]
 
-    def _jump(self, first: int, last: int, low: float, high: float) -> Kink | None:
-        """Return the jump of the equations between two points, if a tangent moves it."""
+    def _jump(self, first: int, low: float, high: float) -> Kink | None:
+        """Return the jump of the equations between two points of a step, if a tangent moves it."""
         found, motion = self._found, self._motion
-        a, b = motion.w[first], motion.w[last]
+        a, b = motion.w[first : first + 2]
         ends = np.array([a + (b - a) * low, a + (b - a) * high])
         sides = self._map(found.sides, ends)
         if not _differ(self._map(found.values, ends[[0, 0]], sides), self._values):
             return None
-        is_declared = self._is_at_switch(ends[0])
-        if is_declared and motion.sees_switches and motion.is_inside:
+        if motion.ends_at_switches and self._is_at_switch(ends[0]):
             return None
         change = (sides[0] != sides[1]) & found.may_jump
-        for way in motion.along[[first, last]].reshape(-1, len(a)):
+        for way in motion.along[first : first + 2].reshape(-1, len(a)):
             largest = (np.abs(way) / self._sizes).max()
             move = way * (MOVED / largest if largest else 0.0)
             moved = [self._map(found.sides, ends + sign * move) for sign in (1, -1)]
             if any((own[:, change] != sides[:, change]).any() for own in moved):
                 name = found.names[int(np.argmax(change))]
-                passed = is_declared and not motion.sees_switches
-                return Kink(int(motion.steps[first]), float(ends[1, 0]), name, True, passed)
+                return Kink(int(motion.steps[first]), float(ends[1, 0]), name, True)
         return None
 
 

@@ -160,7 +160,7 @@ def checked(runner: Runner, request: Request, progress: Progress) -> Solution:
     """Run to the end; IntegrationError if a step fails, or has not the tangents asked for."""
     solution = execute(runner, progress)
     if request.tangents is not None and solution.status != "interrupted":
-        return runner.check_tangents(request, solution)
+        runner.check_tangents(request, solution)
     return solution
 
 

@@ -2,21 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection, Mapping
 from dataclasses import replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from liouville.events import AFTER
 from liouville.methods import Spark
-from liouville.runners.edges import Kink, Motion, kinks_of
+from liouville.parts import pieces
+from liouville.runners.edges import Kink, Motion, kink_of
 from liouville.runners.execute import execute, finished
 from liouville.runners.runner import Request
+from liouville.runners.traced import TracedRunner
 from liouville.systems._branches import branches
 
 if TYPE_CHECKING:
-    from liouville.runners.traced import TracedRunner
+    from liouville.runners.field import FieldRunner
     from liouville.solution import Solution
+    from liouville.tangents import Tangent
 
 #: Numbers that the states of a repeated run may take in memory.
 MOST_NUMBERS = 2**25
@@ -25,13 +29,10 @@ MOST_NUMBERS = 2**25
 SEED = 0
 
 
-def check_tangents(runner: TracedRunner, request: Request, solution: Solution) -> Solution:
+def check_tangents(
+    runner: TracedRunner | FieldRunner, request: Request, solution: Solution
+) -> None:
     """Refuse tangents of a run, or of its members, that a kink makes wrong.
-
-    Returns
-    -------
-    Solution
-        The same, its message with a sentence on a switch that a step passes over.
 
     Raises
     ------
@@ -40,124 +41,116 @@ def check_tangents(runner: TracedRunner, request: Request, solution: Solution) -
     """
     found = branches(runner.system)
     if found is None:
-        return solution
+        return
     own, seen = runner, solution
     if runner.every > 1 or runner.times is not None:
-        own, seen = _repeated(runner, request, dict(request.tangents))
-    said = ""
+        own = _again(runner, request, request.tangents)
+        seen = finished(execute(own))
     for member in range(solution.members or 1):
-        of_member = solution.members is not None
-        kink, passed = kinks_of(found, _motion(own, seen, member))
+        kink = kink_of(found, _motion(own, seen, member))
         if kink is not None:
-            error = kink.error(runner, member=member if of_member else None, solution=solution)
-            if of_member:
-                error.args = (f"member {member}: {error}",)
-            raise error
-        if passed is not None and not said:
-            said = f"member {member}: {passed.remark}" if of_member else passed.remark
-    return replace(solution, message="; ".join(filter(None, [solution.message, said])))
+            of_member = None if solution.members is None else member
+            raise kink.error(runner, member=of_member, solution=solution)
 
 
-def kinks(
-    runner: TracedRunner, request: Request, wrt: tuple[str, ...]
-) -> tuple[Kink | None, Kink | None]:
-    """Return where a run first has no derivative by what is named, and passes over a switch."""
-    found = branches(runner.system)
-    if found is None:
-        return None, None
-    # imported here, as it has the names of what is differentiated
-    from liouville.runners.tangents import shapes_of
+class Kinks:
+    """Where a run that is pulled back has no derivative, found when it is first asked.
 
-    rng = np.random.default_rng(SEED)
-    shapes = shapes_of(runner.system, wrt)
-    directions = {name: np.asarray(rng.uniform(0.5, 1.0, shape)) for name, shape in shapes.items()}
-    again, solution = _repeated(runner, request, directions)
-    return kinks_of(found, _motion(again, solution, 0))
+    What runs for that is made at once: CasADi does not trace in several threads.
+
+    Parameters
+    ----------
+    runner, request
+        The run.
+    shapes : mapping of str to tuple of int
+        What it is differentiated by, with its shapes.
+    """
+
+    def __init__(
+        self,
+        runner: TracedRunner | FieldRunner,
+        request: Request,
+        shapes: Mapping[str, tuple[int, ...]],
+    ) -> None:
+        self._found = branches(runner.system)
+        if self._found is not None:
+            rng = np.random.default_rng(SEED)
+            directions = {name: rng.uniform(0.5, 1.0, shape) for name, shape in shapes.items()}
+            self._own = _again(runner, request, directions)
+
+    @cached_property
+    def first(self) -> Kink | None:
+        """The first of them, None where there is none."""
+        if self._found is None:
+            return None
+        return kink_of(self._found, _motion(self._own, finished(execute(self._own)), 0))
 
 
-def _repeated(
-    runner: TracedRunner, request: Request, directions: dict[str, Any]
-) -> tuple[TracedRunner, Solution]:
+def _again(
+    runner: TracedRunner | FieldRunner, request: Request, directions: Mapping[str, Any]
+) -> TracedRunner | FieldRunner:
     """Return the run with tangents once more, and with the state after each step."""
     watched = request.watched  # of a member, whose events are not traced again
     if watched is not None:
         watched = (watched[0], None, watched[2]) if watched[2] else None
     own = replace(
-        request, tangents=directions, has_pullback=False, every=1, t_eval=None, watched=watched,
-        observe=None,
+        request, tangents=dict(directions), has_pullback=False, every=1, t_eval=None,
+        watched=watched, observe=None,
     )  # fmt: skip
     if runner.steps.control is None:
-        kept = type(runner)(runner.system, runner.choice, replace(own, every=runner.steps.count))
-        own.every = max(1, kept.row * runner.steps.count // (8 * MOST_NUMBERS))
-    again = type(runner)(runner.system, runner.choice, own)
-    return again, finished(execute(again))
+        steps = runner.steps.count  # also where these are equal ones for a tolerance
+        row = runner.row * (1 if request.tangents else 1 + len(directions))
+        every = max(1, row * steps // (8 * MOST_NUMBERS))
+        own = replace(own, steps=steps, every=every, h=None, rtol=None, atol=None, control=None)
+    kind: Any = type(runner)
+    found: TracedRunner | FieldRunner = kind(runner.system, runner.choice, own)
+    return found
 
 
-def _motion(runner: TracedRunner, solution: Solution, member: int) -> Motion:
+def _motion(runner: TracedRunner | FieldRunner, solution: Solution, member: int) -> Motion:
     """Return the states of a run, or of a member of it."""
-    is_many, own = solution.members is not None, runner._directions
-    assert own is not None, "a run with tangents"
-    names = [name for name in (*runner.system.states, "lam") if name in solution.states]
-
-    def of_member(x: np.ndarray) -> np.ndarray:
-        return x[:, member] if is_many else x
-
-    parts = [of_member(solution.states[name]) for name in names]
-    there = np.isfinite(np.hstack(parts)).all(axis=1)
-    count, params = len(solution.t), np.atleast_2d(runner._each_values)
-    values = params[member % len(params)]
-    w = np.hstack([solution.t[:, None], *parts, np.tile(values, (count, 1))])
-    along = np.zeros((count, own.count, w.shape[1]))
-    along[..., 0] = own.tau[:, 0] + np.outer(solution.t - runner.steps.t0, own.stretch)
-    along[..., w.shape[1] - values.size :] = own.tau[:, 1:]
-    first = 1
-    for name, part in zip(names, parts, strict=True):
-        tangents = [x.states.get(name) for x in solution.tangents.values()]
-        if part.size and all(x is not None for x in tangents):
-            each = [of_member(x) for x in tangents if x is not None]
-            moves = [x.reshape(count, -1, part.shape[1]) for x in each]
-            along[..., first : first + part.shape[1]] = np.concatenate(moves, axis=1)
-        first += part.shape[1]
-    steps = np.minimum(np.arange(count) * runner.every, int(solution.stats["steps"]))
-    rows, at_events, pieces = [w], count, list[tuple[int, int, bool, bool]]()
-    resets = _resets(solution, names, member if is_many else None)
-    for k in range(count - 1):
-        last, is_event = k, False
-        within = [x for x in resets if min(w[k : k + 2, 0]) <= x[0] <= max(w[k : k + 2, 0])]
-        for _, *sides in within:
-            for side in sides:
-                rows.append(np.concatenate([side, values])[None])
-            pieces.append((last, at_events, is_event, True))
-            last, is_event, at_events = at_events + 1, True, at_events + 2
-        pieces.append((last, k + 1, is_event, False))
-    many = at_events - count
-    if many:
-        w = np.vstack(rows)
-        before = np.searchsorted(np.abs(solution.t - solution.t[0]), np.abs(w[count:, 0] - w[0, 0]))
-        before = np.clip(before - 1, 0, count - 1)
-        along, steps = (np.concatenate([x, x[before]]) for x in (along, steps))
-        there = np.append(there, np.isfinite(w[count:]).all(axis=1))
-    steps_from_to = np.array(pieces, dtype=np.int64).reshape(-1, 4)
-    is_made = there[steps_from_to[:, 0]] & there[steps_from_to[:, 1]]
+    seen, each = solution, np.atleast_2d(runner._each_values)
+    if solution.members is not None:
+        seen = solution.member(member)
+    names = tuple(name for name in (*runner.system.states, "lam") if name in seen.states)
+    runs = pieces(seen, names)
+    ends = np.cumsum([len(piece[0]) for piece in runs])[:-1]
+    t, *states = (np.concatenate(x) for x in zip(*runs, strict=True))
+    w = np.column_stack([t, *states, np.tile(each[member % len(each)], (len(t), 1))])
+    is_reset = np.isin(np.arange(len(t)), [ends - 1, ends])
+    # states at resets have the tangents of the record before
+    way = 1 if runner.steps.t1 >= runner.steps.t0 else -1
+    before = (np.searchsorted(way * seen.t, way * t, side) - 1 for side in ("left", "right"))
+    row = np.maximum(np.where(is_reset, *before), 0)
     is_inside = isinstance(runner.choice, Spark) and runner.choice.points == "gauss"
-    sees = runner._sees_switches and bool(runner.system.switch_tapes)
-    return Motion(w, along, steps, steps_from_to[is_made], sees, is_inside)
+    sees = isinstance(runner, TracedRunner) and runner._sees_switches
+    return Motion(
+        w,
+        _along(runner, (t, *states), seen.tangents.values(), row, names),
+        np.minimum(row * runner.every, int(solution.stats["steps"])),
+        np.delete(np.arange(len(t) - 1), ends - 1),
+        is_reset,
+        is_inside,
+        is_inside and sees,
+    )
 
 
-def _resets(
-    solution: Solution, names: list[str], member: int | None
-) -> list[tuple[float, np.ndarray, np.ndarray]]:
-    """Return when resets were made, and (t, y, z, lam) before and after them, in order."""
-    found = []
-    for points in solution.events.values():
-        if f"{names[0]}{AFTER}" not in points.states:
-            continue
-        own = points if member is None else points.of_member(member)
-        for k, t in enumerate(own.t.tolist()):
-            sides = [
-                np.concatenate([[t], *(own.states[f"{name}{end}"][k] for name in names)])
-                for end in ("", AFTER)
-            ]
-            found.append((t, *sides))
-    way = -1 if len(solution.t) and solution.t[-1] < solution.t[0] else 1
-    return sorted(found, key=lambda each: way * each[0])
+def _along(
+    runner: TracedRunner | FieldRunner,
+    states: tuple[np.ndarray, ...],
+    tangents: Collection[Tangent],
+    row: np.ndarray,
+    names: tuple[str, ...],
+) -> np.ndarray:
+    """Return the tangents of time, states and parameters at states, each of a row of records."""
+    own = runner._directions
+    assert own is not None, "a run with tangents"
+    (t, *others), count = states, own.count
+    found = [(own.tau[:, 0] + np.outer(t - runner.steps.t0, own.stretch))[..., None]]
+    for name, part in zip(names, others, strict=True):
+        width = part.shape[1]
+        moves = [x.states[name][row] for x in tangents if width and name in x.states]
+        # of multipliers there are none by some methods
+        each = [x.reshape(len(t), -1, width) for x in moves] or [np.zeros((len(t), count, width))]
+        found.append(np.concatenate(each, axis=1))
+    return np.concatenate([*found, np.tile(own.tau[:, 1:], (len(t), 1, 1))], axis=2)

@@ -48,11 +48,6 @@ class MembersAdjoint(Adjoint):
         """Return the shapes of what has cotangents, by the names of the states."""
         return self._first.shapes(solution)
 
-    def remark(self) -> str:
-        """Return a sentence on a derivative that a switch makes wrong, of the first such member."""
-        each = ((member, self._of_member(member).remark()) for member in range(self._count))
-        return next((f"member {member}: {said}" for member, said in each if said), "")
-
     def pulled(self, solution: Solution, cotangents: Mapping[str, np.ndarray]) -> Gradients:
         """Return gradients of each member, along their first axis; see :class:`Adjoint`."""
         stop, tracing = Event(), Lock()
@@ -104,7 +99,9 @@ class MembersAdjoint(Adjoint):
             return adjoint.pulled(own, _of_member(solution, own, member, cotangents))
         except IntegrationError as error:
             sentence = f"member {member}: {error}"
-            raise IntegrationError(sentence, quantity=error.quantity, member=member) from error
+            raise IntegrationError(
+                sentence, t=error.t, step=error.step, quantity=error.quantity, member=member
+            ) from error
 
     def moved(self, directions: Mapping[str, np.ndarray], size: float) -> Mapping[str, np.ndarray]:
         """Return the states of all runs, each moved by so much of its own directions."""

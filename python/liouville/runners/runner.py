@@ -17,7 +17,7 @@ from liouville import _core
 from liouville._arguments import MOST_STEPS, check_memory, count
 from liouville.control import Steps, Takes, steps_of
 from liouville.errors import Description, describe
-from liouville.events import AFTER
+from liouville.events import sides_of
 from liouville.methods import Method
 from liouville.points import Points
 from liouville.runners.energy import Found, sentence_of
@@ -164,10 +164,9 @@ class Runner(ABC):
         del parts
         return {}
 
-    def check_tangents(self, request: Request, solution: Solution) -> Solution:
+    def check_tangents(self, request: Request, solution: Solution) -> None:
         """Refuse tangents of a run that a kink of the model makes wrong; by default none are."""
-        del request
-        return solution
+        del request, solution
 
     def recorder(self) -> _core.Pullback | dict[str, Any] | None:
         """Return what records the steps of the run as it makes them, or the error of its start.
@@ -243,7 +242,7 @@ class Runner(ABC):
 
     def _members_with_resets(self, events: Mapping[str, Points]) -> set[int]:
         """Return the numbers of the members that resets have changed."""
-        hits = [x.states for x in events.values() if any(name.endswith(AFTER) for name in x.states)]
+        hits = [x.states for x in events.values() if sides_of(x.states, self.system.states)]
         if not self.members:
             return {0} if hits else set()
         return {int(member) for states in hits for member in states["member"]}

@@ -85,7 +85,7 @@ def check_covered(system: Any, method: Any, request: Request) -> None:
     if isinstance(base, ALPHA) and system.switch_tapes and is_controlled:
         # the accelerations carried over a switch are those of one side of it
         sentence = f"tangents by {type(method).__name__} go without steps that end at switches"
-        raise TypeError(hinted(sentence, "give steps or h, or take Spark"))
+        raise TypeError(hinted(sentence, "take Spark, or give steps or h where no force jumps"))
     if getattr(base, "newton_tol", None) is not None:
         sentence = "newton_tol leaves an error in the stages, and as large a one in their tangents"
         raise ValueError(hinted(sentence, "leave newton_tol out"))
