@@ -261,3 +261,22 @@ def test_a_missing_sympy_is_named_with_its_extra(monkeypatch):
     monkeypatch.setitem(sys.modules, "sympy.physics.mechanics", None)
     with pytest.raises(ImportError, match=r"pip install 'liouville\[sympy\]'"):
         lv.from_sympy(None)
+
+
+def test_friction_by_its_sign():
+    """Python's printer writes a sign as conditions, which CasADi's symbols have none of."""
+    q, c = me.dynamicsymbols("q"), sympy.Symbol("c")
+    frame, mass = me.ReferenceFrame("N"), me.Point("P")
+    mass.set_vel(frame, q.diff(T) * frame.x)
+    friction = [(mass, -c * sympy.sign(q.diff(T)) * abs(q) * frame.x)]
+    method = me.LagrangesMethod(q.diff(T) ** 2 / 2, [q], forcelist=friction, frame=frame)
+    method.form_lagranges_equations()
+    run = {"t": (0, 1), "steps": 20, "q": [1.0], "v": [2.0], "params": {"c": 0.3}}
+    system = lv.from_sympy(method, params={"c": 0.3})
+    own = lv.Lagrangian(
+        lambda t, q, v, p: v[0] ** 2 / 2,
+        force=lambda t, q, v, p: -p.c * ca.sign(v) * ca.fabs(q),
+        q=1, params={"c": 0.3},
+    )  # fmt: skip
+    found, wanted = (lv.integrate(x, lv.Spark(2), **run).q for x in (system, own))
+    assert found == pytest.approx(wanted, abs=1e-13)

@@ -13,8 +13,9 @@ from liouville import _casadi as ca
 from liouville.errors import hinted
 from liouville.systems import _read_terms, _trace
 from liouville.systems._expand import Expansion, Refused, Traced
+from liouville.systems._expressions import Symbols
 from liouville.systems._polynomials import Polynomial, value_of
-from liouville.systems._sympy_expressions import FUNCTIONS
+from liouville.systems._sympy_expressions import FUNCTIONS, compiled_of
 from liouville.terms import Terms
 
 
@@ -45,6 +46,19 @@ class Given:
         components = [reader.component(k) for k in range(len(self.names))]
         return reader.expansion.terms(components, self.is_driven)
 
+    @property
+    def has_cases(self) -> bool:
+        """Whether the field has functions by cases."""
+        import sympy
+
+        return any(x.has(sympy.Abs, sympy.sign) for x in self.expressions)
+
+    def column(self, s: Symbols) -> ca.SX:
+        """Return the field as CasADi's expressions."""
+        each = (self.function(x)(s.t, s.x, s.params.namespace) for x in self.expressions)
+        found: ca.SX = ca.vertcat(*each)
+        return found
+
     def function(self, invariant: Any) -> Any:
         """Return an expression of SymPy's as a function f(t, x, params), all else as it is."""
         import sympy
@@ -56,13 +70,12 @@ class Given:
         known = (*self.variables, *self.constants)
         for symbol in sorted(invariant.free_symbols - set(known), key=str):
             raise ValueError(f"an invariant contains '{symbol}', which is no coordinate")
-        casadi = {name: getattr(ca, name) for name in ("sin", "cos", "exp", "log", "sqrt", "tanh")}
-        compiled = sympy.lambdify(known, invariant, modules=[casadi])
+        compiled = compiled_of(known, [invariant])
 
         def function(t: ca.SX, x: ca.SX, params: Any) -> Any:
             time = (t,) if self.is_driven else ()
             numbers = (getattr(params, str(symbol)) for symbol in self.constants)
-            return compiled(*ca.vertsplit(x), *time, *numbers)
+            return compiled(*ca.vertsplit(x), *time, *numbers)[0]
 
         return function
 

@@ -41,6 +41,16 @@ def name_of(symbol: Any) -> str:
     return str(symbol.func.__name__) if symbol.args else str(symbol)
 
 
+def compiled_of(symbols: Sequence[Any], expressions: Sequence[Any], **options: Any) -> Any:
+    """Return expressions as a function that makes CasADi's of these symbols."""
+    sympy = imported("sympy")
+    own = {name: getattr(ca, function) for name, function in FUNCTIONS.items()}
+    own["abs"] = own["Abs"]
+    # printed as a function, a sign is not one of Python's conditions
+    plain = [x.replace(sympy.sign, sympy.Function("sign")) for x in expressions]
+    return sympy.lambdify(symbols, plain, modules=[own], **options)
+
+
 class Reader:
     """Expressions in coordinates, their rates, speeds, inputs, parameters and time.
 
@@ -96,10 +106,7 @@ class Reader:
         inputs = dict(self._dummy_inputs)
         args = [self.t, *order, *inputs.values(), *symbols]
         numbers = {x: sympy.Float(x.evalf(20)) for e in plain for x in e.atoms(sympy.NumberSymbol)}
-        own = {name: getattr(ca, function) for name, function in FUNCTIONS.items()}
-        own["abs"] = own["Abs"]
-        plain = [x.xreplace(numbers) for x in plain]
-        compiled = sympy.lambdify(args, plain, modules=[own], cse=True)
+        compiled = compiled_of(args, [x.xreplace(numbers) for x in plain], cse=True)
 
         def function(t: Any, q: Any, rates: Any, u: Any, params: Any) -> list[Any]:
             columns = [x for part in (q, rates, u) for x in ca.vertsplit(ca.SX(part))]
