@@ -1,10 +1,12 @@
 """Where functions by cases leave a run without a derivative, and where they do not."""
 
+import pickle
 from functools import partial
 
 import casadi as ca
 import numpy as np
 import pytest
+import sympy
 
 import liouville as lv
 from liouville.systems._branches import branches
@@ -228,6 +230,178 @@ def test_a_semi_explicit_system_with_a_jump(which):
         call()
 
 
+def shear(rate, kind="polynomial"):
+    """Return x' = rate(t, y), y' = 1, where y comes from -0.513 to 1.487 until t = 2."""
+    params = {"c": 1.0, "k": 0.3}  # one takes functions by cases along as they are
+    if kind == "polynomial":
+        field = lambda t, x, p: [rate(t, x[1], p), 1]  # noqa: E731
+        return lv.PolynomialField(field, x=("x", "y"), params=params)
+    # the stream function of the rate times y
+    stream = lambda t, x, p: rate(t, x[1], p) * x[1] - x[0]  # noqa: E731
+    return lv.PotentialField(stream, x=("x", "y"), params=params)
+
+
+def of_field(which, system, wrt, **run):
+    """Return the derivatives of the last x by each name, of a start by y alone."""
+    run = {"t": (0, 2), "steps": 50, "x": [0.0, -0.513]} | run
+    if which == "tangents":
+        sizes = {name: [0.0, 1.0] if name == "x" else 1.0 for name in wrt}
+        found = lv.integrate(system, lv.VolumeSplitting(), tangents=sizes, **run).tangents
+        return {name: float(found[name].x[-1, 0]) for name in wrt}
+    solution, pullback = lv.vjp(system, lv.VolumeSplitting(), wrt=wrt, **run)
+    cotangent = np.zeros_like(solution.x)
+    cotangent[-1, 0] = 1
+    return {name: float(np.ravel(x)[-1]) for name, x in pullback(x=cotangent).items()}
+
+
+def between(whole):
+    """Return x at a time from the integral of the rate over y."""
+    return lambda y, c, t: c * (whole(y + t) - whole(y))
+
+
+#: Rates, and x by the start of y, by c and by the end.
+SMOOTH_RATES = {
+    "two parabolas": (lambda t, y, p: p.c * (ca.fabs(y) * y), between(lambda y: abs(y) ** 3 / 3)),
+    "a bend": (lambda t, y, p: p.c * ca.fabs(y), between(lambda y: abs(y) * y / 2)),
+    "a stop": (lambda t, y, p: p.c * ca.fmax(0, y) ** 2, between(lambda y: max(0, y) ** 3 / 3)),
+    "a period": (
+        lambda t, y, p: p.c * ca.cos(2 * np.pi * ca.fmod(y + 7, 1)),
+        between(lambda y: np.sin(2 * np.pi * y) / (2 * np.pi)),
+    ),
+    "a jump at a time": (
+        lambda t, y, p: p.c * ca.if_else(t < 0.73, 1, -1) * y,
+        lambda y, c, t: c * ((y + 0.73) ** 2 - y**2 / 2 - (y + t) ** 2 / 2),
+    ),
+}
+
+
+@pytest.mark.parametrize("which", BOTH)
+@pytest.mark.parametrize("name", SMOOTH_RATES)
+def test_fields_that_stay_continuous_have_derivatives(name, which):
+    rate, exact = SMOOTH_RATES[name]
+    system, at, size = shear(rate), np.array([-0.513, 1.0, 2.0]), 1e-6
+    assert branches(system) is not None
+    moves = np.eye(3) * size
+    wanted = [(exact(*(at + x)) - exact(*(at - x))) / (2 * size) for x in moves]
+    by = dict(zip(["x", "params.c", "t1"], wanted, strict=True))
+    if name == "a jump at a time":
+        del by["t1"]
+        with pytest.raises(lv.IntegrationError, match=r"the equations jump with 't < 0\.73'"):
+            of_field(which, system, ["t1"])
+    assert of_field(which, system, [*by], steps=200) == pytest.approx(by, abs=1e-2)
+
+
+RATES = {
+    "sign": (lambda t, y, p: p.c * ca.sign(y), 0.513, "x"),
+    "floor": (lambda t, y, p: p.c * ca.floor(2 * y), 0.013, "x"),
+    "a place": (lambda t, y, p: p.c * ca.if_else(y < p.k, 1, 0), 0.813, "params.k"),
+    "a time": (lambda t, y, p: p.c * ca.if_else(t < p.k, 1, 0) * y, 0.3, "params.k"),
+    "steps that are moved": (lambda t, y, p: p.c * ca.if_else(t < 0.33, 1, 0) * y, 0.33, "t1"),
+}
+
+
+@pytest.mark.parametrize("kept", [{}, {"every": 50}, {"steps": None, "rtol": 1e-3}], ids=str)
+@pytest.mark.parametrize("which", BOTH)
+@pytest.mark.parametrize("name", RATES)
+def test_fields_that_jump_within_a_step_are_refused(name, which, kept):
+    """In whose derivative the jump is 0, as of every step."""
+    rate, t, by = RATES[name]
+    for kind in ("polynomial", "potential"):
+        if kind == "potential" and ("rtol" in kept or name in ("sign", "floor")):
+            continue
+        with pytest.raises(
+            lv.IntegrationError, match=r"the equations jump with .*\nhint: write a smooth"
+        ) as found:
+            of_field(which, shear(rate, kind), [by], **kept)
+        assert found.value.t == pytest.approx(t, abs=0.02)
+        if "rtol" not in kept:
+            assert found.value.step == int(found.value.t * 25 + 1e-9)
+        assert f"step {found.value.step} has no derivative" in str(found.value)
+    assert np.isfinite(of_field(which, shear(rate), ["params.c"], **kept)["params.c"])
+
+
+@pytest.mark.parametrize("which", BOTH)
+def test_fields_that_begin_at_a_kink(which):
+    start = {"x": [0.0, 0.0]}
+    bent, flat = shear(lambda t, y, p: p.c * ca.fabs(y)), shear(lambda t, y, p: ca.fabs(y) * y)
+    with pytest.raises(
+        lv.IntegrationError, match=r"the start at t = 0 .* kink of 'fabs\(x\[1\]\)'"
+    ):
+        of_field(which, bent, ["x"], **start)
+    assert of_field(which, bent, ["params.c"], **start)["params.c"] == pytest.approx(2, abs=1e-3)
+    assert of_field(which, flat, ["x"], **start)["x"] == pytest.approx(4, abs=2e-3)
+    stream = shear(lambda t, y, p: p.c * ca.fabs(y), "potential")  # whose velocity bends
+    with pytest.raises(lv.IntegrationError, match="the start at t = 0 has no derivative"):
+        of_field(which, stream, ["x"], **start)
+
+
+@pytest.mark.parametrize("which", BOTH)
+def test_one_field_until_a_jump_and_another_from_it_have_its_derivative(which):
+    """The force c, and from t = k on -c: the last place is 2 c (2 - k) by k."""
+    first, then = (
+        lv.PolynomialField(
+            lambda t, x, p, way=way: [x[1], way * p.c], x=("x", "y"), params={"c": 0.5}
+        )
+        for way in (1, -1)
+    )
+    method, at = lv.VolumeSplitting(), 0.73
+    run = {"steps": 20, "x": [0.0, -0.513]}
+    one = lv.integrate(first, method, t=(0, at), tangents={"t1": 1.0}, **run)
+    run["x"] = one.x[-1]
+    if which == "tangents":
+        moved = {"t0": 1.0, "x": one.tangents["t1"].x[-1]}
+        other = lv.integrate(then, method, t=(at, 2), tangents=moved, **run)
+        found = sum(other.tangents[name].x[-1, 0] for name in moved)
+    else:
+        solution, pullback = lv.vjp(then, method, t=(at, 2), wrt=["t0", "x"], **run)
+        cotangent = np.zeros_like(solution.x)
+        cotangent[-1, 0] = 1
+        by = pullback(x=cotangent)
+        found = by["t0"] + by["x"] @ one.tangents["t1"].x[-1]
+    assert found == pytest.approx(2 * 0.5 * (2 - at), abs=1e-12)
+
+
+@pytest.mark.parametrize("params", [None, {"c": [0.5, 0.6]}], ids=["alike", "own"])
+@pytest.mark.parametrize("which", BOTH)
+def test_members_of_fields_are_named(which, params):
+    system = shear(lambda t, y, p: p.c * ca.sign(y))
+    run = {"t": (0, 2), "steps": 50, "x": [[0.0, 3.0], [0.0, -0.513]], "params": params}
+    if which == "tangents":
+        call = partial(lv.ensemble, system, lv.VolumeSplitting(), tangents={"x": [0, 1]}, **run)
+    else:
+        solution, pullback = lv.vjp(system, lv.VolumeSplitting(), wrt=["x"], **run)
+        call = partial(pullback, x=np.ones_like(solution.x))
+    with pytest.raises(lv.IntegrationError, match="member 1: step 12 has no derivative") as found:
+        call()
+    assert (found.value.member, found.value.step) == (1, 12)
+
+
+def test_cotangents_of_a_field_before_its_jump_are_pulled_back():
+    system = shear(lambda t, y, p: p.c * ca.sign(y) + y)
+    run = {"t": (0, 2), "steps": 50, "every": 5, "x": [0.0, -0.513]}
+    solution, pullback = lv.vjp(system, lv.VolumeSplitting(), wrt=["x"], **run)
+    cotangents = np.eye(len(solution.t))[:, :, None] * [1.0, 0.0]
+    assert pullback(x=cotangents[2])["x"] == pytest.approx([1, solution.t[2]])
+    with pytest.raises(lv.IntegrationError, match="step 12 has no derivative"):
+        pullback(x=cotangents[3])
+
+
+@pytest.mark.parametrize("kind", ["polynomial", "sympy", "potential"])
+def test_pickled_fields_are_looked_at(kind):
+    """Of one without parameters terms are pickled, and its functions as they stand."""
+    if kind == "sympy":
+        x, y = sympy.symbols("x y")
+        system = lv.PolynomialField.from_sympy([sympy.sign(y) + abs(y), sympy.Integer(1)], [x, y])
+    elif kind == "polynomial":
+        system = lv.PolynomialField(lambda t, x, p: [ca.sign(x[1]), 1], x=("x", "y"))
+    else:
+        system = shear(lambda t, y, p: ca.sign(y), "potential")
+    for each in (system, pickle.loads(pickle.dumps(system))):
+        with pytest.raises(lv.IntegrationError, match=r"jump with 'sign\(x\[1\]\)'"):
+            of_field("tangents", each, ["x"])
+
+
 def test_systems_without_cases_are_not_looked_at():
     smooth = oscillator(lambda t, q, v, p: lv.table([0, 1, 2], [0, 1, 4])(q) - ca.tanh(v / 1e-3))
     assert branches(smooth) is None
+    assert branches(shear(lambda t, y, p: lv.table([0, 1, 2], [0, 1, 4])(y) + ca.tanh(t))) is None

@@ -50,7 +50,10 @@ ENDED = (
     "end the step of a Spark(s) there, by an event whose reset returns {} unchanged or by "
     "switches= of the system with rtol="
 )
-PARTED = "end the run where the field jumps in time and begin another, with 't1' and 't0'"
+PARTED = (
+    "over a jump in time integrate one field up to it and another from it, which have derivatives "
+    "by 't1' and 't0'"
+)
 
 
 @dataclass(frozen=True)

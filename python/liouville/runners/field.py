@@ -29,6 +29,7 @@ from liouville.terms import Function
 
 if TYPE_CHECKING:
     from liouville.runners.adjoint import Adjoint
+    from liouville.solution import Solution
 
 #: Half of the digits of an affine flow are left after so many of its own times.
 MOST_TURNS = 1e8
@@ -85,7 +86,7 @@ class FieldRunner(Runner):
             # imported here: few runs have tangents
             from liouville.runners.field_derivative import FieldDirections
 
-            self._directions = FieldDirections(system, request.tangents)
+            self._directions = FieldDirections(system, request.tangents, self.steps)
             self.widths = {**self.widths, "tangents": self._directions.count * x.shape[-1]}
         self.columns |= self.widths
         times = self._watch.times
@@ -99,6 +100,8 @@ class FieldRunner(Runner):
         self.plans, self.splits = [plan for plan, _ in own], [split for _, split in own]
         self.split = self.splits[0] if own else self.split
         self.method = repr(self.choice.method)
+        #: Directions as the core takes them.
+        self._moves = None if self._directions is None else self._directions.to_core(self)
 
     def _with_params(self, system: Field, request: Request) -> tuple[list[Field], np.ndarray]:
         """Return the field with its parameters, or with rows of them that of each member; and x."""
@@ -234,21 +237,26 @@ class FieldRunner(Runner):
         return Job(
             start=(parts.inward(self.x),), span=(steps.t0, steps.t1, steps.count, self.every),
             watch=self._watched, varied=[to_core(split) for split in self.splits],
-            observer=self._observer, params=self._rows.ravel(), states=self._states,
+            observer=self._observer, params=self._each_values.ravel(), states=self._states,
             seen=(len(self.system.coordinates), parts.outward), threads=self.threads,
-            is_ensemble=bool(self.members), tangents=self._tangents(),
+            is_ensemble=bool(self.members), tangents=self._moves,
         )  # fmt: skip
 
     @property
-    def _rows(self) -> np.ndarray:
+    def _each_values(self) -> np.ndarray:
         """The parameters, a row for each member where these have their own."""
         return np.array([system.values(None) for system in self.systems])
+
+    @property
+    def times(self) -> np.ndarray | None:
+        """The times of the records, where they are given."""
+        return self._watch.times
 
     def events(self, run: _core.Run) -> tuple[dict[str, Points], dict[int, str]]:
         """Return the events met, by name, and a sentence on each that ended a run, by member."""
         if not self._watch.events:
             return {}, {}
-        params = self._rows if self.members else self._rows[0]
+        params = self._each_values if self.members else self._each_values[0]
         return self._watch.events_of(run, self.system, params)[:2]
 
     @property
@@ -258,15 +266,11 @@ class FieldRunner(Runner):
         if not self.system.invariants or times is None or times[0] == t0:
             return {}
         x = np.ascontiguousarray(self.x[:, : len(self.system.coordinates)])
-        each, at = self._rows, np.array([[t0]])
+        each, at = self._each_values, np.array([[t0]])
         rows = [
             self._observer.map(each[k % len(each)], [at, x[k : k + 1]])[0] for k in range(len(x))
         ]
         return initial_of(np.array(rows), self.widths, self.system.invariants, bool(self.members))
-
-    def _tangents(self) -> np.ndarray | None:
-        """Return the directions as the core takes them."""
-        return None if self._directions is None else self._directions.to_core(self)
 
     def adjoint(self, request: Request, wrt: Any) -> Adjoint:
         """Return the transposed derivative of the run by what `wrt` names, before it begins."""
@@ -303,6 +307,13 @@ class FieldRunner(Runner):
     def tangents(self, t: np.ndarray, parts: Mapping[str, np.ndarray]) -> dict[str, Tangent]:
         """Return the tangents in records by the names of their directions, if any were wanted."""
         return {} if self._directions is None else self._directions.read(parts["tangents"])
+
+    def check_tangents(self, request: Request, solution: Solution) -> None:
+        """Refuse tangents of a run that a kink of the model makes wrong."""
+        # imported here: few runs have tangents
+        from liouville.runners.kinks import check_tangents
+
+        check_tangents(self, request, solution)
 
     @property
     def control_taken(self) -> str:

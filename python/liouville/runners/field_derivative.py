@@ -10,10 +10,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from liouville import _core
+from liouville.control import Steps
 from liouville.errors import IntegrationError, hinted
 from liouville.planner import FieldPlan
 from liouville.runners.adjoint import Adjoint, Gradients
 from liouville.runners.execute import Checkpoints, execute, finished
+from liouville.runners.kinks import Kinks
 from liouville.runners.runner import Request
 from liouville.runners.tangents import PARAMS, Directions, Place, check_names
 from liouville.solution import Solution
@@ -42,27 +44,37 @@ def places_of(system: Field) -> dict[str, Place]:
 
 
 class FieldDirections(Directions):
-    """Directions of a run of a field."""
+    """Directions of a run of a field.
 
-    def __init__(self, system: Field, tangents: Any) -> None:
+    Attributes
+    ----------
+    tau : ndarray, shape (count, 1 + P)
+        Changes of the start time and of the P parameters.
+    stretch : ndarray, shape (count,)
+        By which part of themselves the steps become longer.
+    """
+
+    def __init__(self, system: Field, tangents: Any, steps: Steps) -> None:
         hint = 'write tangents={"x": direction} or {"params.name": 1.0}'
         super().__init__(tangents, places_of(system), {"x": system.coordinates}, hint)
-        self.n = len(system.coordinates)
+        self.x, self.tau, end = np.split(self.rows, (len(system.coordinates), -1), axis=1)
+        self._longer = end - self.tau[:, :1]
+        self.stretch = self._longer[:, 0] / (steps.t1 - steps.t0)
 
     def to_core(self, runner: FieldRunner) -> np.ndarray:
         """Return the changes of what is stepped, and of coefficients and the step, if any are.
 
         The variables, of which the time may be one, come first, as the core wants them.
         """
-        x, t0, params, t1 = np.split(self.rows, (self.n, self.n + 1, -1), axis=1)
-        start = np.hstack([x, t0]) if runner.system.is_driven else x
+        t0, params = self.tau[:, :1], self.tau[:, 1:]
+        start = np.hstack([self.x, t0]) if runner.system.is_driven else self.x
         rows = np.ascontiguousarray(runner.split.inward(start))
-        if not (t0.any() or params.any() or t1.any()):
+        if not (self.tau.any() or self._longer.any()):
             return rows
         changes = np.zeros((self.count, coefficients(runner.split).size))
         for number in np.flatnonzero(params.any(axis=0)).tolist():
             changes += np.outer(params[:, number], by_parameter(runner, number))
-        return np.hstack([rows, changes, (t1 - t0) / runner.steps.count])
+        return np.hstack([rows, changes, self._longer / runner.steps.count])
 
     def read(self, rows: np.ndarray) -> dict[str, Tangent]:
         """Name the columns of tangents in records."""
@@ -160,12 +172,28 @@ class FieldAdjoint(Adjoint):
             if name.startswith(PARAMS)
             for place in self._range(name)
         }
+        self._look()
 
     def of(self, runner: FieldRunner) -> FieldAdjoint:
         """Return that of another run of the same field, split in the same way."""
         own = copy(self)
         own.runner, own.checkpoints = runner, Checkpoints(runner.steps.count)
+        own._look()
         return own
+
+    def _look(self) -> None:
+        shapes = {name: shape for name, (shape, _) in self.directions.items()}
+        self.kinks = Kinks(self.runner, self._alone, shapes)
+
+    @property
+    def _alone(self) -> Request:
+        """The request of this run alone, which may be that of a member, with its equal steps."""
+        runner = self.runner
+        return replace(
+            self._request, params=runner.system.params, steps=runner.steps.count, h=None,
+            start={"x": runner.x[0, : len(runner.system.coordinates)]}, rtol=None, atol=None,
+            control=None, has_pullback=False, is_ensemble=False,
+        )  # fmt: skip
 
     def _range(self, name: str) -> range:
         first, shape = self._places[name]
@@ -181,6 +209,7 @@ class FieldAdjoint(Adjoint):
         steps, split = runner.steps.count, runner.split
         core = _core.FieldPullback(to_core(split), runner.choice.method, runner.job)
         kept = np.minimum(np.arange(len(rows)) * runner.every, steps)
+        self.check(int(np.max(kept[rows.any(axis=1)], initial=0)))
         for first, last, saved in self.checkpoints.reversed(steps):
             own = (first < kept) & (kept <= last)
             error = core.follow(saved, last, kept[own], np.ascontiguousarray(rows[own]))
@@ -207,20 +236,16 @@ class FieldAdjoint(Adjoint):
 
     def moved(self, directions: Mapping[str, np.ndarray], size: float) -> Mapping[str, np.ndarray]:
         """Return the states of the run, moved by so much of all directions, as planned before."""
-        runner, request = self.runner, self._request
+        runner, alone = self.runner, self._alone
         values: dict[str, Any] = dict(runner.system.params)
         for name, x in directions.items():
             if name.startswith(PARAMS):
                 which = name.removeprefix(PARAMS)
                 values[which] = np.asarray(values[which]) + size * x
-        n = len(runner.system.coordinates)
-        x = runner.x[0, :n] + size * directions.get("x", np.zeros(()))
+        x = alone.start["x"] + size * directions.get("x", np.zeros(()))
         ends = [
             float(end + size * directions.get(name, np.zeros(())))
             for name, end in (("t0", runner.steps.t0), ("t1", runner.steps.t1))
         ]
-        moved = replace(
-            request, t=tuple(ends), params=values, start={"x": x}, steps=runner.steps.count, h=None,
-            rtol=None, atol=None, control=None, has_pullback=False, is_ensemble=False,
-        )  # fmt: skip
+        moved = replace(alone, t=tuple(ends), params=values, start={"x": x})
         return finished(execute(type(runner)(runner.system, runner.choice, moved))).states

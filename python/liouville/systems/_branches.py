@@ -20,8 +20,8 @@ from liouville.systems._motion import kept
 from liouville.tape import Lookup, applied, operations, read, record
 
 if TYPE_CHECKING:
-    from liouville.systems.mechanics import Mechanics
-    from liouville.systems.semi_explicit import SemiExplicit
+    from liouville.systems import System
+    from liouville.systems._expressions import Expressions, Symbols
 
 #: Longer expressions are shown by the name of their function alone.
 LONGEST = 60
@@ -69,7 +69,7 @@ WRITTEN = {"lt": "<", "le": "<=", "eq": "==", "ne": "!="}
 class Branches:
     """The functions by cases of a system.
 
-    Tapes take w = (t, y, z, lam, params), with all multipliers of the user's.
+    Tapes take w: the time, the states, all multipliers of the user's and the parameters.
 
     Attributes
     ----------
@@ -95,25 +95,27 @@ class Branches:
     switches: _core.Tape
 
 
-def branches(system: Mechanics | SemiExplicit) -> Branches | None:
+def branches(system: System) -> Branches | None:
     """Return the functions by cases of a system, None where it has none."""
-    return kept(system, "branches", lambda: _branches(system))
+    return kept(system, "branches", lambda: _branches(system._expressions))
 
 
-def _branches(system: Mechanics | SemiExplicit) -> Branches | None:
-    s, columns = system._symbols, system._expressions.columns
+def _branches(expressions: Expressions | None) -> Branches | None:
+    if expressions is None:
+        return None
     # imported here, as it names the symbols of expressions by these
     from liouville.systems.traced import INVARIANT, SWITCH
 
-    lam = ca.SX(0, 1) if system._multipliers is None else system._multipliers
-    w = ca.vertcat(s.t, s.y, s.z, lam, s.params.vector)
-    others = (INVARIANT, SWITCH, "power")
+    *states, params = expressions.symbols.all
+    multipliers = ca.vertcat(ca.SX(0, 1), *expressions.more.values())
+    columns, others = expressions.columns, (INVARIANT, SWITCH, "power")
     equations = [x for name, x in columns.items() if not name.startswith(others)]
     column = ca.vertcat(ca.SX(0, 1), *(ca.densify(x) for x in equations))
-    inputs = {"w": w, "params": ca.SX(0, 1)}
+    inputs = {"w": ca.vertcat(*states, multipliers, params), "params": ca.SX(0, 1)}
     if not operations("equations", inputs, column).intersection(SIDES):
         return None
-    symbols = ca.vertcat(*(ca.SX.sym(name) for name in _names(system, lam.numel())))
+    names = _names(expressions.symbols, multipliers.numel())
+    symbols = ca.vertcat(*(ca.SX.sym(name) for name in names))
     model, found = _by_cases(symbols, read("equations", inputs, column), column.numel())
     if not found:
         return None
@@ -182,11 +184,11 @@ def _way(x: ca.SX) -> ca.SX:
     return 2 * (x >= 0) - 1
 
 
-def _names(system: Mechanics | SemiExplicit, multipliers: int) -> list[str]:
+def _names(symbols: Symbols, multipliers: int) -> list[str]:
     """Return names of the elements of w."""
-    (first, second), own = system.states, system._symbols
-    names = ["t", *elements(first, own.y.numel()), *elements(second, own.z.numel())]
-    return [*names, *elements("lam", multipliers), *parameters(own.params.defaults)]
+    _, *vectors, _ = symbols.args.items()
+    states = [x for name, vector in vectors for x in elements(name, vector.numel())]
+    return ["t", *states, *elements("lam", multipliers), *parameters(symbols.params.defaults)]
 
 
 def _written(operation: str, operands: list[ca.SX]) -> str:

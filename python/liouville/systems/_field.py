@@ -13,7 +13,7 @@ from liouville import _core
 from liouville.errors import hinted
 from liouville.events import Event
 from liouville.systems import _trace
-from liouville.systems._expressions import Pickled, Symbols
+from liouville.systems._expressions import Expressions, Pickled, Symbols
 from liouville.systems._observer import Observer
 
 
@@ -26,6 +26,13 @@ class Field(Pickled, ABC):
     is_driven: bool
     _symbols: Symbols
     _observer: Observer
+    #: What is recorded when it is first wanted, of all values of the parameters.
+    _recorded: dict[str, Any]
+
+    @property
+    def _expressions(self) -> Expressions | None:
+        """The field as expressions, None where it is known by terms or samples."""
+        return None
 
     @property
     def variables(self) -> tuple[str, ...]:

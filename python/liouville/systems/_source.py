@@ -29,22 +29,24 @@ class Source:
     ----------
     is_driven : bool
         Whether the field depends on time.
+    expressions : Expressions
+        The components.
     """
 
     def __init__(self, column: ca.SX, symbols: Symbols, names: tuple[str, ...]) -> None:
-        self._expressions = Expressions(symbols, {"field": column})
+        self.expressions = Expressions(symbols, {"field": column})
         self.is_driven = ca.depends_on(column, symbols.t)
         self._variables = (*names, TIME) if self.is_driven else names
 
     def __call__(self, values: np.ndarray) -> Terms:
         """Multiply the components out."""
-        symbols, column = self._expressions.symbols, self._expressions.columns["field"]
+        symbols, column = self.expressions.symbols, self.expressions.columns["field"]
         expansion, components = expand(column, tuple(symbols.all), values, self._variables)
         return expansion.terms(components, self.is_driven)
 
     def derivative(self, values: np.ndarray, number: int) -> Terms:
         """Multiply out the derivatives of the components by one of the parameters' numbers."""
-        symbols, column = self._expressions.symbols, self._expressions.columns["field"]
+        symbols, column = self.expressions.symbols, self.expressions.columns["field"]
         by = ca.jacobian(column, symbols.params.vector[number])
         expansion, components = expand(by, tuple(symbols.all), values, self._variables)
         return expansion.terms(components)

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from liouville.errors import hinted
 from liouville.systems import _read_terms, _sympy, _trace
 from liouville.systems._divergence import check_divergence, check_rounding
-from liouville.systems._expressions import Symbols
+from liouville.systems._expressions import Expressions, Symbols
 from liouville.systems._field import Field
 from liouville.systems._observer import Observer
 from liouville.systems._source import Source, callable_of
@@ -132,7 +132,7 @@ class PolynomialField(Field):
         self.is_driven = is_driven
         self._symbols = symbols
         self._source = source
-        self._observer = Observer(symbols, invariants)
+        self._observer, self._recorded = Observer(symbols, invariants), {}
         self._values = self.values(None)
         self.terms, self._kept = self._expanded(self._values), {}
         return self
@@ -148,8 +148,13 @@ class PolynomialField(Field):
 
     def _state(self) -> dict[str, Any]:
         """Return what is pickled: without parameters the terms cannot change."""
-        own = self.__dict__ | {"_kept": {}}
-        return own if self._values.size else own | {"_source": None}
+        own, has_functions = self.__dict__ | {"_kept": {}}, bool(self.terms.functions)
+        return own if self._values.size or has_functions else own | {"_source": None}
+
+    @property
+    def _expressions(self) -> Expressions | None:
+        """The components as expressions, None where the field is known by terms."""
+        return self._source.expressions if isinstance(self._source, Source) else None
 
     def _expanded(self, values: np.ndarray) -> Terms:
         try:
@@ -264,12 +269,18 @@ class PolynomialField(Field):
         PolynomialField(x, y; 4 terms of degree 2)
         """
         given = _sympy.read(expressions, symbols, t, params)
+        source: Callable[[np.ndarray], Terms]
         s = Symbols(_trace.Parameters(given.params), {"x": len(given.names)})
         functions = {
             name: given.function(value)
             for name, value in _trace.mapping("invariants", invariants).items()
         }
-        return cls.__new__(cls)._build(given.names, s, given.terms, given.is_driven, functions)
+        source, is_driven = given.terms, given.is_driven
+        if given.has_cases:  # which are looked at where the field is differentiated
+            given.terms(s.params.values(None))  # refuses in SymPy's words
+            traced = Source(given.column(s), s, given.names)
+            source, is_driven = traced, traced.is_driven
+        return cls.__new__(cls)._build(given.names, s, source, is_driven, functions)
 
     def __repr__(self) -> str:
         """Name the coordinates and the number of terms."""

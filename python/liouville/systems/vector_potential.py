@@ -14,7 +14,7 @@ from liouville import _casadi as ca
 from liouville import _core
 from liouville.errors import hinted
 from liouville.systems import _trace
-from liouville.systems._expressions import Symbols
+from liouville.systems._expressions import Expressions, Symbols
 from liouville.systems._observer import Observer
 from liouville.systems._plane_field import PlaneField, Planes, planes_of
 from liouville.tape import record
@@ -141,10 +141,11 @@ class PotentialField(PlaneField):
         self.coordinates = names
         self.is_driven = bool(ca.depends_on(column, symbols.t))
         self._symbols, self._observer = symbols, Observer(symbols, invariants)
+        self._potential, self._recorded = Expressions(symbols, {"potential": column}), {}
         self._values = self.values(None)
         found = (_recorded(column, number, symbols) for number in range(column.numel()))
-        self._recorded = [each for each in found if each is not None]
-        if not self._recorded:
+        self._traced = [each for each in found if each is not None]
+        if not self._traced:
             sentence = "nothing moves: the potential is the same everywhere"
             raise ValueError(hinted(sentence, "is a coordinate missing in it?"))
         self._steep = _steepness(column, symbols)
@@ -159,16 +160,27 @@ class PotentialField(PlaneField):
                 ),
                 each.variables,
             )
-            for each in self._recorded
+            for each in self._traced
         ]
 
     def _state(self) -> dict[str, Any]:
         """Return what is pickled: the planes are made again of their tapes."""
         return dict(self.__dict__) | {"_made": None}
 
+    @property
+    def _expressions(self) -> Expressions:
+        """The velocity, as expressions."""
+        symbols, column = self._potential.symbols, self._potential.columns["potential"]
+        variables = _variables(symbols)
+        velocity = [ca.SX(0) for _ in self.coordinates]
+        for number, (_, (v, w)) in enumerate(planes_of(len(velocity))):
+            velocity[v] += ca.jacobian(column[number], variables[w])
+            velocity[w] -= ca.jacobian(column[number], variables[v])
+        return Expressions(symbols, {"field": ca.vertcat(*velocity)})
+
     def __repr__(self) -> str:
         """Name the coordinates, and say how many planes there are."""
-        count, time = len(self._recorded), ", driven" if self.is_driven else ""
+        count, time = len(self._traced), ", driven" if self.is_driven else ""
         words = f"{count} plane{'s' if count > 1 else ''}{time}"
         return f"{type(self).__name__}({', '.join(self.coordinates)}; {words})"
 
@@ -183,16 +195,16 @@ class PotentialField(PlaneField):
     @property
     def size(self) -> int:
         """How many operations the derivatives of the potential take."""
-        return sum(each.operations for each in self._recorded)
+        return sum(each.operations for each in self._traced)
 
     def operations(self, number: int) -> int:
         """Return about how many operations a flow of a plane takes."""
-        each = self._recorded[number]
+        each = self._traced[number]
         return (2 if each.is_separable else CORRECTIONS + 1) * each.operations
 
     def said(self) -> list[str]:
         """Say what there is to know of the field, for plans."""
-        explicit = sum(each.is_separable for each in self._recorded)
+        explicit = sum(each.is_separable for each in self._traced)
         return [f"{explicit} of the flows need no iteration"] if explicit else []
 
     def steepness(self, rows: np.ndarray, h: float = 0.0) -> float:

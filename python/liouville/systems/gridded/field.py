@@ -183,6 +183,7 @@ class GriddedField(PlaneField):
         self.is_driven = time is not None
         symbols = Symbols(_trace.Parameters(None), {"x": n})
         self._symbols, self._observer = symbols, Observer(symbols, invariants)
+        self._recorded = {}
 
     @classmethod
     def from_xarray(
