@@ -401,6 +401,94 @@ def test_pickled_fields_are_looked_at(kind):
             of_field("tangents", each, ["x"])
 
 
+SWAP = np.array([[0.0, 1.0], [1.0, 0.0]])
+
+
+def driven(drive, **more):
+    """Return H = (1 + f) X, of which psi is exp(-i X F) psi_0 with the integral F."""
+    return lv.Schrodinger(SWAP, drive=[(drive, SWAP)], params={"a": 1.5, "at": 0.733}, **more)
+
+
+def of_wave(which, system, method, by, **run):
+    """Return the derivative of the real part of the last psi_0 by a parameter."""
+    run = {"t": (0, 2), "psi": [1.0, 0.0]} | run
+    if which == "tangents":
+        call = lv.ensemble if "params" in run else lv.integrate
+        return call(system, method, tangents={by: 1.0}, **run).tangents[by].psi[-1, ..., 0].real
+    solution, pullback = lv.vjp(system, method, wrt=[by], **run)
+    cotangent = np.zeros_like(solution.psi)
+    cotangent[-1, ..., 0] = 1
+    return pullback(psi=cotangent)[by]
+
+
+WAVES = [(lv.Magnus(), {"h": 0.01}), (lv.Chebyshev(), {})]
+
+
+@pytest.mark.parametrize("method", WAVES, ids=str)
+@pytest.mark.parametrize("which", BOTH)
+def test_drives_that_jump_at_a_time_that_is_a_parameter_are_refused(which, method):
+    """In whose derivative the jump is 0."""
+    method, run = method
+    for drive in (
+        lambda t, p: p.a * ca.if_else(t < p.at, 1, 0),
+        lambda t, p: p.a * ca.if_else(ca.fabs(t - p.at) < 0.05, 1, 0),
+    ):
+        with pytest.raises(lv.IntegrationError, match=r"the equations jump with .*\nhint: write"):
+            of_wave(which, driven(drive), method, "params.at", **run)
+    held = driven(lambda t, p: p.a * ca.if_else(t < 0.733, 1, 0))
+    assert of_wave(which, held, method, "params.at", **run) == 0
+
+
+@pytest.mark.parametrize("which", BOTH)
+def test_drives_that_bend_or_jump_at_times_that_are_held(which):
+    run = {"h": 0.01}
+    held = driven(lambda t, p: p.a * ca.if_else(t < 0.73, 1, 0))
+    bent = driven(lambda t, p: p.a * ca.fabs(t - p.at))
+    angles = 2 + 1.5 * 0.73, 2 + 1.5 * (0.733**2 + 1.267**2) / 2
+    by_a = of_wave(which, held, lv.Magnus(), "params.a", **run)
+    assert by_a == pytest.approx(-0.73 * np.sin(angles[0]), abs=1e-7)
+    by_at = of_wave(which, bent, lv.Magnus(), "params.at", **run)
+    assert by_at == pytest.approx(1.5 * (2 - 2 * 0.733) * np.sin(angles[1]), abs=1e-3)
+
+
+@pytest.mark.parametrize("which", BOTH)
+def test_members_of_waves_are_named(which):
+    system = driven(lambda t, p: p.a * ca.if_else(t < p.at, 1, 0))
+    run = {"h": 0.01, "params": {"at": [5.0, 0.733]}}
+    with pytest.raises(lv.IntegrationError, match="member 1: step 73 has no derivative"):
+        of_wave(which, system, lv.Magnus(), "params.at", **run)
+
+
+WELLS = {
+    "the time it comes": (lambda t, x, p: p.a * ca.if_else(x[0] < p.at * t, 1, 0), "at a time"),
+    "a place": (lambda t, x, p: p.a * ca.if_else(x[0] < p.at, 1, 0), "at a place"),
+}
+
+
+@pytest.mark.parametrize("which", BOTH)
+@pytest.mark.parametrize("name", WELLS)
+def test_potentials_that_jump_at_the_points_of_a_grid_or_between_them(name, which):
+    """A wall that moves passes every point at a time of its own."""
+    potential, text = WELLS[name]
+    wall = lv.Grid((0, 0), (2, 1), (16, 4), potential=potential)
+    system = lv.Schrodinger(wall, params={"a": 1.5, "at": 0.733})
+    run = {"h": 0.02} if system.is_driven else {}
+    run |= {"t": (0, 1), "psi": np.ones(64) / 8}
+    method = lv.Magnus() if system.is_driven else lv.Chebyshev()
+    with pytest.raises(lv.IntegrationError, match=rf"jump with 'x\[0\] < .*', {text} that moves"):
+        of_wave(which, system, method, "params.at", **run)
+    assert np.isfinite(of_wave(which, system, method, "params.a", **run))
+    bent = lv.Grid(0, 2, 16, potential=lambda t, x, p: p.a * ca.fabs(x[0] - p.at))
+    smooth = lv.Schrodinger(bent, params={"a": 1.5, "at": 0.733})
+    run = {"t": (0, 1), "psi": np.cos(np.arange(16)) / 4}
+    by, size = of_wave(which, smooth, lv.Chebyshev(1e-11), "params.at", **run), 1e-4
+    ends = [
+        lv.integrate(smooth, lv.Chebyshev(1e-11), params={"at": 0.733 + x}, **run).psi[-1, 0].real
+        for x in (size, -size)
+    ]
+    assert by == pytest.approx((ends[0] - ends[1]) / (2 * size), abs=1e-7)
+
+
 def test_systems_without_cases_are_not_looked_at():
     smooth = oscillator(lambda t, q, v, p: lv.table([0, 1, 2], [0, 1, 4])(q) - ca.tanh(v / 1e-3))
     assert branches(smooth) is None

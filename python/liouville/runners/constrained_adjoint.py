@@ -37,7 +37,7 @@ class ConstrainedAdjoint(Adjoint):
         shapes = shapes_of(runner.system, check_wrt(runner.system, wrt, runner.steps))
         self.directions = {name: (shape, False) for name, shape in shapes.items()}
         self.checkpoints = Checkpoints(None if runner.steps.control else runner.steps.count)
-        self.kinks = Kinks(runner, request, shapes)
+        self.kinks = Kinks.of(runner, request, shapes)
 
     def shapes(self, solution: Solution) -> dict[str, tuple[int, ...]]:
         """Return the shapes of what has cotangents, by the names of the states."""

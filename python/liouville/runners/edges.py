@@ -70,12 +70,15 @@ class Kink:
         The function by cases.
     is_jump : bool
         Whether the equations jump within a step; else they bend or jump at its start.
+    moves : str
+        What of the jump moves with what is differentiated: the "time", or the "place" on a grid.
     """
 
     step: int
     t: float
     name: str
     is_jump: bool
+    moves: str = "time"
 
     def error(
         self, runner: Runner, member: int | None = None, solution: Solution | None = None
@@ -84,7 +87,7 @@ class Kink:
         if self.is_jump:
             sentence = (
                 f"step {self.step} has no derivative: at t = {self.t:.6g} the equations jump with "
-                f"'{self.name}', at a time that moves with what is differentiated"
+                f"'{self.name}', at a {self.moves} that moves with what is differentiated"
             )
             hint = SMOOTH
             if isinstance(runner.system, Mechanics | SemiExplicit):
@@ -172,7 +175,8 @@ class _Look:
         """Give the states at edges, in order, where slopes along a tangent differ by the side."""
         motion, found = self._motion, self._found
         rng = np.random.default_rng(SEED)
-        kept = np.flatnonzero(~motion.is_reset)
+        order = np.argsort(motion.steps, kind="stable")
+        kept = order[~motion.is_reset[order]]
         moves = rng.uniform(0.5, 1.0, (2, motion.w.shape[1]))
         moves *= rng.choice([-1.0, 1.0], moves.shape) * self._sizes * ROUNDINGS
         w = motion.w[kept]
@@ -221,6 +225,7 @@ class _Look:
         sides = self._sides[:, may_jump]
         begin = sides[first]
         open_ = np.flatnonzero((begin != sides[last]).any(axis=1))
+        open_ = open_[np.argsort(motion.steps[first[open_]], kind="stable")]
         for _ in range(MOST_EDGES):
             if not open_.size:
                 return

@@ -183,7 +183,7 @@ class FieldAdjoint(Adjoint):
 
     def _look(self) -> None:
         shapes = {name: shape for name, (shape, _) in self.directions.items()}
-        self.kinks = Kinks(self.runner, self._alone, shapes)
+        self.kinks = Kinks.of(self.runner, self._alone, shapes)
 
     @property
     def _alone(self) -> Request:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,7 +20,9 @@ from liouville.systems._branches import branches
 
 if TYPE_CHECKING:
     from liouville.runners.field import FieldRunner
+    from liouville.runners.wave import WaveRunner
     from liouville.solution import Solution
+    from liouville.systems import Grid
     from liouville.tangents import Tangent
 
 #: Numbers that the states of a repeated run may take in memory.
@@ -53,37 +56,112 @@ def check_tangents(
             raise kink.error(runner, member=of_member, solution=solution)
 
 
+def check_drives(runners: Sequence[WaveRunner], solution: Solution) -> None:
+    """Refuse tangents of wave functions, each of a runner, that a kink of H(t) makes wrong."""
+    for member, runner in enumerate(runners):
+        own = runner._directions
+        assert own is not None, "a run with tangents"
+        kink = kink_of_drive(runner, own.rows)
+        if kink is not None:
+            raise kink.error(runner, member if len(runners) > 1 else None, solution)
+
+
 class Kinks:
     """Where a run that is pulled back has no derivative, found when it is first asked.
 
-    What runs for that is made at once: CasADi does not trace in several threads.
-
     Parameters
     ----------
-    runner, request
-        The run.
-    shapes : mapping of str to tuple of int
-        What it is differentiated by, with its shapes.
+    look : callable
+        Looks for the first of them.
     """
 
-    def __init__(
-        self,
-        runner: TracedRunner | FieldRunner,
-        request: Request,
-        shapes: Mapping[str, tuple[int, ...]],
-    ) -> None:
-        self._found = branches(runner.system)
-        if self._found is not None:
-            rng = np.random.default_rng(SEED)
-            directions = {name: rng.uniform(0.5, 1.0, shape) for name, shape in shapes.items()}
-            self._own = _again(runner, request, directions)
+    def __init__(self, look: Callable[[], Kink | None]) -> None:
+        self._look = look
 
     @cached_property
     def first(self) -> Kink | None:
         """The first of them, None where there is none."""
-        if self._found is None:
+        return self._look()
+
+    @classmethod
+    def of(
+        cls,
+        runner: TracedRunner | FieldRunner,
+        request: Request,
+        shapes: Mapping[str, tuple[int, ...]],
+    ) -> Kinks | None:
+        """Return those of a run by what is named with its shapes, None of a model without cases.
+
+        What runs for that is made at once: CasADi does not trace in several threads.
+        """
+        found = branches(runner.system)
+        if found is None:
             return None
-        return kink_of(self._found, _motion(self._own, finished(execute(self._own)), 0))
+        own = _again(runner, request, directions(shapes))
+        return cls(lambda: kink_of(found, _motion(own, finished(execute(own)), 0)))
+
+
+def directions(shapes: Mapping[str, tuple[int, ...]]) -> dict[str, np.ndarray]:
+    """Return random directions by name, none of which is zero anywhere."""
+    rng = np.random.default_rng(SEED)
+    return {name: np.asarray(rng.uniform(0.5, 1.0, shape)) for name, shape in shapes.items()}
+
+
+def kink_of_drive(runner: WaveRunner, rows: np.ndarray) -> Kink | None:
+    """Return the first kink of H(t) in a run that was differentiated, in directions as rows.
+
+    The functions of a drive, and a potential at each point, move along the time alone. Along the
+    axes of a grid a potential is looked at where the run begins.
+    """
+    system, plan = runner.system, runner.plan
+    values = system.parameters.values(None)
+    moves = rows[:, system.size : system.size + values.size].real
+    found = branches(system.sensitivity) if moves.any() else None
+    if found is None:
+        return None
+    stops = [(plan.t0, 1), *plan.stops]
+    ends = [np.linspace(a, b, k + 1)[1:] for (a, _), (b, k) in pairwise(stops)]
+    t = np.unique([plan.t0, stops[-1][0], *runner.nodes])
+    t = t if stops[-1][0] >= plan.t0 else t[::-1]
+    points, potential = np.zeros((1, 0)), system.potential_sensitivity
+    if potential is not None and system.grid is not None:
+        for length, line in _lines(system.grid):
+            start = np.full(len(line), plan.t0), line, np.zeros(len(line), dtype=int)
+            if kink := kink_of(found, _still(*start, length, values, moves)):
+                return replace(kink, moves="place")
+        points = potential.looked[: max(1, MOST_NUMBERS // (8 * len(t)))]
+    many, way = len(points), np.sign(t[-1] - t[0])
+    done = np.searchsorted(way * np.concatenate(ends), way * t, side="right")
+    each = np.tile(t, many), np.repeat(points, len(t), axis=0), np.tile(done, many)
+    return kink_of(found, _still(*each, len(t), values, moves))
+
+
+def _lines(grid: Grid) -> Iterator[tuple[int, np.ndarray]]:
+    """Give the points of a grid along each axis, line after line of a length, or some lines."""
+    whole = grid.points.reshape(*grid.shape, -1)
+    for axis, length in enumerate(grid.shape):
+        lines = np.moveaxis(whole, axis, -2).reshape(-1, length, len(grid.shape))
+        yield length, lines[:: 1 + 64 * grid.size // MOST_NUMBERS].reshape(-1, len(grid.shape))
+
+
+def _still(
+    t: np.ndarray,
+    points: np.ndarray,
+    steps: np.ndarray,
+    length: int,
+    values: np.ndarray,
+    moves: np.ndarray,
+) -> Motion:
+    """Return times and points, lines of a length, as a motion that parameters alone move."""
+    count = len(t)
+    held = np.zeros((count, len(moves), 1 + points.shape[1]))
+    return Motion(
+        np.hstack([t[:, None], points, np.tile(values, (count, 1))]),
+        np.concatenate([held, np.broadcast_to(moves, (count, *moves.shape))], axis=2),
+        steps,
+        np.delete(np.arange(count), np.s_[length - 1 :: length]),
+        np.zeros(count, dtype=bool),
+    )
 
 
 def _again(

@@ -28,6 +28,7 @@ from liouville.tangents import Tangent
 if TYPE_CHECKING:
     from liouville.runners.adjoint import Adjoint
     from liouville.runners.wave_derivative import WaveDerivative, WaveDirections
+    from liouville.solution import Solution
 
 #: The memory that each propagator takes beside the records, in states, as measured.
 STATES = {
@@ -51,6 +52,7 @@ class WaveRunner(Runner):
     system: Schrodinger
     choice: WaveMethod | WavePlan
     _widened = 0
+    nodes: np.ndarray  # times at which a run that was differentiated took H
 
     def __init__(
         self, system: Schrodinger, method: WaveMethod | WavePlan, request: Request
@@ -237,7 +239,9 @@ class WaveRunner(Runner):
         from liouville.runners.wave_derivative import WaveDerivative
 
         run, psi = (self._records[member], threads), np.atleast_2d(self.psi)[member]
-        return WaveDerivative(self.system, self.plan, psi, run, names)
+        found = WaveDerivative(self.system, self.plan, psi, run, names)
+        self.nodes = found.nodes
+        return found
 
     def tangents(self, t: np.ndarray, parts: Mapping[str, np.ndarray]) -> dict[str, Tangent]:
         """Return tangents of the states kept, if any were wanted."""
@@ -249,6 +253,13 @@ class WaveRunner(Runner):
             return self.tangents_of(runs, parts["psi"], self.threads)
         rows = self.derivative(own.names).followed(own.rows)
         return own.read(rows.reshape(*rows.shape[:-2], -1))
+
+    def check_tangents(self, request: Request, solution: Solution) -> None:
+        """Refuse tangents of a run that a kink of H(t) makes wrong."""
+        # imported here: few runs have tangents
+        from liouville.runners.kinks import check_drives
+
+        check_drives([self], solution)
 
     def tangents_of(
         self, runs: Sequence[tuple[WaveRunner, int]], psi: np.ndarray, threads: int

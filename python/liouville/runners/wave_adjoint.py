@@ -8,8 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from liouville.runners.adjoint import Adjoint, Gradients
+from liouville.runners.edges import Kink
+from liouville.runners.kinks import Kinks, directions, kink_of_drive
 from liouville.runners.wave_derivative import direction_row, places_of
 from liouville.solution import Solution
+from liouville.systems._branches import branches
 
 if TYPE_CHECKING:
     from liouville.runners.wave import WaveRunner
@@ -26,6 +29,13 @@ class WaveAdjoint(Adjoint):
         self.runner, self._member = runner, member
         places = places_of(runner.system)
         self.directions = {name: (places[name][1], name == "psi") for name in names}
+        if branches(runner.system.sensitivity) is not None:
+            self.kinks = Kinks(self._first_kink)
+
+    def _first_kink(self) -> Kink | None:
+        system, shapes = self.runner.system, {x: shape for x, (shape, _) in self.directions.items()}
+        row = direction_row(system, directions(shapes))
+        return kink_of_drive(self.runner, row[None])
 
     def shapes(self, solution: Solution) -> dict[str, tuple[int, ...]]:
         """Return the shape of what has cotangents."""
@@ -34,7 +44,10 @@ class WaveAdjoint(Adjoint):
     def pulled(self, solution: Solution, cotangents: Mapping[str, np.ndarray]) -> Gradients:
         """Return gradients from cotangents of psi; see :class:`Adjoint`."""
         rows = cotangents["psi"].reshape(len(solution.t), -1)
-        found = self.runner.derivative(self.wrt, self._member).pulled(rows, self.wrt)
+        derivative = self.runner.derivative(self.wrt, self._member)
+        kept = np.cumsum([0, *(steps for _, steps in self.runner.plan.stops)])
+        self.check(int(np.max(kept[rows.any(axis=1)], initial=0)))
+        found = derivative.pulled(rows, self.wrt)
         return {name: x if x.ndim else float(x) for name, x in found.items()}
 
     def moved(self, directions: Mapping[str, np.ndarray], size: float) -> Mapping[str, np.ndarray]:

@@ -208,6 +208,11 @@ class WaveDerivative:
         self._pieces = [self._core.piece(k) for k in range(len(self._core))]
         self._steps = np.cumsum([0, *(steps for steps, _ in self._pieces)]).tolist()
 
+    @property
+    def nodes(self) -> Array:
+        """The times at which H was taken."""
+        return np.concatenate([np.empty(0), *(nodes for _, nodes in self._pieces)])
+
     def followed(self, rows: Array) -> Array:
         """Return tangents of the states kept, shape (k, directions, N), of directions as rows."""
         n = self._system.size

@@ -21,6 +21,7 @@ from liouville.tangents import Tangent
 
 if TYPE_CHECKING:
     from liouville.runners.adjoint import Adjoint
+    from liouville.solution import Solution
 
 
 class WaveMembersRunner(Runner):
@@ -100,6 +101,13 @@ class WaveMembersRunner(Runner):
             return {}
         runs = [(each, 0) for each in self._each]
         return first.tangents_of(runs, parts["psi"], self.threads)
+
+    def check_tangents(self, request: Request, solution: Solution) -> None:
+        """Refuse tangents of a member that a kink of its H(t) makes wrong."""
+        # imported here: few runs have tangents
+        from liouville.runners.kinks import check_drives
+
+        check_drives(self._each, solution)
 
     def adjoint(self, request: Request, wrt: Any) -> Adjoint:
         """Return the transposed derivatives of all runs by what `wrt` names, before they begin."""

@@ -20,8 +20,11 @@ from liouville.systems._motion import kept
 from liouville.tape import Lookup, applied, operations, read, record
 
 if TYPE_CHECKING:
-    from liouville.systems import System
     from liouville.systems._expressions import Expressions, Symbols
+    from liouville.systems._field import Field
+    from liouville.systems.mechanics import Mechanics
+    from liouville.systems.schrodinger.sensitivity import DriveSensitivity
+    from liouville.systems.semi_explicit import SemiExplicit
 
 #: Longer expressions are shown by the name of their function alone.
 LONGEST = 60
@@ -95,7 +98,7 @@ class Branches:
     switches: _core.Tape
 
 
-def branches(system: System) -> Branches | None:
+def branches(system: Mechanics | SemiExplicit | Field | DriveSensitivity) -> Branches | None:
     """Return the functions by cases of a system, None where it has none."""
     return kept(system, "branches", lambda: _branches(system._expressions))
 

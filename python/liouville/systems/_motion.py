@@ -20,8 +20,10 @@ from liouville.systems._linear import Block, Pattern
 from liouville.tape import record
 
 if TYPE_CHECKING:
-    from liouville.systems import System
+    from liouville.systems._field import Field
     from liouville.systems.mechanics import Mechanics
+    from liouville.systems.schrodinger.sensitivity import DriveSensitivity
+    from liouville.systems.semi_explicit import SemiExplicit
 
 T = TypeVar("T")
 
@@ -86,7 +88,9 @@ def rates(system: Mechanics, functions: Mapping[str, Callable[..., Any]]) -> Slo
     return record_blocks("rates", s.inputs(z=s.z), [block]), {"rates": block.pattern}
 
 
-def kept(system: System, name: str, make: Callable[[], T]) -> T:
+def kept(
+    system: Mechanics | SemiExplicit | Field | DriveSensitivity, name: str, make: Callable[[], T]
+) -> T:
     """Return what stays with a system by its name, made when it is first wanted."""
     if name not in system._recorded:
         system._recorded[name] = make()

@@ -13,6 +13,7 @@ from liouville import _casadi as ca
 from liouville import _core
 from liouville._scipy import scipy
 from liouville.errors import hinted
+from liouville.systems._expressions import Expressions, Symbols
 from liouville.systems.schrodinger.foreign import Samples
 from liouville.tape import record
 
@@ -86,12 +87,23 @@ class DriveSensitivity:
         self.samples = {f"drive[{k}]": k for k, f in given if isinstance(f, Samples)}
         self._tables = {k: system.drives[k][0].table for k in self.samples.values()}
         self._tapes = _DriveTapes(self._functions, self._params)
+        self._potential, self._recorded = system._potential, dict[str, Any]()
 
     def with_params(self, params: Parameters) -> DriveSensitivity:
         """Return the same with other values of the parameters."""
         other = copy(self)
         other._values = params.values(None)
         return other
+
+    @property
+    def _expressions(self) -> Expressions:
+        """The functions, and the potential of a grid, as expressions."""
+        potential = self._potential
+        s = Symbols(self._params, {} if potential is None else potential.sizes)
+        columns = {f.what: f(s.t, s.params.namespace) for f in self._functions}
+        if potential is not None:
+            columns[potential.what] = potential(s.t, s.x, s.params.namespace)
+        return Expressions(s, columns)
 
     def depends_on(self, name: str) -> bool:
         """Whether a function depends on a parameter."""
@@ -178,7 +190,7 @@ class PotentialSensitivity:
         return self._function.depends_on(name)
 
     @cached_property
-    def _looked(self) -> Array:
+    def looked(self) -> Array:
         """Some of the points, in no order that axes have."""
         count = len(self._points)
         some = np.random.default_rng(0).permutation(count)[:LOOKED]
@@ -204,7 +216,7 @@ class PotentialSensitivity:
 
     def slopes(self, t: Array, places: list[int]) -> Array:
         """Return its derivatives by these parameters at times, and at points that are looked at."""
-        found = self._tapes.slope.map(self._values, self._at(t, self._looked))[:, places]
+        found = self._tapes.slope.map(self._values, self._at(t, self.looked))[:, places]
         return np.asarray(self._finite(t, found)).reshape(t.size, -1)
 
     def pulled(self, t: Array, cotangents: Array) -> Array:

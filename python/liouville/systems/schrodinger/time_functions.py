@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from functools import cached_property
 from typing import Any
@@ -68,6 +68,11 @@ class TimeFunction:
     def expression(self) -> ca.SX:
         """The value of the function."""
         return self._expressions.columns[self.what]
+
+    @property
+    def sizes(self) -> Mapping[str, int]:
+        """The vectors that it takes, the coordinates of a point if there are points."""
+        return self._expressions.symbols.sizes
 
     @property
     def t(self) -> ca.SX:
