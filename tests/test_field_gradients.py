@@ -198,6 +198,20 @@ def test_what_has_no_gradient_is_refused(field, wrt, says):
         lv.vjp(system, lv.VolumeSplitting(), wrt=wrt, **RUN, x=[0.1, 0.2])
 
 
+def test_derivatives_that_are_kept_are_those_of_the_parameters_and_steps():
+    """With x' = a^2 y and y' = 1 x is a t^2 by a, whatever was asked before."""
+    field = lv.PolynomialField(lambda t, x, p: [p.a**2 * x[1], 1], x=("x", "y"), params={"a": 1.0})
+    method = lv.VolumeSplitting()
+    for a, t, steps in ((1.0, 1.0, 4), (2.0, 1.0, 4), (1.0, 3.0, 4), (1.0, 3.0, 6), (1.0, 1.0, 4)):
+        run = {"t": (0, t), "steps": steps, "x": [0.0, 0.0], "params": {"a": a}}
+        solution, pullback = lv.vjp(field, method, wrt=["params.a"], **run)
+        cotangent = np.zeros_like(solution.x)
+        cotangent[-1, 0] = 1
+        assert pullback(x=cotangent)["params.a"] == pytest.approx(a * t**2)
+        found = lv.integrate(field, method, tangents={"params.a": 1.0}, **run)
+        assert found.tangents["params.a"].x[-1, 0] == pytest.approx(a * t**2)
+
+
 def test_a_parameter_that_is_zero_has_a_derivative():
     """Of a force that is off: its term is in the split, as it is where the force is on."""
     duffing = lv.PolynomialField(

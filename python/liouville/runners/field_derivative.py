@@ -12,7 +12,6 @@ import numpy as np
 from liouville import _core
 from liouville.control import Steps
 from liouville.errors import IntegrationError, hinted
-from liouville.planner import FieldPlan
 from liouville.runners.adjoint import Adjoint, Gradients
 from liouville.runners.execute import Checkpoints, execute, finished
 from liouville.runners.kinks import Kinks
@@ -130,7 +129,10 @@ def by_parameter(runner: FieldRunner, number: int) -> np.ndarray:
     if isinstance(parts, PlaneSplit):
         return of_parameter(parts, number)
     assert isinstance(system, PolynomialField)
-    assert isinstance(plan, FieldPlan)
+    # a run with tangents that is made beside a pullback has the same
+    known: dict[int, np.ndarray] = system.kept(("by parameter", plan), dict)
+    if number in known:
+        return known[number]
     try:
         change = system.by_parameter(number)
     except ValueError:
@@ -141,6 +143,7 @@ def by_parameter(runner: FieldRunner, number: int) -> np.ndarray:
             parts, lambda terms: plan.split(terms, system.variables), system.terms, change
         )
     if found is not None:
+        known[number] = found
         return found
     first = np.cumsum([np.size(value) for value in system.params.values()])
     name = [*system.params][int(np.searchsorted(first, number, side="right"))]
