@@ -96,8 +96,8 @@ class Pullback:
         TypeError, ValueError
             There is no such state, or a cotangent has another shape or is not finite.
         IntegrationError
-            A step cannot be differentiated, or, on constraints, one that cotangents depend on
-            begins at a kink of the model or passes over a jump of its forces whose time moves.
+            A step cannot be differentiated, or one that cotangents depend on begins at a kink of
+            the model or passes over a jump of its equations that moves.
         KeyboardInterrupt
             It was interrupted (Ctrl-C); it may be called again.
         """

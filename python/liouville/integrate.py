@@ -142,9 +142,8 @@ def integrate(
     MemoryError
         The records, or the matrices of the method, would not fit in memory.
     IntegrationError
-        A step failed; ``error.solution`` is what was computed before it. Or, on constraints, a run
-        with tangents is at a kink of the model, or passes over a jump of its forces whose time
-        moves with a direction.
+        A step failed; ``error.solution`` is what was computed before it. Or a run with tangents is
+        at a kink of the model, or passes over a jump of its equations that a direction moves.
     FileExistsError
         There is something at `store` already.
 

@@ -16,7 +16,7 @@ from liouville.systems._expressions import Expressions, Symbols
 from liouville.systems._field import Field
 from liouville.systems._observer import Observer
 from liouville.systems._source import Source, callable_of
-from liouville.terms import Terms
+from liouville.terms import Terms, Wave
 
 Function = Callable[..., Any]
 Made = TypeVar("Made")
@@ -147,9 +147,10 @@ class PolynomialField(Field):
         return found
 
     def _state(self) -> dict[str, Any]:
-        """Return what is pickled: without parameters the terms cannot change."""
-        own, has_functions = self.__dict__ | {"_kept": {}}, bool(self.terms.functions)
-        return own if self._values.size or has_functions else own | {"_source": None}
+        """Return what is pickled: without parameters terms do not change, nor do waves bend."""
+        own = self.__dict__ | {"_kept": {}}
+        may_bend = not all(isinstance(x, Wave) for x in self.terms.functions)
+        return own if self._values.size or may_bend else own | {"_source": None}
 
     @property
     def _expressions(self) -> Expressions | None:
