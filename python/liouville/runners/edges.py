@@ -110,7 +110,7 @@ class Kink:
 
 @dataclass(frozen=True)
 class Motion:
-    """States of a run with their tangents, as w = (t, y, z, lam, params).
+    """States of a run with their tangents, as w, which tapes of :class:`Branches` take.
 
     Attributes
     ----------

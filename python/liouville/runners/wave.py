@@ -52,7 +52,7 @@ class WaveRunner(Runner):
     system: Schrodinger
     choice: WaveMethod | WavePlan
     _widened = 0
-    nodes: np.ndarray  # times at which a run that was differentiated took H
+    nodes = np.empty(0)  # times at which a run that was differentiated took H
 
     def __init__(
         self, system: Schrodinger, method: WaveMethod | WavePlan, request: Request
