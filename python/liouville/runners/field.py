@@ -29,7 +29,6 @@ from liouville.terms import Function
 
 if TYPE_CHECKING:
     from liouville.runners.adjoint import Adjoint
-    from liouville.solution import Solution
 
 #: Half of the digits of an affine flow are left after so many of its own times.
 MOST_TURNS = 1e8
@@ -247,11 +246,6 @@ class FieldRunner(Runner):
         """The parameters, a row for each member where these have their own."""
         return np.array([system.values(None) for system in self.systems])
 
-    @property
-    def times(self) -> np.ndarray | None:
-        """The times of the records, where they are given."""
-        return self._watch.times
-
     def events(self, run: _core.Run) -> tuple[dict[str, Points], dict[int, str]]:
         """Return the events met, by name, and a sentence on each that ended a run, by member."""
         if not self._watch.events:
@@ -307,13 +301,6 @@ class FieldRunner(Runner):
     def tangents(self, t: np.ndarray, parts: Mapping[str, np.ndarray]) -> dict[str, Tangent]:
         """Return the tangents in records by the names of their directions, if any were wanted."""
         return {} if self._directions is None else self._directions.read(parts["tangents"])
-
-    def check_tangents(self, request: Request, solution: Solution) -> None:
-        """Refuse tangents of a run that a kink of the model makes wrong."""
-        # imported here: few runs have tangents
-        from liouville.runners.kinks import check_tangents
-
-        check_tangents(self, request, solution)
 
     @property
     def control_taken(self) -> str:

@@ -46,7 +46,7 @@ def check_tangents(
     if found is None:
         return
     own, seen = runner, solution
-    if runner.every > 1 or runner.times is not None:
+    if runner.every > 1 or runner._watch.times is not None:
         own = _again(runner, request, request.tangents)
         seen = finished(execute(own))
     for member in range(solution.members or 1):

@@ -165,8 +165,12 @@ class Runner(ABC):
         return {}
 
     def check_tangents(self, request: Request, solution: Solution) -> None:
-        """Refuse tangents of a run that a kink of the model makes wrong; by default none are."""
-        del request, solution
+        """Refuse tangents of a run that a kink of the model makes wrong."""
+        # imported here: few runs have tangents
+        from liouville.runners.kinks import check_tangents
+
+        own: Any = self  # of a system on constraints or of a field
+        check_tangents(own, request, solution)
 
     def recorder(self) -> _core.Pullback | dict[str, Any] | None:
         """Return what records the steps of the run as it makes them, or the error of its start.

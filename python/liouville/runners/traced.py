@@ -168,13 +168,6 @@ class TracedRunner(Runner):
         self._check_sizes(request)
         self._directions = found
 
-    def check_tangents(self, request: Request, solution: Solution) -> None:
-        """Refuse tangents of a run that a kink of the model makes wrong."""
-        # imported here: few runs have tangents
-        from liouville.runners.kinks import check_tangents
-
-        check_tangents(self, request, solution)
-
     def adjoint(self, request: Request, wrt: Any) -> Adjoint:
         """Return the transposed derivative of the run by what `wrt` names, before it begins."""
         # imported here: few runs are differentiated
