@@ -172,3 +172,11 @@ def test_an_exponential_whose_series_does_not_fit_in_memory_is_refused(choice):
     system, tol = lv.Schrodinger(h0, drive=drive), choice.pop("tol", 1e-8)
     with pytest.raises(MemoryError, match=r"the series of an exponential over .* / beta takes .*B"):
         lv.integrate(system, lv.Magnus(4, tol), t=(0, 1), psi=[1.0, 0.0], **choice)
+
+
+@pytest.mark.parametrize("method", [lv.Magnus(4), lv.GrayManolopoulos(4)], ids=repr)
+def test_more_states_than_fit_in_memory_are_refused_before_their_times_are_made(method):
+    with pytest.raises(MemoryError, match=r"keeping 1000000000000001 states takes .* GiB"):
+        lv.integrate(
+            lv.Schrodinger(np.diag([0.0, 1.0])), method, steps=10**15, t=(0, 1), psi=[1, 0]
+        )

@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -76,9 +77,13 @@ class WaveRunner(Runner):
                 raise ValueError(hinted(sentence, "give the observable another name"))
             self.columns[f"observed {name}"] = width
         self.widths = self.columns
-        # to plan many outputs takes long
-        self._stops = stops_of(times, method, request) if is_stepped(method, request) else None
-        self._check_records(request, len(self._stops or times[1:]) + 1)
+        # before a plan, as to plan many outputs takes long
+        check = partial(self._check_records, request)
+        self._stops: list[tuple[float, int]] | None = None
+        if is_stepped(method, request):
+            self._stops = stops_of(times, method, request, check)
+        else:
+            check(len(times))
         self.plan = self._planned(method, times, request)
         self._check_states()
         self._records: list[_core.WaveRecord] = []

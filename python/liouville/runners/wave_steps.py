@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from itertools import pairwise
 from typing import Any
 
@@ -29,9 +29,15 @@ def start_of(start: Mapping[str, Any]) -> Any:
 
 
 def stops_of(
-    times: tuple[float, ...], method: WaveMethod | WavePlan, request: Request
+    times: tuple[float, ...],
+    method: WaveMethod | WavePlan,
+    request: Request,
+    check: Callable[[int], None],
 ) -> list[tuple[float, int]]:
-    """Return the times of the states that are kept, with the steps to each."""
+    """Return the times of the states that are kept, with the steps to each.
+
+    How many there are is checked before they are made.
+    """
     takes = Takes(type(method).__name__, hint="give h or steps")
     if len(times) > 2:
         if request.h is None or request.steps is not None or request.every != 1:
@@ -39,10 +45,12 @@ def stops_of(
             given = [name for name in ("steps", "every") if getattr(request, name) not in (None, 1)]
             hint = f"leave {' and '.join(given)} out, and " * bool(given) + "give h"
             raise TypeError(hinted(sentence, hint))
+        check(len(times))
         ends = [_steps(pair, request, takes) for pair in pairwise(times)]
         return [(each.t1, each.count) for each in ends]
     steps = _steps(times, request, takes)
     every = kept(steps, request.every)
+    check(-(-steps.count // every) + 1)
     size = steps.mean(steps.t1, steps.count)
     whole = [(steps.t0 + k * size, every) for k in range(every, steps.count, every)]
     return [*whole, (steps.t1, steps.count - every * len(whole))]
