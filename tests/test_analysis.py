@@ -348,6 +348,51 @@ def test_large_structures_take_sparse_matrices():
     assert damped.angular_frequencies == pytest.approx(sizes, rel=1e-6)
 
 
+@pytest.mark.parametrize("unit", [1.0, 1e6, 1e-6])
+def test_large_free_structures_miss_no_slow_decay_in_any_unit_of_time(unit):
+    """Overdamped modes are farther from a shift than faster vibrations are."""
+    stiffness = unit**2 * np.concatenate([[0], np.full(3, 40.0), np.linspace(1.03, 5, 1196) ** 2])
+    damping = unit * np.concatenate([[0], np.full(3, 40.0), np.zeros(1196)])
+    system = lv.Structure(np.ones(LARGE), stiffness, damping=damping)
+    found = lv.modes(system, count=6, q=np.zeros(LARGE)).eigenvalues / unit
+    slow = np.sqrt(360.0) - 20
+    np.testing.assert_allclose(found, [0, 0, slow, slow, slow, 1.03j], rtol=0, atol=1e-12)
+
+
+def test_a_large_free_ring_with_forces_that_follow_has_its_modes():
+    """Its stiffness is singular, and not symmetric: a circulant matrix."""
+    ahead, behind = [*range(1, LARGE), 0], [LARGE - 1, *range(LARGE - 1)]
+    ring = lv.Lagrangian(
+        lambda t, q, v, p: ca.sumsqr(v) / 2 - ca.sumsqr(q[ahead] - q) / 2,
+        q=LARGE,
+        force=lambda t, q, v, p: 0.02 * q[ahead] - 0.01 * q[behind] - 0.01 * q,
+    )
+    found = lv.modes(ring, count=10, q=np.zeros(LARGE)).eigenvalues
+    turn = np.exp(2j * np.pi * np.arange(LARGE) / LARGE)
+    roots = np.sqrt(turn + 1 / turn - 2 + 0.02 * turn - 0.01 / turn - 0.01)
+    roots[0] = 0
+    wanted = np.sort(np.abs(np.concatenate([roots, -roots])))[:19]  # of pairs one of two
+    np.testing.assert_allclose(np.abs(found), [0, *wanted[1::2]], rtol=1e-9, atol=0)
+    off = np.abs(found[:, None] - np.concatenate([roots, -roots])).min(axis=1)
+    assert off.max() < 1e-11
+
+
+@pytest.mark.parametrize("count", [60, LARGE])
+def test_a_free_row_damped_between_its_masses_does_not_grow(count):
+    """That it flies away is a zero twice, and no growth and decay of the root of roundoff."""
+    row = np.full(count - 1, -1.0)
+    ends = np.full(count, 2.0)
+    ends[[0, -1]] = 1.0
+    matrix = sp.diags([row, ends, row], [-1, 0, 1])
+    free = lv.Structure(np.ones(count), matrix, damping=3.0 * matrix)
+    found = lv.modes(free, count=4, q=np.zeros(count))
+    np.testing.assert_array_equal(found.eigenvalues[:2], 0)
+    squares = (2 * np.sin(np.arange(1, 3) * np.pi / (2 * count))) ** 2
+    wanted = np.sqrt((1.5 * squares) ** 2 - squares + 0j) - 1.5 * squares
+    np.testing.assert_allclose(found.eigenvalues[2:], wanted, rtol=1e-7, atol=0)
+    assert not found.unstable
+
+
 def test_large_structures_find_their_equilibrium():
     loaded = springs(force=np.full(LARGE, 1e-3), constraint=lambda t, q, p: [q[0] - 1.0])
     found = lv.equilibrium(loaded, q=np.zeros(LARGE))

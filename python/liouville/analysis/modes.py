@@ -14,7 +14,7 @@ from liouville._arguments import count as counted
 from liouville._scipy import scipy
 from liouville.analysis.linearization import Linearization, linearized_at
 from liouville.analysis.point import LARGE, Array, Point, mechanical
-from liouville.analysis.sparse_modes import sparse_modes
+from liouville.analysis.sparse_modes import GROWTH, sparse_modes, with_double_zeros
 from liouville.errors import hinted
 from liouville.systems import Mechanics
 
@@ -26,8 +26,6 @@ BALANCED = 1e-6
 SYMMETRIC = 1e-10
 #: Squares of frequencies below this part of the largest are zero.
 ZERO = 1e-13
-#: Growth below this part of the largest frequency is roundoff of a double zero.
-GROWTH = 1e-7
 #: A repr shows so many modes.
 SHOWN = 12
 
@@ -275,7 +273,7 @@ def _dense_modes(point: Point, linear: Linearization) -> tuple[Complex, NDArray[
         return np.where(squares < 0, -found, found), linear.basis @ ways
     eigenvalues, ways = la.eig(linear.state)
     # a coordinate that nothing pushes has zero twice, and not a growth and a decay of roundoff
-    eigenvalues[np.abs(eigenvalues) <= ZERO * np.abs(eigenvalues).max(initial=0.0)] = 0.0
+    eigenvalues = with_double_zeros(eigenvalues, np.abs(eigenvalues).max(initial=0.0))
     kept = eigenvalues.imag >= 0
     return eigenvalues[kept], (linear.tangent @ ways)[: point.n, kept]
 

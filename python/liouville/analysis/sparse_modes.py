@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -17,10 +18,17 @@ from liouville.errors import hinted
 INDEPENDENT = 1e-10
 #: Squares of frequencies below this part of the largest of the matrices are zero.
 ZERO = 1e-13
+#: Growth below this part of a frequency is roundoff of a double zero, whose two are opposite up to
+#: this part of them.
+GROWTH, PAIRED = 1e-7, 1e-3
 #: Stiffness is symmetric up to this part of its size.
 SYMMETRIC = 1e-10
 #: The shift below zero, in the ratio of stiffness and mass, where the stiffness is singular.
 SHIFT = 1e-9
+#: A shift beside zeros is this part of the lowest of the others.
+BESIDE = 0.03
+#: The zeros of a body that flies.
+RIGID = 6
 #: Forces out of balance by this part of their size are those of no equilibrium.
 BALANCED = 1e-6
 
@@ -45,6 +53,24 @@ class Pencil:
         lam = self._multipliers()
         given = point.linearized(np.zeros(n), lam)
         self.stiffness, self.damping = given["r_y"], given["r_z"]
+
+    @property
+    def freedoms(self) -> int:
+        """The number of directions that the constraints leave."""
+        return self.point.n - len(self.kept)
+
+    @cached_property
+    def highest(self) -> float:
+        """The largest ratio of stiffness and mass on the diagonals."""
+        return float(np.abs(self.stiffness.diagonal() / self.mass.diagonal()).max())
+
+    @cached_property
+    def is_symmetric(self) -> bool:
+        """Whether the stiffness is symmetric, up to roundoff."""
+        if not self.stiffness.nnz:
+            return True
+        skew = abs(self.stiffness - self.stiffness.T).max()
+        return bool(skew <= SYMMETRIC * abs(self.stiffness).max())
 
     def solver(self, matrix: Any) -> Solve:
         """Factorise a matrix bordered by the gradients; the solution keeps the constraints."""
@@ -96,16 +122,17 @@ def independent(gradients: Any) -> list[int]:
 def sparse_modes(point: Point, count: int) -> tuple[NDArray[Any], NDArray[Any]]:
     """Return the lowest modes: eigenvalues, and shapes a column each."""
     pencil = Pencil(point)
-    freedoms = point.n - len(pencil.kept)
-    if count > freedoms - 2:
-        sentence = f"{count} modes are wanted of {freedoms} freedoms"
+    if count > pencil.freedoms - 2:
+        sentence = f"{count} modes are wanted of {pencil.freedoms} freedoms"
         raise ValueError(hinted(sentence, "all of them are found by dense matrices: take fewer"))
-    largest = abs(pencil.stiffness).max() if pencil.stiffness.nnz else 0.0
-    skew = abs(pencil.stiffness - pencil.stiffness.T).max() if largest else 0.0
     is_damped = pencil.damping.nnz and abs(pencil.damping).max() > 0
-    if skew > SYMMETRIC * largest or is_damped:
-        return _damped(pencil, count)
-    return _undamped(pencil, count)
+    try:
+        if is_damped or not pencil.is_symmetric:
+            return _damped(pencil, count)
+        return _undamped(pencil, count)
+    except pencil.linalg.ArpackError as error:
+        sentence = f"ARPACK finds no {count} modes: {error}"
+        raise ValueError(hinted(sentence, "take fewer, or more")) from None
 
 
 def _undamped(pencil: Pencil, count: int) -> tuple[NDArray[Any], NDArray[Any]]:
@@ -114,28 +141,25 @@ def _undamped(pencil: Pencil, count: int) -> tuple[NDArray[Any], NDArray[Any]]:
     return np.where(squares < 0, -found, found), shapes
 
 
-def _shifted(pencil: Pencil, count: int, shift: float) -> tuple[Array, Array]:
-    """Return the eigenvalues next to a shift; a shift on one of them is moved away."""
-    highest = np.abs(pencil.stiffness.diagonal() / pencil.mass.diagonal()).max()
+def _shifted(pencil: Pencil, count: int, shift: float) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Return eigenvalues of stiffness and mass next to a shift; one on a zero is moved away."""
+    highest = pencil.highest
     try:
         solve = pencil.solver(pencil.stiffness - shift * pencil.mass)
     except RuntimeError:  # exactly singular
-        return _shifted(pencil, count, 10 * shift or -SHIFT * float(highest or 1.0))
+        return _shifted(pencil, count, 10 * shift or -SHIFT * (highest or 1.0))
     n = pencil.point.n
     operator = pencil.linalg.LinearOperator((n, n), matvec=solve, dtype=float)
     # what ARPACK begins with has to keep the constraints
     begin = solve(pencil.mass @ np.random.default_rng(0).standard_normal(n))
-    try:
-        squares, shapes = pencil.linalg.eigsh(
-            pencil.stiffness, count, pencil.mass, sigma=shift, OPinv=operator, v0=begin
-        )
-    except pencil.linalg.ArpackError as error:
-        sentence = f"ARPACK finds no {count} modes: {error}"
-        raise ValueError(hinted(sentence, "take fewer, or more")) from None
+    search = pencil.linalg.eigsh if pencil.is_symmetric else pencil.linalg.eigs
+    squares, shapes = search(
+        pencil.stiffness, count, pencil.mass, sigma=shift, OPinv=operator, v0=begin
+    )
     still = np.abs(squares) <= ZERO * highest
     squares[still] = 0.0
     if shift == 0 and still.any() and not still.all():
-        return _shifted(pencil, count, -float(np.abs(squares[~still]).min()))
+        return _shifted(pencil, count, -BESIDE * float(np.abs(squares[~still]).min()))
     return squares, shapes
 
 
@@ -143,21 +167,56 @@ def _damped(pencil: Pencil, count: int) -> tuple[NDArray[Any], NDArray[Any]]:
     r"""Return modes of M y'' + C y' + K y = 0 next to zero, by the pencil of first order.
 
     With (a, b) on the right, :math:`(K + \mu C + \mu^2 M) y = -b - (C + \mu M) a` and
-    :math:`y' = a + \mu y` solve it at the shift :math:`\mu`.
+    :math:`y' = a + \mu y` solve it at the shift :math:`\mu`. Those farther than the shift from the
+    rim of the disc about it that is searched are the lowest; else the disc grows.
     """
     mass, damping, n = pencil.mass, pencil.damping, pencil.point.n
-    around, _ = _shifted(pencil, min(count, 6), 0.0)
-    shift = 0.0 if np.all(around) else float(np.sqrt(np.abs(around).max())) or 1.0
+    shift, rate = _beside_zeros(pencil)
     solve = pencil.solver(pencil.stiffness + shift * damping + shift**2 * mass)
 
     def inverse(x: NDArray[Any]) -> NDArray[Any]:
-        first, second = x[:n], mass @ x[n:]
+        """Act on y and the velocity in units of the rate, so that no unit of time matters."""
+        first, second = x[:n], rate * (mass @ x[n:])
         y = solve(-second - (damping @ first + shift * (mass @ first)))
-        return np.concatenate([y, first + shift * y])
+        return np.concatenate([y, (first + shift * y) / rate])
 
     operator = pencil.linalg.LinearOperator((2 * n, 2 * n), matvec=inverse, dtype=float)
     begin = inverse(inverse(np.random.default_rng(0).standard_normal(2 * n)))
-    inverses, vectors = pencil.linalg.eigs(operator, 2 * count + 2, which="LM", v0=begin)
-    eigenvalues = shift + 1 / inverses
-    kept = eigenvalues.imag >= 0
-    return eigenvalues[kept], vectors[:n, kept]
+    number, most = 2 * count + 2, 2 * pencil.freedoms - 2
+    largest = max(rate, np.sqrt(pencil.highest))
+    while True:
+        inverses, vectors = pencil.linalg.eigs(operator, number, which="LM", v0=begin)
+        eigenvalues = with_double_zeros(shift + 1 / inverses, largest)
+        kept = eigenvalues.imag >= 0
+        within = np.abs(eigenvalues[kept]) <= np.abs(1 / inverses).max() - shift
+        if number == most or np.count_nonzero(within) >= count:
+            return eigenvalues[kept], vectors[:n, kept]
+        number = min(2 * number, most)
+
+
+def _beside_zeros(pencil: Pencil) -> tuple[float, float]:
+    """Return a shift that is no eigenvalue, zero where that is none, and the lowest rate."""
+    number, most = min(RIGID + 1, pencil.freedoms - 2), pencil.freedoms - 2
+    while True:
+        squares, _ = _shifted(pencil, number, 0.0)
+        rates = np.sqrt(np.abs(squares[squares != 0]))
+        if len(rates) or number == most:
+            break
+        number = min(2 * number, most)
+    damped = np.abs(pencil.damping.diagonal() / pencil.mass.diagonal())
+    rate = float(rates.min() if len(rates) else damped.max())
+    return (0.0 if len(rates) == len(squares) else BESIDE * rate), rate
+
+
+def with_double_zeros(eigenvalues: NDArray[Any], largest: float) -> NDArray[Any]:
+    r"""Return eigenvalues with zeros for those of roundoff, beside the largest rate.
+
+    A zero that a matrix has twice, with one vector, is a pair :math:`\pm \lambda` of the root of
+    roundoff.
+    """
+    found = np.where(np.abs(eigenvalues) <= ZERO * largest, 0.0, eigenvalues)
+    low = found[np.abs(found) <= GROWTH * largest]
+    for k in np.flatnonzero(np.abs(found) <= GROWTH * largest):
+        if (np.abs(low + found[k]) <= PAIRED * np.abs(found[k])).any():
+            found[k] = 0.0
+    return found
