@@ -112,6 +112,25 @@ BAD = {
     "joint 'A' of 'ground' and 'p' does not fit how these bodies move\nhint: planar": lambda m: (
         m.rolling("A", m.ground, m.planar_body("p", mass=1, inertia=1, at=(0, 0)), radius=1)
     ),
+    "damping= of spring 'K' is -1, and wants not to be negative": lambda m: m.damper(
+        "K", m.ground, "rod", at=((0, 0, 0), (1, 0, 0)), damping=-1
+    ),
+    "rest= of spring 'K' is -1, and wants not to be negative": lambda m: m.spring(
+        "K", m.ground, "rod", at=((0, 0, 0), (1, 0, 0)), stiffness=1, rest=-1
+    ),
+    "damping= of bushing 'K' has the eigenvalue -1, and wants none to be": lambda m: m.bushing(
+        "K", m.ground, "rod", **AT, stiffness=np.ones(6), damping=(1, 1, 1, 1, 1, -1)
+    ),
+    "stiffness= of bushing 'K' is not symmetric": lambda m: m.bushing(
+        "K", m.ground, "rod", **AT, stiffness=1e-9 * (np.eye(6) + np.eye(6, k=1) / 2)
+    ),
+    "bending= of beam 'K' is -1, and wants not to be negative": lambda m: m.beam(
+        "K", m.ground, "rod", at=((0, 0, 0), (1, 0, 0)), axial=1, bending=(1, -1), torsion=1
+    ),
+    "damping of joint 'A' is -1, and wants not to be negative": lambda m: (
+        m.revolute("A", m.ground, "rod", **AT, axis=Z, damping=lambda p: p.c),
+        m.system(params={"c": -1.0}),
+    ),
     "motion= of joint 'A' is a function": lambda m: m.revolute(
         "A", m.ground, "rod", **AT, axis=Z, motion=1.0
     ),
@@ -165,3 +184,57 @@ def test_runs_refuse_parameters_that_make_no_body():
     with pytest.raises(ValueError, match="member 0: parameter 'm' is not finite"):
         lv.ensemble(system, lv.Spark(2), params={"m": [np.nan, 1.0]}, **call)
     assert lv.integrate(system, lv.Spark(2), params={"m": 2.0, "J": 0.5}, **call).status == "done"
+
+
+#: How a joint or a spring takes its size from the parameters, and what is said of a wrong one.
+SIZES = {
+    "damping of joint 'A' is -1, and wants not to be negative": lambda m, x: m.revolute(
+        "A", m.ground, "rod", **AT, axis=Z, damping=x
+    ),
+    "armature of joint 'A' is -1, and wants not to be negative": lambda m, x: m.compound(
+        "A", m.ground, "rod", [("turn", Z, (0, 0, 0))], armature=(x,)
+    ),
+    "length of joint 'A' is -1, and wants to be positive": lambda m, x: m.distance(
+        "A", m.ground, "rod", at=((0, 0, 0), (0, 0, -1)), length=x
+    ),
+    "radius of joint 'A' is -1, and wants to be positive": lambda m, x: m.rolling(
+        "A", m.ground, "rod", radius=x, at=(0, 0, -2)
+    ),
+    "mu of friction of joint 'A' is -1, and wants not to be negative": lambda m, x: m.prismatic(
+        "A", m.ground, "rod", axis=Z, friction=lv.bodies.Coulomb(mu=x, v_s=0.1)
+    ),
+    "v_s of friction of joint 'A' is -1, and wants to be positive": lambda m, x: m.prismatic(
+        "A", m.ground, "rod", axis=Z, friction=lv.bodies.Coulomb(mu=0.1, v_s=x)
+    ),
+    "radius of friction of joint 'A' is -1, and wants to be positive": lambda m, x: m.revolute(
+        "A", m.ground, "rod", **AT, axis=Z,
+        friction=lv.bodies.Coulomb(mu=0.1, v_s=0.1, radius=x),
+    ),
+    "damping of spring 'K' is -1, and wants not to be negative": lambda m, x: (
+        m.free("A", "rod"),
+        m.spring("K", m.ground, "rod", at=((0, 0, 1), (0, 0, -1)), stiffness=1, damping=x),
+    ),
+    "rest length of spring 'K' is -1, and wants not to be negative": lambda m, x: (
+        m.free("A", "rod"),
+        m.spring("K", m.ground, "rod", at=((0, 0, 1), (0, 0, -1)), stiffness=1, rest=x),
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("sentence", SIZES)
+def test_runs_refuse_parameters_that_make_no_joint(sentence):
+    """Friction with a negative coefficient drives, and a run by it would not say so."""
+    m = base()
+    SIZES[sentence](m, lambda params: params.x)
+    system = m.system(params={"x": 1.0})
+    call = {"t": (0, 0.1), "h": 0.1, **m.start()}
+    for refused in (
+        lambda: lv.integrate(system, lv.Spark(2), params={"x": -1.0}, **call),
+        lambda: m.start(params={"x": -1.0}),
+        lambda: m.system(params={"x": -1.0}),
+    ):
+        with pytest.raises(ValueError, match=sentence):
+            refused()
+    with pytest.raises(ValueError, match=f"member 1: {sentence}"):
+        lv.ensemble(system, lv.Spark(2), params={"x": [1.0, -1.0]}, **call)
+    assert lv.integrate(system, lv.Spark(2), params={"x": 1.0}, **call).status == "done"

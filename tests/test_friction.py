@@ -207,7 +207,7 @@ BAD = {
     "slides, and has no radius": lambda: block(
         "prismatic", (1, 1, 1), Coulomb(mu=0.1, v_s=0.1, radius=1), axis=SLOPE
     ),
-    "mu= of friction is -1, and wants to be not negative": lambda: Coulomb(mu=-1, v_s=0.1),
+    "mu= of friction is -1, and wants not to be negative": lambda: Coulomb(mu=-1, v_s=0.1),
     "one value for each of its coordinates: turn 1, slide 2": lambda: block(
         "compound", (1, 1, 1), BOTH[0], axes=AXES
     ),

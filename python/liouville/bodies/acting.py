@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from liouville import _casadi as ca
-from liouville.bodies.body import Value, column, given, numbers, unit
+from liouville.bodies.body import Value, check_size, column, given, numbers, unit
 from liouville.bodies.chaining import Which
 from liouville.bodies.elements import Element, beam_stiffness
 from liouville.bodies.joining import Joining
@@ -70,6 +70,8 @@ class Acting(Joining):
             "rest": length if rest is None else given(f"rest= of {of}", rest, ()),
             "damping": given(f"damping= of {of}", damping, ()),
         }
+        check_size(f"rest= of {of}", "rest length", values["rest"])
+        check_size(f"damping= of {of}", "damping", values["damping"])
         is_smooth = rest is not None and not any(
             callable(values[x]) or values[x] for x in ("rest", "damping")
         )
@@ -150,8 +152,7 @@ class Acting(Joining):
             found = None if callable(value) else _trace.numbers(value)
             shape = (6, 6) if found is not None and found.ndim == 2 else (6,)
             values[what] = given(f"{what}= of {of}", value, shape)
-            if found is not None and shape == (6, 6) and not np.allclose(found, found.T):
-                raise ValueError(f"{what}= of {of} is not symmetric")
+            _check_matrix(f"{what}= of {of}", what, values[what])
         frames = self._frames(of, *self._sides(of, a, b), axis=axis)
         return self._act("bushing", name, (a, b), points_of(of, at), values, frames)
 
@@ -216,6 +217,8 @@ class Acting(Joining):
             given(f"{what}= of {of}", value, ())
             for what, value in zip(names, (axial, *pair, torsion, damping), strict=True)
         ]
+        for what, value in zip(names, sizes, strict=True):
+            check_size(f"{what}= of {of}", "damping", value)  # none of them is negative
 
         def stiffness(params: Any) -> ca.SX:
             own = [column(value, params, 1) for value in sizes[:4]]
@@ -305,3 +308,16 @@ class Acting(Joining):
         element = Element(self._new(name), kind, a, b, points, own, values, function)
         self._elements[name] = element
         return element
+
+
+def _check_matrix(of: str, name: str, value: Value) -> None:
+    """Refuse a matrix that is not symmetric, and damping that drives; functions pass."""
+    if callable(value):
+        return
+    matrix = value if value.ndim == 2 else np.diag(value)
+    largest = np.abs(matrix).max()
+    if not np.allclose(matrix, matrix.T, rtol=0, atol=1e-9 * largest):
+        raise ValueError(f"{of} is not symmetric")
+    least = float(np.linalg.eigvalsh(matrix)[0])
+    if name == "damping" and least < -1e-9 * largest:
+        raise ValueError(f"{of} has the eigenvalue {least:.3g}, and wants none to be negative")

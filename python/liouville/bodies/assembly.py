@@ -10,7 +10,17 @@ from numpy.typing import ArrayLike, NDArray
 
 from liouville.bodies import rotations as rot
 from liouville.bodies.acting import Acting
-from liouville.bodies.body import Body, Value, check_mass, evaluated, given, numbers, unit
+from liouville.bodies.body import (
+    Body,
+    Value,
+    check_mass,
+    check_size,
+    evaluated,
+    given,
+    numbers,
+    unit,
+)
+from liouville.bodies.elements import parameter_functions
 from liouville.bodies.mechanism import Mechanism
 from liouville.bodies.registry import with_height
 from liouville.errors import hinted, quoted
@@ -206,7 +216,8 @@ class Assembly(Acting):
         ------
         TypeError, ValueError
             There are no bodies, or bodies that nothing connects with the ground; a mass or an
-            inertia is that of no body; a function returns the wrong number of values.
+            inertia is that of no body, or a size that of no joint; a function returns the wrong
+            number of values.
         """
         bodies = [body for body in self._bodies.values() if body is not self.ground]
         if not bodies:
@@ -224,16 +235,15 @@ class Assembly(Acting):
                 check_mass(body, numbers_of)
             if callable(body.at):
                 evaluated(f"at= of body '{body.name}'", body.at, numbers_of, 3)
-        parts = [(f"joint '{x.name}'", x.functions) for x in self._joints.values()]
-        parts += [(f"{x.kind} '{x.name}'", x.functions) for x in self._elements.values()]
-        for of, functions in parts:
-            for what, function, size in functions:
-                evaluated(f"{what} of {of}", function, numbers_of, size)
+        own_parts = list(self._joints.values()), list(self._elements.values())
+        for what, name, function, size in parameter_functions(*own_parts):
+            found = evaluated(what, function, numbers_of, size)
+            if size == 1:
+                check_size(what, name, found[0])
         self._params = params
         self._system = Mechanism(
             bodies,
-            list(self._joints.values()),
-            list(self._elements.values()),
+            *own_parts,
             list(self._gears.values()),
             self._gravity,
             own,

@@ -25,6 +25,11 @@ PARTS = {
 #: Moments of inertia may miss the triangle inequality by this part of the largest.
 TRIANGLE = 1e-9
 
+#: Sizes that have to be positive, others that must not be negative, and one that must not be zero.
+POSITIVE = frozenset({"radius", "length", "v_s", "force_s", "v_stribeck"})
+NOT_NEGATIVE = frozenset({"damping", "armature", "mu", "mu_static", "rest length"})
+NOT_ZERO = frozenset({"lead"})
+
 #: Numbers, or a function of the parameters.
 Value = Any
 
@@ -125,6 +130,25 @@ def evaluated(what: str, value: Value, params: Any, size: int) -> NDArray[np.flo
     if found.size != size or not np.isfinite(found).all():
         raise ValueError(f"{what} is {found.tolist()}, wanted {size} finite numbers")
     return found
+
+
+def is_limited(name: str) -> bool:
+    """Return whether a size of this name is limited."""
+    return name.partition(" of ")[0] in POSITIVE | NOT_NEGATIVE | NOT_ZERO
+
+
+def check_size(what: str, name: str, value: Value) -> None:
+    """Refuse a number that no size of this name is; functions are looked at by their numbers."""
+    if callable(value):
+        return
+    number, of = float(value), name.partition(" of ")[0]
+    for names, is_one, wanted in (
+        (POSITIVE, number > 0, "to be positive"),
+        (NOT_NEGATIVE, number >= 0, "not to be negative"),
+        (NOT_ZERO, number != 0, "not to be zero"),
+    ):
+        if of in names and not is_one:
+            raise ValueError(f"{what} is {number:g}, and wants {wanted}")
 
 
 def check_mass(body: Body, params: Any) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from liouville.bodies import rotations as rot
-from liouville.bodies.body import Body, Value, given, numbers, unit
+from liouville.bodies.body import Body, Value, check_size, given, numbers, unit
 from liouville.bodies.friction import frictions_of_axes
 from liouville.bodies.joints import RATES, Axis, Joint
 from liouville.bodies.registry import Registry, check_damping, coordinate_values, functions_of
@@ -114,8 +114,7 @@ class Chaining(Registry):
         check_damping(of, dampers)
         rotors = coordinate_values(of, names, "armature", armature, 0.0)
         for own, value in rotors.items():
-            if not callable(value) and value < 0:
-                raise ValueError(f"armature of '{own}' of {of} is {float(value):g}, below zero")
+            check_size(f"armature of '{own}' of {of}", "armature", value)
         efforts, motions = (
             functions_of(of, what, coordinate_values(of, names, what, value, None))
             for what, value in (("effort", effort), ("motion", motion))

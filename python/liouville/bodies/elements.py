@@ -56,8 +56,20 @@ class Element:
         """Its functions of the parameters, as those of a joint."""
         found = [("at", point, 3) for point in self.points]
         if self.kind == "spring":
-            found += [(name, x, 1) for name, x in self.values.items()]
+            names = {"rest": "rest length"}
+            found += [(names.get(name, name), x, 1) for name, x in self.values.items()]
         yield from (own for own in found if callable(own[1]))
+
+
+def parameter_functions(
+    joints: Sequence[Joint], elements: Sequence[Element]
+) -> Iterator[tuple[str, str, Value, int]]:
+    """Return the functions of the parameters: what and its name, function, number of values."""
+    owners: list[tuple[str, Joint | Element]] = [(f"joint '{x.name}'", x) for x in joints]
+    owners += [(f"{x.kind} '{x.name}'", x) for x in elements]
+    for of, owner in owners:
+        for name, function, size in owner.functions:
+            yield f"{name} of {of}", name, function, size
 
 
 def of_elements(

@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 
 from liouville import _casadi as ca
-from liouville.bodies.body import Value, column, given
+from liouville.bodies.body import Value, check_size, column, given
 from liouville.bodies.compound import Compound
 from liouville.bodies.joints import ALONG, AT, SPINS, Group, Joint
 from liouville.bodies.turns import is_planar
@@ -110,10 +110,8 @@ class Coulomb:
             value = getattr(self, name, None)
             if value is None or callable(value):
                 continue
-            number = float(given(f"{name}= of friction", value, ()))
-            least = "not negative" if name.startswith("mu") else "positive"
-            if number < 0 or (number == 0 and least == "positive"):
-                raise ValueError(f"{name}= of friction is {number:g}, and wants to be {least}")
+            what = f"{name}= of friction"
+            check_size(what, name, given(what, value, ()))
 
     def coefficient(self, square: ca.SX, params: Any) -> ca.SX:
         """Return the coefficient of friction at the square of a slip."""

@@ -176,7 +176,7 @@ class Joint:
         found += [("armature", x, 1) for x in self.armature.values()]
         found += [("spring", stiffness, 1) for stiffness, _ in self.springs.values()]
         found += [("rest", rest, 1) for _, rest in self.springs.values()]
-        found += [(name, x, 1) for name, x in self.sizes.items()]
+        found += [("lead" if name == "pitch" else name, x, 1) for name, x in self.sizes.items()]
         for own in self.friction.values():
             found += [(f"{name} of friction", x, 1) for name, x in vars(own).items()]
         yield from (x for x in found if callable(x[1]))

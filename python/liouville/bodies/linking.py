@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from liouville.bodies.body import Value, given, unit
+from liouville.bodies.body import Value, check_size, given, unit
 from liouville.bodies.chaining import Chaining, Which
 from liouville.bodies.friction import Coulomb, frictions
 from liouville.bodies.joints import Joint
@@ -244,8 +244,7 @@ class Linking(Chaining):
         of = f"joint '{name}'"
         sides = self._sides(of, a, b)
         radius = given(f"radius= of {of}", radius, ())
-        if not callable(radius) and not radius > 0:
-            raise ValueError(f"radius= of {of} is {float(radius):g}, and wants to be positive")
+        check_size(f"radius= of {of}", "radius", radius)
         plane = unit(f"normal of {of}", normal)
         rim = plane if axis is None else unit(f"axis of {of}", axis)
         middle = sides[1].at if centre is None else given(f"centre= of {of}", centre, (3,))

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from liouville import _core
 from liouville.bodies import turns
-from liouville.bodies.body import Body, Layout, Value, check_numbers
+from liouville.bodies.body import Body, Layout, Value, check_numbers, check_size
 from liouville.bodies.chaining import Coupling
 from liouville.bodies.elements import Element
 from liouville.bodies.joints import Joint
@@ -74,15 +74,22 @@ class Mechanism(Lagrangian):
         self._varying = tuple(
             k for k, body in enumerate(bodies) if callable(body.mass) or callable(body.inertia)
         )
+        self._limited = tuple((what, name) for what, name, _ in model.limited)
         self.rubbing = tuple(joint.name for joint in joints if joint.friction)
 
     def values(self, params: Mapping[str, ArrayLike] | None) -> Array:
-        """Return the parameter vector with changes; ValueError where a body has no such mass."""
+        """Return the parameter vector with changes; ValueError where nothing has such a size."""
         found = super().values(params)
-        # None while the system is made
-        varying = self.__dict__.get("_varying") if params else None
+        # none while the system is made
+        varying, limited = (
+            self.__dict__.get(x) if params else None for x in ("_varying", "_limited")
+        )
+        still = np.zeros(len(self.coordinates))
+        if limited:
+            sizes = self.output("limited", found, 0.0, still, still)[0]
+            for (what, name), size in zip(limited, sizes, strict=True):
+                check_size(what, name, size)
         if varying:
-            still = np.zeros(len(self.coordinates))
             masses, inertias = (
                 self.output(name, found, 0.0, still, still)[0] for name in ("masses", "inertias")
             )

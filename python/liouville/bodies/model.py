@@ -11,10 +11,19 @@ import numpy as np
 from liouville import _casadi as ca
 from liouville.bodies import rotations as rot
 from liouville.bodies import turns
-from liouville.bodies.body import Body, Layout, Value, column, inertia_matrix, row, stacked
+from liouville.bodies.body import (
+    Body,
+    Layout,
+    Value,
+    column,
+    inertia_matrix,
+    is_limited,
+    row,
+    stacked,
+)
 from liouville.bodies.chaining import Coupling
 from liouville.bodies.compound import grouped, rotors
-from liouville.bodies.elements import Efforts, Element, of_elements, of_joints
+from liouville.bodies.elements import Efforts, Element, of_elements, of_joints, parameter_functions
 from liouville.bodies.friction import contacts, edge, reversal, switches
 from liouville.bodies.joints import KINDS, MOTION, Joint, drawn
 from liouville.bodies.normal_forces import multipliers, normal_forces
@@ -260,8 +269,15 @@ class Model:
             "anchors": self._drawn(anchors),
             "drawn": ca.vec(stacked([_place(body, self.params) for body in self.bodies])),
             "pitches": self._sizes("pitch"),
+            "limited": _column([column(x, self.params, 1) for _, _, x in self.limited]),
             **self._looks(),
         }
+
+    @property
+    def limited(self) -> list[tuple[str, str, Value]]:
+        """Limited sizes that are functions of the parameters: what, name and function."""
+        functions = parameter_functions(self.joints, self.elements)
+        return [(what, name, x) for what, name, x, _ in functions if is_limited(name)]
 
     def _looks(self) -> dict[str, ca.SX]:
         """Return the expressions of what is drawn besides."""

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from liouville import _casadi as ca
 from liouville.bodies import rotations as rot
-from liouville.bodies.body import Body, Value, column, given, numbers, resolved, unit
+from liouville.bodies.body import Body, Value, check_size, column, given, numbers, resolved, unit
 from liouville.bodies.elements import Element
 from liouville.bodies.joints import KINDS, RATES, Joint
 from liouville.errors import hinted, quoted
@@ -195,8 +195,7 @@ def functions_of(of: str, what: str, values: dict[str, Any]) -> dict[str, Any]:
 def check_damping(of: str, damping: Mapping[str, Value]) -> None:
     """Refuse negative damping."""
     for value in damping.values():
-        if not callable(value) and value < 0:
-            raise ValueError(f"damping= of {of} is {float(value):g}, and wants not to be negative")
+        check_size(f"damping= of {of}", "damping", value)
 
 
 def along(
