@@ -3,6 +3,7 @@
 import casadi as ca
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 import liouville as lv
 from liouville.bodies import Coulomb, Stribeck
@@ -384,3 +385,27 @@ def test_controlled_steps_of_a_block_that_sticks_and_slips(method, rtol):
     # by Spark(4) at rtol=1e-10
     assert solution.body("block").position[-1, 0] == pytest.approx(0.036646063, abs=60 * rtol**0.75)
     assert np.abs(solution.body("belt").velocity[:, 1]).max() < 1e-14
+
+
+def test_controlled_steps_see_friction_fall_with_the_slip():
+    """Over v_stribeck friction changes faster than a motion at metres a second lets expect."""
+    m = lv.bodies.Assembly(gravity=(0, -g, 0))
+    m.planar_body("cart", mass=2.0, inertia=0.1, at=(0, 0))
+    m.planar_body("block", mass=1.0, inertia=0.1, at=(0, 0.5))
+    dry = Stribeck(mu=0.2, mu_static=0.35, v_stribeck=0.1, v_s=1e-3)
+    m.prismatic("drive", m.ground, "cart", axis=(1, 0, 0), force=lambda t, *_: 40 * ca.sin(3 * t))
+    m.prismatic("top", "cart", "block", axis=(1, 0, 0), friction=dry)
+    start = m.start(rates={"drive": 0.3, "top": -0.2})
+    found = lv.integrate(m.system(), lv.Spark(3), t=(0, 3), rtol=1e-9, **start)
+
+    def law(t, y):
+        slip = y[3]
+        mu = 0.2 + 0.15 * np.exp(-((slip / 0.1) ** 2))
+        rub = -mu * g * np.tanh(slip / 1e-3)
+        push = (40 * np.sin(3 * t) - rub) / 2
+        return [y[2], slip, push, rub - push]
+
+    exact = solve_ivp(law, (0, 3), [0, 0, 0.3, -0.2], method="Radau", rtol=1e-11, atol=1e-13)
+    motion = [found.joint(name).coordinates["slide"][-1] for name in ("drive", "top")]
+    assert np.abs(motion - exact.y[:2, -1]).max() < 3e-8  # 4e-6 where steps pass over its fall
+    assert found.stats["steps"] < 500

@@ -35,8 +35,9 @@ OF_WEIGHT, OF_TURNING = 1e-7, 1e-4
 #: The slip of several coordinates is rounded off below this part of the velocity v_s.
 ROUNDED = 1e-4
 
-#: Controlled steps end where a slip passes so many v_s, the flanks of a reversal.
-EDGES = (1, 3, 8)
+#: Controlled steps end where a slip passes so many v_s, the flanks of a reversal, and so many
+#: v_stribeck, over which friction falls.
+EDGES = {"v_s": (1, 3, 8), "v_stribeck": (1, 2, 4)}
 
 #: Several normal forces turn together where their size is below so many of what rounds it off.
 WIDTH = 10
@@ -207,33 +208,40 @@ def _slips(
     return list(ca.vertsplit(ca.mtimes(_ways(joint, names, params), rates)))
 
 
-def switches(joint: Joint) -> dict[str, tuple[tuple[str, ...], int]]:
-    """Return where controlled steps end: by name the slip and how many of its v_s it passes.
+def switches(joint: Joint) -> dict[str, tuple[tuple[str, ...], str, int]]:
+    """Return where controlled steps end: by name the slip, a velocity and how many it passes.
 
     One slip passes them on both sides; several together are measured by their size, whose least
     value on the way through a reversal the search for events follows.
     """
     found = {}
-    for names in joint.friction:
+    for names, friction in joint.friction.items():
         of = joint.name if len(joint.friction) == 1 else f"{joint.name}.{names[0]}"
-        both = [-k for k in EDGES] if len(names) == 1 or joint.kind == "screw" else []
-        for k in sorted([*both, *EDGES]):
-            found[f"slip {k:+d} v_s of {of}" if both else f"slip {k} v_s of {of}"] = names, k
+        has_sides = len(names) == 1 or joint.kind == "screw"
+        for velocity, edges in EDGES.items():
+            if not hasattr(friction, velocity):
+                continue
+            both = [-k for k in edges] if has_sides else []
+            for k in sorted([*both, *edges]):
+                count = f"{k:+d}" if has_sides else f"{k}"
+                found[f"slip {count} {velocity} of {of}"] = names, velocity, k
     return found
 
 
 def edge(
     joint: Joint,
     names: tuple[str, ...],
+    velocity: str,
     k: int,
     at: Mapping[tuple[str, str], Any],
     params: Any,
 ) -> ca.SX:
-    """Return a slip beyond k of its v_s, of several the square of their size in v_s beyond k^2."""
-    slips, v_s = _slips(joint, names, at, params), column(joint.friction[names].v_s, params, 1)
+    """Return a slip beyond k of a velocity; of several in its units, their square beyond k^2."""
+    unit = column(getattr(joint.friction[names], velocity), params, 1)
+    slips = _slips(joint, names, at, params)
     if len(slips) == 1:
-        return slips[0] - k * v_s
-    return ca.SX(sum(x**2 for x in slips) / v_s**2 - k**2)
+        return slips[0] - k * unit
+    return ca.SX(sum(x**2 for x in slips) / unit**2 - k**2)
 
 
 def reversal(contact: Contact, n: ca.SX) -> dict[str, Callable[..., ca.SX]]:

@@ -205,10 +205,12 @@ class Model:
                 value, rate, effort = self.coordinates[x.name, name]
                 self.coordinates[x.name, name] = value, rate, effort + N * unit
 
-    def _edge(self, joint: Joint, names: tuple[str, ...], k: int) -> Callable[..., ca.SX]:
+    def _edge(
+        self, joint: Joint, names: tuple[str, ...], velocity: str, k: int
+    ) -> Callable[..., ca.SX]:
         def beyond(t: ca.SX, q: ca.SX, v: ca.SX, params: Any) -> ca.SX:
             del t, q, v
-            return edge(joint, names, k, self.coordinates, params)
+            return edge(joint, names, velocity, k, self.coordinates, params)
 
         return beyond
 
