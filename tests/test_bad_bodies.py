@@ -2,6 +2,7 @@
 
 from itertools import pairwise
 
+import casadi as ca
 import numpy as np
 import pytest
 from test_bodies import CUBE, G, Z, fourbar
@@ -238,3 +239,27 @@ def test_runs_refuse_parameters_that_make_no_joint(sentence):
     with pytest.raises(ValueError, match=f"member 1: {sentence}"):
         lv.ensemble(system, lv.Spark(2), params={"x": [1.0, -1.0]}, **call)
     assert lv.integrate(system, lv.Spark(2), params={"x": 1.0}, **call).status == "done"
+
+
+#: What has no value where it is drawn, or changes at no finite rate, and what is said of it.
+NO_VALUE = {
+    "the rate of constraint 'A.motion' is not finite as drawn, t = 0": lambda m: m.revolute(
+        "A", m.ground, "rod", **AT, axis=Z, motion=lambda t, p: ca.sqrt(t)
+    ),
+    "constraint 'A.0' is not finite as drawn, t = 0": lambda m: m.guide(
+        "A", m.ground, "rod", lambda place, p: [ca.log(place[2]) - place[0]]
+    ),
+    "constraint 'A.x' is not finite as drawn, t = 0": lambda m: m.spherical(
+        "A", m.ground, "rod", at=lambda p: (0, 0, ca.sqrt(p.x))
+    ),
+}
+
+
+@pytest.mark.parametrize("sentence", NO_VALUE)
+def test_starts_refuse_what_has_no_value_as_drawn(sentence):
+    """A motion by the root of the time was an exception of LAPACK."""
+    m = base()
+    NO_VALUE[sentence](m)
+    m.system(params={"x": 1.0})
+    with pytest.raises(ValueError, match=sentence):
+        m.start(params={"x": -1.0})

@@ -75,6 +75,7 @@ class Starting:
         self.open = [k for k, name in enumerate(system._holonomic) if name not in own]
         self.is_driven = any(MOTION in name for name in system._holonomic)
         self.is_tree = not (self.open or system.nonholonomic)
+        self._check_finite()
         changes = np.zeros(len(system._holonomic))
         if self.open:
             q, v = self.tree.q(), self.tree.rates()
@@ -82,11 +83,31 @@ class Starting:
             changes[self.open] = np.abs(slopes).max(axis=1, initial=0.0)
         self.units = scales.of_rows(system, self.length, changes)
 
-    def rows(self, q: Array) -> Array:
-        """Return what all constraints miss, in their units."""
+    def _check_finite(self) -> None:
+        """Refuse constraints that have no value or no rate where bodies are drawn."""
+        names, q = self.system.constraints, self.tree.q()
+        m = len(self.system._holonomic)
+        moves = np.hstack([self.tree.rates(), self.still[:, None]])
+        changing = [*(names[k] for k in self.open), *names[m:]]
+        rates = self._hidden(q, moves) if changing else np.empty((0, 1))
+        for what, of, found in (
+            ("constraint", names[:m], self._missed(q)[:, None]),
+            ("the rate of constraint", changing, rates),
+        ):
+            for name, row in zip(of, found, strict=True):
+                if not np.isfinite(row).all():
+                    sentence = f"{what} '{name}' is not finite as drawn, t = {self.t:g}"
+                    hint = "look for a division by zero, a root or a logarithm of the model there"
+                    raise ValueError(hinted(sentence, hint))
+
+    def _missed(self, q: Array) -> Array:
         m = len(self.system._holonomic)
         found: Array = self.system._at("node", self.params, self.t, q, np.zeros(m))[:m]
-        return found / self.units
+        return found
+
+    def rows(self, q: Array) -> Array:
+        """Return what all constraints miss, in their units."""
+        return self._missed(q) / self.units
 
     def slopes(self, q: Array, v: Array) -> tuple[Array, Array]:
         """Return the rates of open constraints in all moves, and those without any."""
