@@ -10,6 +10,7 @@ import sys
 import casadi as ca
 import numpy as np
 import pytest
+from scipy.linalg import expm
 
 import liouville as lv
 from liouville.bodies import rotations as rot
@@ -462,6 +463,55 @@ def test_eulers_disc_stays_where_it_is():
     disc = solution.body("disc")
     assert off(disc.position, disc.position[0]) < 1e-11
     assert off(solution.joint("R").force, np.array([0, 0, 9.81 * mass])) < 1e-8
+
+
+@pytest.mark.parametrize(("rate", "h"), [(0.01, 0.001), (3.0, 0.02)])
+def test_a_wheel_that_falls_flat_ends_the_run_and_says_so(rate, h):
+    m = lv.bodies.Assembly(gravity=G)
+    m.body("coin", mass=1.0, inertia=(0.0025, 0.005, 0.0025), at=(0, 0, 0.1))
+    m.rolling("R", m.ground, "coin", radius=0.1, axis=(0, 1, 0))
+    start = m.start(rates={"R": (rate, 0, 0)})
+    with pytest.raises(lv.IntegrationError, match=r"'R\..*\n.*has fallen flat on its plane"):
+        lv.integrate(m.system(), lv.Spark(3), t=(0, 3), h=h, **start)
+
+
+def test_a_bicycle_leans_and_steers_as_its_benchmark_does():
+    """The bicycle of meijaard2007 and its linear equations, with the matrices printed there.
+
+    Four bodies, three hinges and two sharp wheels; at 4.6 m/s, from a small rate of lean.
+    """
+    speed, rate, across = 4.6, 1e-5, (0, 1, 0)
+    m = lv.bodies.Assembly(gravity=G)
+    wheels = {"rear": (0.0, 0.3, 2.0, 0.0603, 0.12), "front": (1.02, 0.35, 3.0, 0.1405, 0.28)}
+    for name, (x, radius, mass, thin, own) in wheels.items():
+        m.body(name, mass=mass, inertia=(thin, own, thin), at=(x, 0, radius))
+        m.rolling(f"{name} rim", m.ground, name, radius=radius, axis=across)
+    frame = np.array([[9.2, 0, -2.4], [0, 11, 0], [-2.4, 0, 2.8]])
+    fork = np.array([[0.05892, 0, 0.00756], [0, 0.06, 0], [0.00756, 0, 0.00708]])
+    m.body("frame", mass=85.0, inertia=frame, at=(0.3, 0, 0.9))
+    m.body("fork", mass=4.0, inertia=fork, at=(0.9, 0, 0.7))
+    m.revolute("rear hub", "frame", "rear", at=(0, 0, 0.3), axis=across)
+    m.revolute("front hub", "fork", "front", at=(1.02, 0, 0.35), axis=across)
+    tilt = np.pi / 10
+    m.revolute("steer", "frame", "fork", at=(1.1, 0, 0), axis=(np.sin(tilt), 0, -np.cos(tilt)))
+    system = m.system()
+    q, v = m.start()["q"], np.zeros(len(system.coordinates))
+    for name in system.bodies:
+        at = system.coordinates.index(f"{name}.x")
+        spin = np.array([rate, speed / wheels[name][1] if name in wheels else 0, 0])
+        v[at : at + 3] = np.cross([rate, 0, 0], q[at : at + 3]) + speed * np.eye(3)[0]
+        v[at + 4 : at + 7] = spin / 2
+    solution = run(system, system.consistent(q=q, v=v, hold="q"), t=2, h=0.01)
+
+    mass = np.array([[80.81722, 2.31941332208709], [2.31941332208709, 0.29784188199686]])
+    damping = np.array([[0, 33.86641391492494], [-0.85035641456978, 1.68540397397560]])
+    still = np.array([[-80.95, -2.59951685249872], [-2.59951685249872, -0.80329488458618]])
+    moving = np.array([[0, 76.59734589573222], [0, 2.65431523794604]])
+    right = np.hstack([-9.81 * still - speed**2 * moving, -speed * damping])
+    state = np.vstack([np.eye(2, 4, k=2), np.linalg.solve(mass, right)])
+    wanted = [(expm(state * t) @ [0, 0, rate, 0])[1] for t in solution.t]
+    assert np.abs(wanted).max() > 0.26 * rate
+    assert off(solution.joint("steer").angle, wanted) < 1e-8 * rate
 
 
 def test_a_bead_slides_down_a_helix_that_stands_on_a_turned_block():

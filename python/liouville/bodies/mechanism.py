@@ -75,6 +75,7 @@ class Mechanism(Lagrangian):
             k for k, body in enumerate(bodies) if callable(body.mass) or callable(body.inertia)
         )
         self._limited = tuple((what, name) for what, name, _ in model.limited)
+        self._wheels = tuple(joint.name for joint in joints if joint.kind == "rolling wheel")
         self.rubbing = tuple(joint.name for joint in joints if joint.friction)
 
     def values(self, params: Mapping[str, ArrayLike] | None) -> Array:
@@ -181,6 +182,13 @@ class Mechanism(Lagrangian):
     def describe(self, error: dict[str, Any]) -> Description:
         """Describe an error of the core in the user's names: sentence, hint and quantity."""
         sentence, hint, quantity = super().describe(error)
+        flat = any(f"'{name}." in sentence for name in self._wheels)
+        if flat and error["kind"] == "not finite":
+            hint = (
+                "a wheel that has fallen flat on its plane has no lowest point: let an event end "
+                "the run before"
+            )
+            return sentence, hint, quantity
         if self.rubbing and error["kind"] == "not finite":
             hint = (
                 f"friction in {self._rubbing_joints} may jam there: what it exerts presses the "
