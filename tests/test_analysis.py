@@ -410,6 +410,27 @@ def test_large_structures_find_their_equilibrium():
         lv.linearize(springs(), q=np.zeros(LARGE))
 
 
+@pytest.mark.parametrize("width", [None, 500.0])
+def test_long_chains_that_hang_are_held_by_their_tension(width):
+    """At multipliers of zero nothing would hold them."""
+    count = LARGE // 2
+    turn = 0.05 * np.random.default_rng(0).standard_normal(count) - np.pi / 2
+    if width is not None:
+        turn = np.linspace(-0.9, 0.9, count + 1)[:-1]
+    rough = np.cumsum(np.column_stack([np.cos(turn), np.sin(turn)]), axis=0)
+    ends = None if width is None else (width, 0.0)
+    rest = lv.equilibrium(hanging(count, ends=ends), q=rough.ravel()).start["q"].reshape(-1, 2)
+    if width is None:
+        down = np.column_stack([np.zeros(count), -1.0 - np.arange(count)])
+        np.testing.assert_allclose(rest, down, rtol=0, atol=1e-10)
+        return
+    links = np.diff(np.vstack([[0, 0], rest, [width, 0]]), axis=0)
+    np.testing.assert_allclose(np.hypot(*links.T), 1, rtol=1e-12)
+    rises = np.diff(links[:, 1] / links[:, 0])  # weight over horizontal tension, at each bead
+    np.testing.assert_allclose(rises, rises.mean(), rtol=1e-8)
+    assert rises.mean() > 0
+
+
 # Equilibria
 
 

@@ -365,8 +365,12 @@ class _Sparse(_Search):
         point.check_plain("equilibria")
         super().__init__(point)
         self.sparse, self.linalg = (scipy(x, "equilibrium") for x in ("sparse", "sparse.linalg"))
-        gradients = point.blocks("node_blocks", self.lam)["g_y"]
-        self.kept = independent(gradients.tocsr())
+        gradients = point.blocks("node_blocks", self.lam)["g_y"].tocsr()
+        self.kept = independent(gradients)
+        if self.kept:  # what hangs is held by its tension, which zeros have not
+            kept = gradients[self.kept]
+            squares = self.linalg.splu((kept @ kept.T).tocsc())
+            self.lam[self.kept] = squares.solve(kept @ point.rates[0])
 
     def corrected(self) -> float:
         """Make one correction of coordinates and multipliers together."""
