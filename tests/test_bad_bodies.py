@@ -125,6 +125,35 @@ BAD = {
     "stiffness= of bushing 'K' is not symmetric": lambda m: m.bushing(
         "K", m.ground, "rod", **AT, stiffness=1e-9 * (np.eye(6) + np.eye(6, k=1) / 2)
     ),
+    "stiffness of bushing 'K' is not symmetric": lambda m: (
+        m.bushing(
+            "K",
+            m.ground,
+            "rod",
+            **AT,
+            stiffness=lambda p: [
+                [p.k * ((i == j) + (i < j) / 2) for i in range(6)] for j in range(6)
+            ],
+        ),
+        m.system(params={"k": 1.0}),
+    ),
+    "stiffness of bushing 'K' is .1.0, 1.0, 1.0., wanted 6 or 36 finite": lambda m: (
+        m.bushing("K", m.ground, "rod", **AT, stiffness=lambda p: [p.k] * 3),
+        m.system(params={"k": 1.0}),
+    ),
+    "damping of beam 'K' has the eigenvalue -15.2, and wants none to be": lambda m: (
+        m.beam(
+            "K",
+            m.ground,
+            "rod",
+            at=((0, 0, 0), (1, 0, 0)),
+            axial=12,
+            bending=1,
+            torsion=1,
+            damping=lambda p: p.c,
+        ),
+        m.system(params={"c": -1.0}),
+    ),
     "bending= of beam 'K' is -1, and wants not to be negative": lambda m: m.beam(
         "K", m.ground, "rod", at=((0, 0, 0), (1, 0, 0)), axial=1, bending=(1, -1), torsion=1
     ),

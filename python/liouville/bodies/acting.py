@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from liouville import _casadi as ca
 from liouville.bodies.body import Value, check_size, column, given, numbers, unit
 from liouville.bodies.chaining import Which
-from liouville.bodies.elements import Element, beam_stiffness
+from liouville.bodies.elements import Element, beam_stiffness, check_matrix
 from liouville.bodies.joining import Joining
 from liouville.bodies.registry import Frames, apart, points_of, two_points
 from liouville.errors import hinted
@@ -152,7 +152,8 @@ class Acting(Joining):
             found = None if callable(value) else _trace.numbers(value)
             shape = (6, 6) if found is not None and found.ndim == 2 else (6,)
             values[what] = given(f"{what}= of {of}", value, shape)
-            _check_matrix(f"{what}= of {of}", what, values[what])
+            if not callable(values[what]):
+                check_matrix(f"{what}= of {of}", what, values[what])
         frames = self._frames(of, *self._sides(of, a, b), axis=axis)
         return self._act("bushing", name, (a, b), points_of(of, at), values, frames)
 
@@ -308,16 +309,3 @@ class Acting(Joining):
         element = Element(self._new(name), kind, a, b, points, own, values, function)
         self._elements[name] = element
         return element
-
-
-def _check_matrix(of: str, name: str, value: Value) -> None:
-    """Refuse a matrix that is not symmetric, and damping that drives; functions pass."""
-    if callable(value):
-        return
-    matrix = value if value.ndim == 2 else np.diag(value)
-    largest = np.abs(matrix).max()
-    if not np.allclose(matrix, matrix.T, rtol=0, atol=1e-9 * largest):
-        raise ValueError(f"{of} is not symmetric")
-    least = float(np.linalg.eigvalsh(matrix)[0])
-    if name == "damping" and least < -1e-9 * largest:
-        raise ValueError(f"{of} has the eigenvalue {least:.3g}, and wants none to be negative")

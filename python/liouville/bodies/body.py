@@ -117,8 +117,10 @@ def unit(what: str, value: Any, size: int = 3) -> NDArray[np.float64]:
     return found / length
 
 
-def evaluated(what: str, value: Value, params: Any, size: int) -> NDArray[np.float64]:
-    """Return the numbers of a value at the defaults of the parameters."""
+def evaluated(
+    what: str, value: Value, params: Any, size: int, or_size: int = 0
+) -> NDArray[np.float64]:
+    """Return the numbers of a value at the defaults of the parameters, so many or so many."""
     if isinstance(value, np.ndarray):
         return value.ravel()
     try:
@@ -127,8 +129,9 @@ def evaluated(what: str, value: Value, params: Any, size: int) -> NDArray[np.flo
         raise ValueError(f"{what}: {error}") from error
     except (TypeError, RuntimeError, NotImplementedError) as error:
         raise TypeError(f"{what} does not return numbers: {error}") from error
-    if found.size != size or not np.isfinite(found).all():
-        raise ValueError(f"{what} is {found.tolist()}, wanted {size} finite numbers")
+    if found.size not in (size, or_size) or not np.isfinite(found).all():
+        wanted = f"{size} or {or_size}" if or_size else f"{size}"
+        raise ValueError(f"{what} is {found.tolist()}, wanted {wanted} finite numbers")
     return found
 
 

@@ -10,9 +10,12 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from liouville import _casadi as ca
 from liouville.bodies import rotations as rot
-from liouville.bodies.body import Body, Value, called, column, row
+from liouville.bodies.body import Body, Value, called, column, evaluated, row
 from liouville.bodies.joints import RATES, Ends, Group, Joint
 from liouville.bodies.poses import Poses
 
@@ -137,6 +140,27 @@ def _bushings(group: Group) -> tuple[ca.SX, Efforts]:
 def _matrix(value: Value, params: Any) -> ca.SX:
     entries = column(value, params, 6)
     return ca.diag(entries) if entries.numel() == 6 else ca.reshape(entries, 6, 6).T
+
+
+def check_matrix(what: str, name: str, entries: NDArray[np.float64]) -> None:
+    """Refuse entries of a matrix that is not symmetric, and damping that drives."""
+    matrix = np.diag(entries.ravel()) if entries.size == 6 else entries.reshape(6, 6)
+    largest = np.abs(matrix).max()
+    if not np.allclose(matrix, matrix.T, rtol=0, atol=1e-9 * largest):
+        raise ValueError(f"{what} is not symmetric")
+    least = float(np.linalg.eigvalsh(matrix)[0])
+    if name == "damping" and least < -1e-9 * largest:
+        raise ValueError(f"{what} has the eigenvalue {least:.3g}, and wants none to be negative")
+
+
+def check_matrices(elements: Sequence[Element], params: Any) -> None:
+    """Refuse bushings and beams by functions whose matrices are none at these parameters."""
+    for element in elements:
+        for name in ("stiffness", "damping"):
+            value = element.values.get(name)
+            if element.kind in ("bushing", "beam") and callable(value):
+                what = f"{name} of {element.kind} '{element.name}'"
+                check_matrix(what, name, evaluated(what, value, params, 6, 36))
 
 
 def beam_stiffness(length: float, axial: Any, about_x: Any, about_y: Any, torsion: Any) -> ca.SX:
