@@ -100,6 +100,22 @@ BAD = {
     "length= of joint 'A' is 0": lambda m: m.distance("A", m.ground, "rod", at=((0, 0, 0),) * 2),
     "lies flat on its plane": lambda m: m.rolling("A", m.ground, "rod", radius=1, axis=Z),
     "gear 'A' has no joint 'B'": lambda m: m.gear("A", {"B": 1, "C": 2}),
+    "gear 'G' has two factors for 'angle' of joint 'A'": lambda m: (
+        m.revolute("A", m.ground, "rod", **AT, axis=Z),
+        m.gear("G", {"A": 20, ("A", "angle"): 31}),
+    ),
+    "factor of joint 'A' in gear 'G' is 0, and wants not to be zero": lambda m: (
+        m.cylindrical("A", m.ground, "rod", **AT, axis=Z),
+        m.gear("G", {"A": 0, ("A", "slide"): 31}),
+    ),
+    "by= of coupling 'C' is 1 finite numbers": lambda m: (
+        m.cylindrical("A", m.ground, "rod", **AT, axis=Z),
+        m.couple("C", "A", ("A", "slide"), by=()),
+    ),
+    "by= of coupling 'C' is 4 finite numbers": lambda m: (
+        m.cylindrical("A", m.ground, "rod", **AT, axis=Z),
+        m.couple("C", "A", ("A", "slide"), by=np.eye(2)),
+    ),
     "lead= of joint 'A' is zero": lambda m: m.screw("A", m.ground, "rod", **AT, axis=Z, lead=0),
     "points of spring 'K' coincide": lambda m: m.spring(
         "K", m.ground, "rod", at=((0, 0, 0),) * 2, stiffness=1

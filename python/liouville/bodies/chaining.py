@@ -172,7 +172,14 @@ class Chaining(Registry):
         found = {}
         for joint, factor in ratios.items():
             own = self._coordinate(of, joint)
+            if own in found:
+                raise ValueError(f"{of} has two factors for '{own[1]}' of joint '{own[0]}'")
             found[own] = given(f"factor of {of}", factor, ())
+            if not callable(factor) and factor == 0:
+                sentence = f"factor of joint '{own[0]}' in {of} is 0, and wants not to be zero"
+                raise ValueError(
+                    hinted(sentence, "a joint that the gear does not turn is left out")
+                )
         self._gears[self._new(name)] = Gear(name, found)
 
     def couple(self, name: str, joint: Any, other: Any = None, *, by: ArrayLike) -> None:
@@ -199,7 +206,7 @@ class Chaining(Registry):
                 raise ValueError(f"'{coordinate}' of joint '{own}' has no value for {of}")
         if len(set(pair)) < len(pair):
             raise ValueError(f"{of} couples joint '{pair[0][0]}' with itself")
-        coefficients = numbers(f"by= of {of}", by, np.shape(by) or (1,))
+        coefficients = numbers(f"by= of {of}", by, (max(np.size(by), 1),))
         if other is None and coefficients[1:].any():
             raise ValueError(f"{of} has a polynomial of no other joint")
         self._gears[self._new(name)] = Coupling(name, tuple(pair), tuple(coefficients.tolist()))
