@@ -10,6 +10,7 @@ import numpy as np
 from liouville.runners.adjoint import Adjoint, Gradients
 from liouville.runners.edges import Kink
 from liouville.runners.kinks import Kinks, directions, kink_of_drive
+from liouville.runners.tangents import PARAMS
 from liouville.runners.wave_derivative import direction_row, places_of
 from liouville.solution import Solution
 from liouville.systems._branches import branches
@@ -29,7 +30,8 @@ class WaveAdjoint(Adjoint):
         self.runner, self._member = runner, member
         places = places_of(runner.system)
         self.directions = {name: (places[name][1], name == "psi") for name in names}
-        if branches(runner.system.sensitivity) is not None:
+        moves = any(name.startswith(PARAMS) for name in names)
+        if moves and branches(runner.system.sensitivity) is not None:
             self.kinks = Kinks(self._first_kink)
 
     def _first_kink(self) -> Kink | None:

@@ -97,10 +97,11 @@ class DriveSensitivity:
 
     @property
     def _expressions(self) -> Expressions:
-        """The functions, and the potential of a grid, as expressions."""
+        """The functions, but for splines of samples, and the potential of a grid."""
         potential = self._potential
         s = Symbols(self._params, {} if potential is None else potential.sizes)
-        columns = {f.what: f(s.t, s.params.namespace) for f in self._functions}
+        functions = [f for f in self._functions if f.what not in self.samples]
+        columns = {f.what: f(s.t, s.params.namespace) for f in functions}
         if potential is not None:
             columns[potential.what] = potential(s.t, s.x, s.params.namespace)
         return Expressions(s, columns)
