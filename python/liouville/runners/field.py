@@ -131,14 +131,14 @@ class FieldRunner(Runner):
         return systems, x
 
     def _changing(self, names: Any) -> Field:
-        """Return the field with all terms that these directions change."""
+        """Return the field with all terms and variables that these directions change."""
         # imported here: few runs are differentiated
-        from liouville.runners.field_derivative import with_terms_of_zeros
+        from liouville.runners.field_derivative import differentiable
 
         is_named = isinstance(names, (list, tuple, Mapping)) and all(
             isinstance(x, str) for x in names
         )
-        return with_terms_of_zeros(self.systems[0], names) if is_named else self.systems[0]
+        return differentiable(self.systems[0], names) if is_named else self.systems[0]
 
     def _own_plan(self, system: Field, h: float) -> tuple[FieldPlan, Split]:
         """Return the plan of all and the field of a member split by it, or its own."""

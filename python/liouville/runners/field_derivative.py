@@ -19,7 +19,13 @@ from liouville.runners.runner import Request
 from liouville.runners.tangents import PARAMS, Directions, Place, check_names
 from liouville.solution import Solution
 from liouville.splitting import PlaneSplit, to_core
-from liouville.splitting.coefficients import coefficients, derivative, is_like, of_parameter
+from liouville.splitting.coefficients import (
+    coefficients,
+    derivative,
+    is_like,
+    moved_by,
+    of_parameter,
+)
 from liouville.systems import Field, PolynomialField
 from liouville.tangents import Tangent
 
@@ -65,8 +71,10 @@ class FieldDirections(Directions):
 
         The variables, of which the time may be one, come first, as the core wants them.
         """
-        t0, params = self.tau[:, :1], self.tau[:, 1:]
-        start = np.hstack([self.x, t0]) if runner.system.is_driven else self.x
+        t0, params = self.tau[:, :1], self.tau[:, 1:].copy()
+        held = [*runner.system.held]
+        start = np.hstack([self.x, t0[:, : runner.system.is_driven], params[:, held]])
+        params[:, held] = 0.0
         rows = np.ascontiguousarray(runner.split.inward(start))
         if not (self.tau.any() or self._longer.any()):
             return rows
@@ -80,24 +88,43 @@ class FieldDirections(Directions):
         return self.named(rows, {"x": slice(None)})
 
 
-def with_terms_of_zeros(system: Field, names: Iterable[str]) -> Field:
-    """Return a field that has terms for the parameters among these directions that are 0.
+def differentiable(system: Field, names: Iterable[str]) -> Field:
+    """Return a field that has derivatives by the parameters among these directions.
 
     A term whose factor is 0 is in no piece, which then has no derivative by it. It gets a
     coefficient far below the roundoff of any sum, if other values of the parameter make just it.
-    With the pieces of other values, states differ from those without by the error of the method.
+    A parameter that is in more than coefficients becomes a variable, which is at rest. With the
+    pieces of either, states differ from those without by the error of the method.
     """
     if not isinstance(system, PolynomialField):
         return system
     first = len(system.coordinates) + 1
-    places = places_of(system)
+    places, held = places_of(system), [*system.held]
     for name in [name for name in names if name.startswith(PARAMS) and name in places]:
         place, shape = places[name]
-        for k in range(place, place + int(np.prod(shape))):
+        for number in range(place - first, place - first + int(np.prod(shape))):
             values = system.values(None)
-            if values[k - first] == 0:
-                system = _with_terms_of_zero(system, values, k - first)
-    return system
+            if number in held:
+                continue
+            if values[number] == 0:
+                system = _with_terms_of_zero(system, values, number)
+            if not _is_of_coefficients(system, number):
+                held.append(number)
+    try:
+        return system.holding(held) if len(held) > len(system.held) else system
+    except ValueError:  # which is refused where derivatives by it are looked for
+        return system
+
+
+def _is_of_coefficients(system: PolynomialField, number: int) -> bool:
+    """Return whether a parameter changes coefficients of a field's terms, and nothing else."""
+    try:
+        change = system.by_parameter(number)
+    except ValueError:
+        return False
+    if not len(change):  # its square may be a coefficient
+        return not system.depends_on(number)
+    return moved_by(system.terms, change) is not None
 
 
 def _with_terms_of_zero(
@@ -123,7 +150,8 @@ def by_parameter(runner: FieldRunner, number: int) -> np.ndarray:
     Raises
     ------
     ValueError
-        The parameter is in more than the coefficients of the field's terms.
+        The parameter is in more than the coefficients of the field's terms, and is none of its
+        variables.
     """
     system, plan, parts = runner.system, runner.choice, runner.split
     if isinstance(parts, PlaneSplit):
@@ -148,10 +176,13 @@ def by_parameter(runner: FieldRunner, number: int) -> np.ndarray:
     first = np.cumsum([np.size(value) for value in system.params.values()])
     name = [*system.params][int(np.searchsorted(first, number, side="right"))]
     sentence = (
-        f"'{PARAMS}{name}' changes more than the coefficients of the field's terms, of which alone "
-        "a splitting has derivatives"
+        f"'{PARAMS}{name}' changes the form of the field's pieces, and a splitting has no "
+        "derivatives by it"
     )
-    hint = "so do a wave number, an exponent, a parameter of a function, or one that cancels a term"
+    hint = (
+        "so does the wave number of a wave of a component's own coordinate, and any parameter of a "
+        "field from SymPy: write the field as a function"
+    )
     raise ValueError(hinted(sentence, hint))
 
 
@@ -174,6 +205,7 @@ class FieldAdjoint(Adjoint):
             for name in names
             if name.startswith(PARAMS)
             for place in self._range(name)
+            if place - n - 1 not in runner.system.held
         }
         self._look()
 
@@ -224,9 +256,11 @@ class FieldAdjoint(Adjoint):
         inverse = getattr(split, "inverse", None)
         if inverse is not None:
             start = np.asarray(inverse, dtype=float).T @ start
-        n = len(runner.system.coordinates)
+        system, n = runner.system, len(runner.system.coordinates)
         whole = np.zeros(max(first + int(np.prod(s)) for first, s in self._places.values()))
-        whole[: start.size] = start
+        moving = n + system.is_driven
+        whole[:moving] = start[:moving]
+        whole[[n + 1 + number for number in system.held]] = start[moving:]
         whole[n] -= end
         whole[-1] = end
         for place, by in self._by_number.items():

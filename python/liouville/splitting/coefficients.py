@@ -51,16 +51,25 @@ def derivative(
     """
     if not len(change):
         return np.zeros(coefficients(split).size)
-    here, change = terms.to_float(), change.to_float()
-    size = np.abs(here.coefficient).max() / np.abs(change.coefficient).max()
-    moved = here.joined(change.scaled(PART * size)).merged()
-    if not is_like(moved, terms):
+    found = moved_by(terms, change)
+    if found is None:
         return None
-    splits = [resplit(field) for field in (here, moved)]
+    moved, size = found
+    splits = [resplit(field) for field in (terms.to_float(), moved)]
     if any(_form(other) != _form(split) for other in splits):
         return None
     before, after = map(coefficients, splits)
-    return np.asarray((after - before) / (PART * size))
+    return np.asarray((after - before) / size)
+
+
+def moved_by(terms: Terms, change: Terms) -> tuple[Terms, float] | None:
+    """Return a field moved along a change, and how far; None where it gets other terms."""
+    here, change = terms.to_float(), change.to_float()
+    if not len(change):
+        return here, 1.0
+    size = float(PART * np.abs(here.coefficient).max() / np.abs(change.coefficient).max())
+    moved = here.joined(change.scaled(size)).merged()
+    return (moved, size) if is_like(moved, terms) else None
 
 
 def is_like(field: Terms, other: Terms) -> bool:

@@ -296,8 +296,8 @@ class Expansion:
         factors = written(monomial, self.names, self.functions)
         return {"1": factors, "-1": f"-{factors}"}.get(coefficient, f"{coefficient}*{factors}")
 
-    def terms(self, components: Sequence[Polynomial], time: bool = False) -> Terms:
-        """Collect the components of a field as terms, with 1 for the time if it is a variable.
+    def terms(self, components: Sequence[Polynomial], time: int | None = None) -> Terms:
+        """Collect the components of a field as terms, with 1 for the time if that is a variable.
 
         Coefficients stay rational if all constants were short; otherwise they are floats, and those
         that roundoff of the constants could have made are left out.
@@ -311,8 +311,8 @@ class Expansion:
                 limit = 0.0 if is_exact else ROUNDOFF * size
                 if not -limit <= value <= limit:
                     rows.append((component, value, monomial))
-        if time:
-            rows.append((len(self.names) - 1, 1, ()))
+        if time is not None:
+            rows.append((time, 1, ()))
         if len(rows) > MOST_TERMS:
             raise too_large(f"it has {len(rows)} terms")
         self._check_functions(rows)
@@ -350,7 +350,11 @@ class Expansion:
 
 
 def expand(
-    column: ca.SX, inputs: Sequence[ca.SX], params: np.ndarray, names: Sequence[str]
+    column: ca.SX,
+    inputs: Sequence[ca.SX],
+    params: np.ndarray,
+    names: Sequence[str],
+    held: Sequence[int] = (),
 ) -> tuple[Expansion, list[Polynomial]]:
     """Expand expressions in the inputs t, x and params, with numbers for the latter.
 
@@ -363,7 +367,10 @@ def expand(
     params : ndarray
         The numbers.
     names : sequence of str
-        Names of the components of x, and of t behind them where the column depends on it.
+        Names of the components of x, of t behind them where the column depends on it, and of what
+        is held.
+    held : sequence of int
+        The parameters' numbers that are variables, behind all others.
 
     Raises
     ------
@@ -377,11 +384,12 @@ def expand(
     for operation, slot, reads, number in tape.read("field", groups, ca.densify(column)):
         if operation == "input":
             group, place = reads
-            slots[slot] = (
-                expansion.traced(params[place])
-                if group == 2
-                else expansion.traced_variable(place if group else n)
-            )
+            if group == 2 and place not in held:
+                slots[slot] = expansion.traced(params[place])
+            else:
+                last = len(names) - len(held)
+                index = (n, place, last + held.index(place) if group == 2 else 0)[group]
+                slots[slot] = expansion.traced_variable(index)
         elif operation == "const":
             slots[slot] = expansion.traced(number)
         elif operation == "output":

@@ -26,6 +26,8 @@ class Field(Pickled, ABC):
     is_driven: bool
     _symbols: Symbols
     _observer: Observer
+    #: Parameters that are variables at rest, by number, with their names.
+    held: Mapping[int, str] = {}
     #: What is recorded when it is first wanted, of all values of the parameters.
     _recorded: dict[str, Any]
 
@@ -36,8 +38,9 @@ class Field(Pickled, ABC):
 
     @property
     def variables(self) -> tuple[str, ...]:
-        """Names of what is stepped: the coordinates, and of a driven field the time."""
-        return (*self.coordinates, "t") if self.is_driven else self.coordinates
+        """Names of what is stepped: coordinates, the time of a driven field, and what is held."""
+        time = ("t",) if self.is_driven else ()
+        return (*self.coordinates, *time, *self.held.values())
 
     @abstractmethod
     def with_params(self, params: Mapping[str, ArrayLike] | np.ndarray | None) -> Self:
@@ -95,8 +98,10 @@ class Field(Pickled, ABC):
         return np.ascontiguousarray(array)
 
     def extended(self, x: np.ndarray, t: float) -> np.ndarray:
-        """Return states (P, n) with the time as a further variable, where the field has it."""
-        return np.pad(x, ((0, 0), (0, 1)), constant_values=t) if self.is_driven else x
+        """Return states (P, n) with all further variables: the time, and parameters held."""
+        more = [t] if self.is_driven else []
+        more += self.values(None)[[*self.held]].tolist() if self.held else []
+        return np.hstack([x, np.tile(more, (len(x), 1))]) if more else x
 
     def _array(self, value: Any) -> np.ndarray:
         """Return a start as an array, the coordinate last."""

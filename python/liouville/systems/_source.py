@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
 from liouville import _casadi as ca
-from liouville.systems._expand import expand
+from liouville.systems._expand import Expansion, expand
 from liouville.systems._expressions import Expressions, Symbols
+from liouville.systems._polynomials import Polynomial
 from liouville.systems._read_terms import TIME
 from liouville.terms import Terms
 
@@ -36,19 +38,35 @@ class Source:
     def __init__(self, column: ca.SX, symbols: Symbols, names: tuple[str, ...]) -> None:
         self.expressions = Expressions(symbols, {"field": column})
         self.is_driven = ca.depends_on(column, symbols.t)
+        self._names = names
         self._variables = (*names, TIME) if self.is_driven else names
 
-    def __call__(self, values: np.ndarray) -> Terms:
-        """Multiply the components out."""
-        symbols, column = self.expressions.symbols, self.expressions.columns["field"]
-        expansion, components = expand(column, tuple(symbols.all), values, self._variables)
-        return expansion.terms(components, self.is_driven)
+    def __call__(self, values: np.ndarray, held: Mapping[int, str] | None = None) -> Terms:
+        """Multiply the components out; parameters held, by number with a name, are variables."""
+        expansion, components = self._expanded(self._column, values, held)
+        return expansion.terms(components, len(self._names) if self.is_driven else None)
 
-    def derivative(self, values: np.ndarray, number: int) -> Terms:
+    @property
+    def _column(self) -> ca.SX:
+        return self.expressions.columns["field"]
+
+    def _expanded(
+        self, column: ca.SX, values: np.ndarray, held: Mapping[int, str] | None
+    ) -> tuple[Expansion, list[Polynomial]]:
+        held = held or {}
+        names, inputs = (*self._variables, *held.values()), tuple(self.expressions.symbols.all)
+        return expand(column, inputs, values, names, [*held])
+
+    def depends_on(self, number: int) -> bool:
+        """Return whether one of the parameters' numbers is in the components."""
+        return bool(ca.depends_on(self._column, self.expressions.symbols.params.vector[number]))
+
+    def derivative(
+        self, values: np.ndarray, number: int, held: Mapping[int, str] | None = None
+    ) -> Terms:
         """Multiply out the derivatives of the components by one of the parameters' numbers."""
-        symbols, column = self.expressions.symbols, self.expressions.columns["field"]
-        by = ca.jacobian(column, symbols.params.vector[number])
-        expansion, components = expand(by, tuple(symbols.all), values, self._variables)
+        by = ca.jacobian(self._column, self.expressions.symbols.params.vector[number])
+        expansion, components = self._expanded(by, values, held)
         return expansion.terms(components)
 
 

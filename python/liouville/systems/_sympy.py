@@ -44,7 +44,7 @@ class Given:
         """Expand the field with numbers for its parameters."""
         reader = _Reader(self, values)
         components = [reader.component(k) for k in range(len(self.names))]
-        return reader.expansion.terms(components, self.is_driven)
+        return reader.expansion.terms(components, len(self.names) if self.is_driven else None)
 
     @property
     def has_cases(self) -> bool:

@@ -22,7 +22,7 @@ Function = Callable[..., Any]
 Made = TypeVar("Made")
 
 #: So many plans are kept with a field.
-MOST_KEPT = 4
+MOST_KEPT = 8
 
 
 class PolynomialField(Field):
@@ -124,7 +124,7 @@ class PolynomialField(Field):
         self,
         names: tuple[str, ...],
         symbols: Symbols,
-        source: Callable[[np.ndarray], Terms],
+        source: Callable[..., Terms],
         is_driven: bool,
         invariants: Mapping[str, Any] | None,
     ) -> Self:
@@ -159,7 +159,7 @@ class PolynomialField(Field):
 
     def _expanded(self, values: np.ndarray) -> Terms:
         try:
-            terms = self._source(values)
+            terms = self._source(values, self.held) if self.held else self._source(values)
         except OverflowError:
             raise ValueError("a coefficient of the field is too large for a float") from None
         if len(terms) == self.is_driven:
@@ -292,6 +292,29 @@ class PolynomialField(Field):
         words = f"{count} term{'s' if count > 1 else ''} of degree {self.terms.degree}{time}"
         return f"{type(self).__name__}({', '.join(names)}; {words})"
 
+    def holding(self, numbers: Sequence[int]) -> Self:
+        """Return the field with some of the parameters' numbers as variables that are at rest.
+
+        Raises
+        ------
+        ValueError
+            It is no field then, or it was made from SymPy.
+        """
+        if not isinstance(self._source, Source):
+            raise ValueError("the parameters of SymPy's expressions are not differentiated")
+        # a run with tangents that is made beside a pullback has the same
+        return self.kept(("holding", *numbers), lambda: self._holding(numbers))
+
+    def _holding(self, numbers: Sequence[int]) -> Self:
+        other = copy(self)
+        other.held = {number: f"params[{number}]" for number in numbers}
+        other.terms, other._kept = other._expanded(self._values), {}
+        return other
+
+    def depends_on(self, number: int) -> bool:
+        """Return whether one of the parameters' numbers is in the field."""
+        return not isinstance(self._source, Source) or self._source.depends_on(number)
+
     def by_parameter(self, number: int) -> Terms:
         """Return the derivative of the field by one of the numbers that :meth:`values` gives.
 
@@ -302,7 +325,10 @@ class PolynomialField(Field):
         """
         if not isinstance(self._source, Source):
             raise ValueError("the parameters of SymPy's expressions are not differentiated")
-        return self._source.derivative(self._values, number)
+        known: dict[int, Terms] = self.kept("derivatives", dict)
+        if number not in known:
+            known[number] = self._source.derivative(self._values, number, self.held)
+        return known[number]
 
     def with_params(self, params: Mapping[str, ArrayLike] | np.ndarray | None) -> Self:
         """Return the field expanded with other numbers, by name or as :meth:`values` gives them.
