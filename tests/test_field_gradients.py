@@ -4,6 +4,7 @@ import casadi as ca
 import numpy as np
 import pytest
 import registry
+import sympy
 
 import liouville as lv
 from liouville.problems import load
@@ -238,6 +239,33 @@ def test_parameters_within_functions_are_variables_at_rest(name, value):
     rows[-1, 0] = weights[-1]
     assert many(x=rows)["params.p"][0] == pytest.approx(gradient["params.p"], rel=1e-12)
     assert lv.check_gradient(system, method, wrt=["params.p", "x"], **run)
+
+
+@pytest.mark.parametrize(
+    "write",
+    [
+        lambda x, y, t, a, k: [a * sympy.sin(k * y) + y / 3, -a * x],
+        lambda x, y, t, a, k: [a * (x - 2 * y) * x, a * y * (y - 2 * x)],
+        lambda x, y, t, a, k: [a * y + sympy.cos(k * t), -(x**2)],
+    ],
+    ids=["function", "polynomial", "driven"],
+)
+def test_fields_from_sympy_have_the_derivatives_of_those_that_are_traced(write):
+    x, y, t, a, k = sympy.symbols("x y t a k")
+    system = lv.PolynomialField.from_sympy(
+        write(x, y, t, a, k), [x, y], t=t, params={a: 0.7, k: 1.3}
+    )
+    as_casadi = [sympy.lambdify((x, y, t, a, k), e, ca) for e in write(x, y, t, a, k)]
+    traced = lv.PolynomialField(
+        lambda t, x, p: [e(x[0], x[1], t, p.a, p.k) for e in as_casadi],
+        x=("x", "y"), params={"a": 0.7, "k": 1.3},
+    )  # fmt: skip
+    run = {"t": (0.1, 1.0), "steps": 10, "x": [0.2, 1.0]}
+    method, by = lv.VolumeSplitting(composition="BM4"), {"params.a": 1.0, "params.k": 1.0}
+    one, two = (lv.integrate(f, method, tangents=by, **run) for f in (system, traced))
+    for name in by:
+        a, b = (found.tangents[name].x for found in (one, two))
+        np.testing.assert_allclose(a, b, rtol=1e-12, atol=1e-14)
 
 
 def test_derivatives_that_are_kept_are_those_of_the_parameters_and_steps():

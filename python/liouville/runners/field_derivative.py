@@ -179,10 +179,7 @@ def by_parameter(runner: FieldRunner, number: int) -> np.ndarray:
         f"'{PARAMS}{name}' changes the form of the field's pieces, and a splitting has no "
         "derivatives by it"
     )
-    hint = (
-        "so does the wave number of a wave of a component's own coordinate, and any parameter of a "
-        "field from SymPy: write the field as a function"
-    )
+    hint = "so does the wave number of a wave of a component's own coordinate"
     raise ValueError(hinted(sentence, hint))
 
 

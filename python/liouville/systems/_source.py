@@ -26,18 +26,22 @@ class Source:
         The symbols they are of.
     names : tuple of str
         Names of the coordinates.
+    is_driven : bool, default False
+        Take the time as a variable even if the field does not depend on it.
 
     Attributes
     ----------
     is_driven : bool
-        Whether the field depends on time.
+        Whether the time is a variable.
     expressions : Expressions
         The components.
     """
 
-    def __init__(self, column: ca.SX, symbols: Symbols, names: tuple[str, ...]) -> None:
+    def __init__(
+        self, column: ca.SX, symbols: Symbols, names: tuple[str, ...], is_driven: bool = False
+    ) -> None:
         self.expressions = Expressions(symbols, {"field": column})
-        self.is_driven = ca.depends_on(column, symbols.t)
+        self.is_driven = is_driven or bool(ca.depends_on(column, symbols.t))
         self._names = names
         self._variables = (*names, TIME) if self.is_driven else names
 

@@ -105,6 +105,7 @@ class PolynomialField(Field):
 
     #: Values derived from the terms, by their purpose.
     _kept: Mapping[Hashable, Any]
+    _sympy: Any
 
     def __init__(
         self,
@@ -153,13 +154,21 @@ class PolynomialField(Field):
         return own if self._values.size or may_bend else own | {"_source": None}
 
     @property
+    def _traced(self) -> Source:
+        """The components as expressions, of a field with parameters."""
+        if isinstance(self._source, Source):
+            return self._source
+        given, s = self._sympy, self._symbols
+        return self.kept("traced", lambda: Source(given.column(s), s, given.names, self.is_driven))
+
+    @property
     def _expressions(self) -> Expressions | None:
         """The components as expressions, None where the field is known by terms."""
         return self._source.expressions if isinstance(self._source, Source) else None
 
     def _expanded(self, values: np.ndarray) -> Terms:
         try:
-            terms = self._source(values, self.held) if self.held else self._source(values)
+            terms = self._traced(values, self.held) if self.held else self._source(values)
         except OverflowError:
             raise ValueError("a coefficient of the field is too large for a float") from None
         if len(terms) == self.is_driven:
@@ -281,7 +290,9 @@ class PolynomialField(Field):
             given.terms(s.params.values(None))  # refuses in SymPy's words
             traced = Source(given.column(s), s, given.names)
             source, is_driven = traced, traced.is_driven
-        return cls.__new__(cls)._build(given.names, s, source, is_driven, functions)
+        found = cls.__new__(cls)
+        found._sympy = given
+        return found._build(given.names, s, source, is_driven, functions)
 
     def __repr__(self) -> str:
         """Name the coordinates and the number of terms."""
@@ -298,10 +309,8 @@ class PolynomialField(Field):
         Raises
         ------
         ValueError
-            It is no field then, or it was made from SymPy.
+            It is no field then.
         """
-        if not isinstance(self._source, Source):
-            raise ValueError("the parameters of SymPy's expressions are not differentiated")
         # a run with tangents that is made beside a pullback has the same
         return self.kept(("holding", *numbers), lambda: self._holding(numbers))
 
@@ -313,7 +322,7 @@ class PolynomialField(Field):
 
     def depends_on(self, number: int) -> bool:
         """Return whether one of the parameters' numbers is in the field."""
-        return not isinstance(self._source, Source) or self._source.depends_on(number)
+        return self._traced.depends_on(number)
 
     def by_parameter(self, number: int) -> Terms:
         """Return the derivative of the field by one of the numbers that :meth:`values` gives.
@@ -321,13 +330,11 @@ class PolynomialField(Field):
         Raises
         ------
         ValueError
-            It is no field of monomials and functions, or the field was made from SymPy.
+            It is no field of monomials and functions.
         """
-        if not isinstance(self._source, Source):
-            raise ValueError("the parameters of SymPy's expressions are not differentiated")
         known: dict[int, Terms] = self.kept("derivatives", dict)
         if number not in known:
-            known[number] = self._source.derivative(self._values, number, self.held)
+            known[number] = self._traced.derivative(self._values, number, self.held)
         return known[number]
 
     def with_params(self, params: Mapping[str, ArrayLike] | np.ndarray | None) -> Self:
