@@ -367,8 +367,7 @@ def expand(
     params : ndarray
         The numbers.
     names : sequence of str
-        Names of the components of x, of t behind them where the column depends on it, and of what
-        is held.
+        Names of the components of x, of t where the column depends on it, and of what is held.
     held : sequence of int
         The parameters' numbers that are variables, behind all others.
 
@@ -384,12 +383,13 @@ def expand(
     for operation, slot, reads, number in tape.read("field", groups, ca.densify(column)):
         if operation == "input":
             group, place = reads
-            if group == 2 and place not in held:
-                slots[slot] = expansion.traced(params[place])
-            else:
-                last = len(names) - len(held)
-                index = (n, place, last + held.index(place) if group == 2 else 0)[group]
-                slots[slot] = expansion.traced_variable(index)
+            if group == 2 and place in held:
+                group, place = 1, len(names) - len(held) + held.index(place)
+            slots[slot] = (
+                expansion.traced(params[place])
+                if group == 2
+                else expansion.traced_variable(place if group else n)
+            )
         elif operation == "const":
             slots[slot] = expansion.traced(number)
         elif operation == "output":
