@@ -130,3 +130,17 @@ def test_a_pair_with_any_forces_makes_the_plain_step(force, points):
     start = problem.system.consistent(t=0.3, **problem.start)
     method, tableau = lv.LobattoPair(points, force), lobatto(points, force)
     assert_same_step(problem.system, plain, force, method, tableau, start, t=0.3)
+
+
+@pytest.mark.parametrize(
+    "method",
+    [lv.Spark(20), lv.Spark(28), lv.Spark(64), lv.Spark(40, points="radau"), lv.LobattoPair(32)],
+    ids=repr,
+)
+@pytest.mark.parametrize("members", [1, 5])
+def test_many_stages_keep_velocities_to_roundoff(method, members):
+    spring = lv.Lagrangian(lambda t, q, v, params: v[0] ** 2 / 2 - q[0] ** 2 / 2, q=("x",))
+    start = {"q": np.ones((members, 1)), "v": np.zeros((members, 1))}
+    solution = lv.ensemble(spring, method, t=(0, 2), h=0.1, **start)
+    assert abs(solution.v[..., 0] + np.sin(solution.t)[:, None]).max() < 2e-15
+    assert abs(solution.invariants["energy"] - 0.5).max() < 2e-15

@@ -11,6 +11,9 @@ use crate::linalg::{Matrix, as_is, combine, copy};
 use crate::real::Real;
 use crate::tableau::lagrange;
 
+/// The relative error of a rounded number.
+const ROUNDING: f64 = f64::EPSILON / 2.0;
+
 /// Values at the nodes of a step, and the weights that extrapolate them to the next.
 #[derive(Clone, Debug)]
 pub struct Polynomial<R = f64> {
@@ -73,6 +76,13 @@ impl<R: Real> Polynomial<R> {
         self.knots.extend(0..count);
     }
 
+    /// How much roundings of values at the nodes grow at most on the way to the targets and to the end.
+    fn growth(&self) -> f64 {
+        let size = |row: &[f64]| row.iter().map(|weight| weight.abs()).sum();
+        let targets = (0..self.weights.rows()).map(|i| size(self.weights.row(i)));
+        targets.fold(size(self.end_weights.flat()), f64::max)
+    }
+
     /// Makes the weights for steps that are `ratio` times as long as the one held, and begin at its fraction `origin`.
     fn update_weights(&mut self, origin: f64, ratio: f64) {
         let (nodes, knots) = (&self.nodes, &self.knots);
@@ -103,6 +113,8 @@ pub struct Predictor<R = f64> {
     /// The size of the step held, and the ratio the weights were made for.
     h: Option<f64>,
     ratio: f64,
+    /// Whether the values extrapolated by these weights are more than their roundings.
+    is_meaningful: bool,
     /// Where the next step begins: at the end of the one held, 1, or after a rejected step at its start, 0.
     origin: f64,
     /// The polynomials.
@@ -115,12 +127,15 @@ impl<R: Real> Predictor<R> {
         Self {
             h: None,
             ratio: f64::NAN,
+            is_meaningful: false,
             origin: 1.0,
             curves,
         }
     }
 
-    /// Makes the weights for a step of `h`, unless they are up to date; returns false without a step to extrapolate.
+    /// Makes the weights for a step of `h`, unless they are up to date; returns false without a step to extrapolate, and
+    /// where roundings would be as large as the values extrapolated: of more than twenty stages, or over steps that are
+    /// much longer than the one held.
     pub fn update_weights(&mut self, h: f64) -> bool {
         let Some(last) = self.h else { return false };
         let ratio = h / last;
@@ -129,8 +144,10 @@ impl<R: Real> Predictor<R> {
             for curve in &mut self.curves {
                 curve.update_weights(self.origin, ratio);
             }
+            let growth = self.curves.iter().map(Polynomial::growth);
+            self.is_meaningful = growth.fold(0.0, f64::max) * ROUNDING < 1.0;
         }
-        true
+        self.is_meaningful
     }
 
     /// The start and the length of the step that the weights are for, in units of the step held.
