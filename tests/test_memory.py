@@ -10,6 +10,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+import scipy.sparse as sp
 
 import liouville as lv
 from liouville import _arguments
@@ -259,3 +260,31 @@ def test_too_many_outputs_are_refused_before_they_are_planned(monkeypatch):
     call = {"psi": np.ones(10**6), "t": np.linspace(0.0, 1.0, 100_001)}
     with pytest.raises(MemoryError, match=r"keeping 100001 states takes 149\d GiB, and"):
         lv.integrate(lv.Schrodinger(lv.Lattice(10**6)), "auto", **call)
+
+
+SPRING = lv.Lagrangian(
+    lambda t, q, v, params: v[0] ** 2 / 2 - params.k * q[0] ** 2 / 2, q=("x",), params={"k": 1.0}
+)
+LONG = {"t": (0, 1), "steps": 10**15, "q": [1.0], "v": [0.0]}
+
+
+@pytest.mark.parametrize(
+    ("call", "what"),
+    [
+        (lambda: lv.lyapunov(SPRING, lv.Spark(3), **LONG), r"10{14} orthogonalisations"),
+        (
+            lambda: lv.optimal_control(
+                SPRING, lv.Spark(2), controls=["k"], cost=lambda t, q, v, p: p.k**2, **LONG
+            ),
+            r"60{15} unknowns in 10{15} steps",
+        ),
+        (
+            lambda: lv.Schrodinger(sp.coo_array(([1.0], ([0], [0])), shape=(10**12,) * 2)),
+            r"H of order 10{12}, with a state,",
+        ),
+    ],
+    ids=["exponents", "controls", "matrix"],
+)
+def test_what_does_not_fit_is_refused_before_its_arrays_are_made(call, what):
+    with pytest.raises(MemoryError, match=rf"{what} takes \d+ GiB, and .* may be taken\nhint: "):
+        call()

@@ -372,3 +372,8 @@ def test_a_start_without_a_solution_nearby_is_refused_still():
         ring.consistent(q=[0.3, 0.4], v=[0, 0])
     with pytest.raises(ValueError, match="no consistent start is near the one given"):
         load("pendulum").system.consistent(q=[0, 0], v=[1, 0])
+
+
+def test_large_numbers_of_a_start_are_taken_without_a_warning():
+    free = lv.Lagrangian(lambda t, q, v, params: v[0] ** 2 / 2, q=("x",))
+    assert lv.integrate(free, lv.Spark(2), t=(0, 1), steps=1, q=[1e300], v=[0.0]).q[-1] == 1e300

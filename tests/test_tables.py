@@ -199,3 +199,9 @@ def test_functions_of_numpy_are_taken_without_a_word():
             lambda t, q, v, p: v[0] ** 2 / 2 - np.interp(q[0], X, X**2) + np.sin(q[0]), q=1
         )
     assert system.coordinates == ("q0",)
+
+
+@pytest.mark.parametrize("points", [([0, 1e300], [0, 1e300]), ([0, 1], [0, 1e308])])
+def test_a_table_whose_slopes_overflow_is_refused(points):
+    with pytest.raises(ValueError, match=r"a table with x from 0 to .* are not finite\nhint: take"):
+        lv.table(*points)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from liouville._arguments import count
+from liouville._arguments import check_memory, count
 from liouville.analysis.linearization import linearized_at
 from liouville.analysis.point import Array, Point, Split
 from liouville.control import Steps, Takes, steps_of
@@ -30,6 +30,9 @@ if TYPE_CHECKING:
 #: Tangents are made orthogonal at equal steps alone.
 TAKES = Takes("lyapunov", hint="give h or steps: tangents are of equal steps", times="")
 
+
+#: Bytes of an orthogonalisation but for its exponents: its step and time, as Python numbers too.
+HELD = 96
 
 #: Directions whose parts across each other are below this are parallel.
 LEAST = 1e-13
@@ -132,6 +135,8 @@ def lyapunov(
     TypeError, ValueError
         The system or the method has no tangents, the start is off its constraints, or there are not
         so many exponents.
+    MemoryError
+        The history would not fit in memory.
     IntegrationError
         A step failed.
     KeyboardInterrupt
@@ -163,6 +168,11 @@ def lyapunov(
     if wanted > most:
         raise ValueError(f"there are {most} exponents, not {wanted}")
     flow.moved = flow.moved[:, :wanted]
+    pieces = -(-plan.count // segment)
+    check_memory(
+        f"a history of {pieces} orthogonalisations", (HELD + 8 * wanted) * pieces,
+        "give a larger every=, or fewer steps",
+    )  # fmt: skip
     ends = [*range(segment, plan.count, segment), plan.count]
     h = plan.mean(plan.t1, plan.count)
     times = np.array([plan.t0 + end * h for end in ends])

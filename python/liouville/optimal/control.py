@@ -115,6 +115,8 @@ def optimal_control(
     TypeError, ValueError
         An argument is wrong: a control that is no parameter or in no force, a cost that is no
         scalar, a start off the constraints, final conditions that repeat others.
+    MemoryError
+        So many steps do not fit in memory.
     OptimizationError
         IPOPT found no solution; the error has its status, and the last iterate as ``result``.
     KeyboardInterrupt

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from liouville import _casadi as ca
 from liouville import _core
+from liouville._arguments import check_memory
 from liouville.optimal.arguments import Array, Bounds, Controls, Times
 from liouville.optimal.final import Final, is_own_velocity
 from liouville.optimal.program import Block, Places, Program
@@ -75,6 +76,9 @@ def _times(matrix: Matrix | None, x: ca.SX) -> ca.SX:
     return ca.mtimes(ca.DM(pattern, ca.DM(matrix.values)), x)
 
 
+#: Bytes of an unknown in IPOPT and CasADi, of the smallest systems.
+LEAST_BYTES = 2000.0
+
 #: A position has at least this part of the largest one's size, or of one.
 LEAST = 1e-2
 
@@ -103,11 +107,16 @@ class Layout:
         sizes = [stages * n, 0 if equations.is_own_velocity else stages * n]
         sizes += [(stages + 1) * m, stages * k, n, n]
         firsts = np.cumsum([0, *sizes])
+        unknowns = steps * int(firsts[-1])
+        check_memory(
+            f"a program of {unknowns} unknowns in {steps} steps", LEAST_BYTES * unknowns,
+            "take fewer steps",
+        )  # fmt: skip
         rows = 2 * n + np.arange(steps)[:, None] * firsts[-1] + np.arange(firsts[-1])
         parts = [rows[:, a:b] for a, b in pairwise(firsts.tolist())]
         V, Z, impulses, u, y, z = parts
         start = np.arange(n)[None]
-        last = 2 * n + steps * int(firsts[-1])
+        last = 2 * n + unknowns
         end = np.arange(last, last + (times.limits is not None))
         last += end.size
         return cls(

@@ -195,7 +195,16 @@ def _points(name: str, given: Any) -> Array:
 
 
 def _spline(x: Array, y: Array, ends: str) -> Table:
-    spline = scipy("interpolate", "a table").CubicSpline(x, y, bc_type=ends)
+    interpolate = scipy("interpolate", "a table")
+    try:
+        with np.errstate(over="raise", divide="raise", invalid="raise"):
+            spline = interpolate.CubicSpline(x, y, bc_type=ends)
+    except FloatingPointError as error:
+        sentence = (
+            f"a table with x from {x[0]:g} to {x[-1]:g} and y from {y.min():g} to {y.max():g} has "
+            "slopes or bends that are not finite"
+        )
+        raise ValueError(hinted(sentence, "take other units of x or y")) from error
     powers, starts, bases = spline.c[::-1], x[:-1], x[:-1]
     if ends != "periodic":  # straight beyond the ends
         slopes = spline(x[[0, -1]], 1)

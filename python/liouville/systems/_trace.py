@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import inspect
 import keyword
-import math
 import traceback
 import warnings
 from collections import Counter
@@ -174,8 +173,7 @@ def vector(name: str, value: Any, places: tuple[str, ...]) -> np.ndarray:
         raise TypeError(f"{name} is an array of real numbers, not {value!r}")
     if array.shape != (len(places),):
         raise ValueError(f"{name} has shape {array.shape}, wanted ({len(places)},)")
-    # quicker than a look at each; where it overflows, numbers may be finite all the same
-    if not math.isfinite(array.dot(array)) and not np.isfinite(array).all():
+    if not np.isfinite(array).all():
         bad = int(np.argmin(np.isfinite(array)))
         raise ValueError(f"{name} of '{places[bad]}' is {array[bad]}")
     return array

@@ -29,6 +29,9 @@ COMPLEX = 276.0
 #: ... and for each of a lattice, whose entries are known to be symmetric.
 MAKING = 72.0
 
+#: Bytes of each row, with a state.
+ROW = 40.0
+
 #: The largest number that is taken, of H and of a state: squares and products must be finite.
 LARGEST = 1e100
 
@@ -58,6 +61,11 @@ def check_size(what: str, values: Any) -> None:
     if not largest <= LARGEST:
         sentence = f"{what} has numbers of size {largest:.1e}, and their products are not finite"
         raise ValueError(hinted(sentence, "choose units in which H / hbar is of order 1"))
+
+
+def check_order(what: str, n: int) -> None:
+    """Refuse a matrix of so high an order that rows and states do not fit in memory."""
+    check_memory(f"{what} of order {n}, with a state,", ROW * n, "leave out rows without entries")
 
 
 def check_entries(what: str, count: int, each: float = READING) -> None:
@@ -121,6 +129,7 @@ class Entries:
     def read_any(cls, name: str, given: Any) -> Entries:
         """Read a matrix that may not be Hermitian; see :meth:`read`."""
         if hasattr(given, "tocsr"):
+            check_order(name, max(given.shape))
             check_entries(name, given.nnz, COMPLEX if given.dtype.kind == "c" else READING)
             csr = given.tocsr(copy=True)
             csr.sum_duplicates()
