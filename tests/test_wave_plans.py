@@ -1,5 +1,9 @@
 """Plans of wave functions before they run: bounds of errors, tolerances, and fewest products."""
 
+import _thread
+import threading
+
+import casadi as ca
 import numpy as np
 import pytest
 from hypothesis import given
@@ -287,3 +291,14 @@ def test_a_file_that_is_no_plan_of_a_wave_is_refused(tmp_path, change, message):
     path.write_text(checksum.signed({**checksum.verified(path), **change}))
     with pytest.raises(ValueError, match=f"no plan that liouville saved: .*{message}"):
         lv.Plan.load(path)
+
+
+@pytest.mark.parametrize("method", ["auto", lv.Magnus(4)], ids=["windows", "steps"])
+def test_ctrl_c_ends_a_plan_of_many_windows(method):
+    """It would take minutes, and what was found by then is not kept."""
+    drive = [(lambda t, params: ca.sin(t), np.ones((2, 2)))]
+    system = lv.Schrodinger(np.diag([0.0, 1.0]), drive=drive)
+    threading.Timer(0.3, _thread.interrupt_main).start()
+    with pytest.raises(KeyboardInterrupt):
+        lv.plan(system, method, t=(0.0, 1e7))
+    assert lv.plan(system, method, t=(0.0, 1.0)).products > 0

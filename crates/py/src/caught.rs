@@ -1,12 +1,19 @@
 //! Exceptions that Python raises inside a step: they wait until the step is over.
 
-use liouville_base::cancel::CancelToken;
+use liouville_base::cancel::{self, CancelToken};
 use pyo3::prelude::*;
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// A place for the first exception; clones are the same place.
 #[derive(Clone, Default)]
 pub(crate) struct Caught(Arc<Mutex<Option<PyErr>>>);
+
+/// Works without the interpreter, and raises what a signal raised meanwhile: steps of the work look for it.
+pub(crate) fn attending<T: Send>(py: Python<'_>, work: impl FnOnce() -> T + Send) -> PyResult<T> {
+    let signals = Caught::default();
+    let found = py.detach(|| cancel::within(signals.cancel(), work));
+    signals.take().map_or(Ok(found), Err)
+}
 
 impl Caught {
     /// Keeps the exception of an outcome, if there is one; returns whether there is none.

@@ -1,6 +1,6 @@
 //! Derivatives of runs of Schrödinger equations, as Python drives them: from piece to piece.
 
-use crate::caught::Caught;
+use crate::caught::{Caught, attending};
 use crate::errors::refused;
 use crate::operator::Hamiltonian;
 use crate::schrodinger::driven;
@@ -39,7 +39,7 @@ impl WaveRecord {
         let driven = driven(method)?.filter(|_| !times.is_empty());
         let driven = driven.ok_or_else(unfit)?;
         let sweeper = Sweeper::new(hamiltonian.inner.clone());
-        let laid_out = py.detach(|| self.0.lay_out(&sweeper, driven, t0, times));
+        let laid_out = attending(py, || self.0.lay_out(&sweeper, driven, t0, times))?;
         let raised = || hamiltonian.caught.iter().find_map(Caught::take);
         let explained = |error| raised().unwrap_or_else(|| refused(error));
         laid_out.ok_or_else(unfit)?.map_err(explained)

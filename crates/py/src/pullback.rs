@@ -1,13 +1,12 @@
 //! Pullbacks of runs, as Python drives them: from checkpoint to checkpoint.
 
-use crate::caught::Caught;
+use crate::caught::attending;
 use crate::errors::{self, refused};
 use crate::job;
 use crate::mechanical::Mechanical;
 use crate::run::Run;
 use crate::second_order::SecondOrder;
 use crate::semi_explicit::SemiExplicit;
-use liouville_base::cancel;
 use liouville_base::linalg::Matrix;
 use liouville_base::run::StartError;
 use liouville_mechanics::run;
@@ -109,13 +108,7 @@ impl Pullback {
         if let Some(saved) = saved {
             inner.restore(saved.as_slice()?).map_err(refused)?;
         }
-        let signals = Caught::default();
-        let followed = || inner.follow(last, &kept, &rows);
-        let found = py.detach(|| cancel::within(signals.cancel(), followed));
-        if let Some(error) = signals.take() {
-            return Err(error);
-        }
-        match found {
+        match attending(py, || inner.follow(last, &kept, &rows))? {
             Ok(()) => Ok(None),
             Err(error) => Ok(Some(errors::error(py, &error)?.into_any())),
         }

@@ -1,6 +1,6 @@
 //! Jobs of Schrödinger equations: a method, wave functions and observables in, a run out.
 
-use crate::caught::Caught;
+use crate::caught::{Caught, attending};
 use crate::convert::Values;
 use crate::derivative::WaveRecord;
 use crate::errors::refused;
@@ -334,7 +334,7 @@ pub(crate) fn driven_cost(
     let unfit = || refused("the parts of an H that depends on time");
     let driven = driven(method)?.ok_or_else(unfit)?;
     let hamiltonian = hamiltonian.inner.clone();
-    let cost = py.detach(|| driven.cost(&hamiltonian, (t, end)));
+    let cost = attending(py, || driven.cost(&hamiltonian, (t, end)))?;
     let cost = cost.ok_or_else(|| refused("parts are all terms, each with its bounds"))?;
     let cost = cost.map_err(refused)?;
     let DrivenCost {
@@ -357,7 +357,7 @@ pub(crate) fn magnus_cost(
 ) -> PyResult<(usize, usize, f64)> {
     let method = method.extract::<WaveMethod<'_>>()?.read()?;
     let hamiltonian = hamiltonian.inner.clone();
-    let cost = py.detach(|| run::magnus_cost(&hamiltonian, method, &times));
+    let cost = attending(py, || run::magnus_cost(&hamiltonian, method, &times))?;
     let cost = cost.map_err(refused)?;
     Ok((cost.steps, cost.products, cost.theta))
 }

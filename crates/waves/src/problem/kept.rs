@@ -9,12 +9,12 @@ pub(crate) struct Kept(Arc<Mutex<Option<Arc<dyn Any + Send + Sync>>>>);
 
 impl Kept {
     /// What is kept, where it is of this type and fits, or what is made instead, once for all who ask at a time; it is kept
-    /// where it is small enough.
+    /// where it is worth that.
     pub(crate) fn get<T: Any + Send + Sync>(
         &self,
         fits: impl Fn(&T) -> bool,
         make: impl FnOnce() -> T,
-        is_small: impl FnOnce(&T) -> bool,
+        is_worth: impl FnOnce(&T) -> bool,
     ) -> Arc<T> {
         let mut kept = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         let known = kept.clone().and_then(|kept| kept.downcast::<T>().ok());
@@ -22,7 +22,7 @@ impl Kept {
             return known;
         }
         let made = Arc::new(make());
-        if is_small(&made) {
+        if is_worth(&made) {
             *kept = Some(made.clone());
         }
         made

@@ -5,6 +5,7 @@ use super::choice::{Form, Window};
 use super::factors::Factors;
 use super::polynomials::{by_nodes, nodes};
 use crate::method::derivative::{Output, Piece, SeriesPiece};
+use liouville_base::cancel;
 use liouville_base::error::StepError;
 
 /// Most parts of a planned window.
@@ -16,6 +17,9 @@ impl DrivenSeries {
         let mut pieces = Vec::new();
         (self.t0, self.end.t) = (t0, t0);
         while self.behind < self.times.len() {
+            if cancel::is_cancelled() {
+                return Err(StepError::Interrupted);
+            }
             (self.start.t, self.first) = (self.end.t, self.behind);
             let (planned, end, share) = self.planned()?;
             let mut parts = 1.0;

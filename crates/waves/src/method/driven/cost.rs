@@ -4,6 +4,7 @@ use super::choice::{Form, Share, Window};
 use super::fit::Sampler;
 use crate::method::TermBounds;
 use crate::problem::Hamiltonian;
+use liouville_base::cancel;
 use liouville_base::error::StepError;
 use std::sync::Arc;
 
@@ -80,7 +81,9 @@ impl Driven {
             run: run.clone(),
             windows: self.walk(sampler.with_scan(), span),
         };
-        Some(hamiltonian.windows().get(fits, make, |_| true))
+        Some(hamiltonian.windows().get(fits, make, |found| {
+            !matches!(found.windows, Err(StepError::Interrupted))
+        }))
     }
 
     /// Chooses one window after another.
@@ -88,6 +91,9 @@ impl Driven {
         let whole = self.rate * (end - t).abs();
         let (mut windows, mut t, mut jumps, mut refused) = (Vec::new(), t, 0, None);
         while t.to_bits() != end.to_bits() {
+            if cancel::is_cancelled() {
+                return Err(StepError::Interrupted);
+            }
             let share = Share::after(jumps, self.rate, whole);
             let breaks = refused.as_slice().iter().chain(&self.breaks);
             let end = next_break(breaks, t, end);

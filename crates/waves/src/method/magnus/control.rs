@@ -11,6 +11,7 @@ use crate::method::driven::next_time;
 use crate::method::term_bounds::TermBounds;
 use crate::method::{Sweeper, Wave, squares};
 use crate::problem::Hamiltonian;
+use liouville_base::cancel;
 use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch, Numbers};
 use liouville_base::error::StepError;
 use liouville_base::method::{Stats, Stepper};
@@ -98,6 +99,9 @@ impl MagnusSteps {
             for ends in times.windows(2) {
                 let (mut t, end) = (ends[0], ends[1]);
                 while t.to_bits() != end.to_bits() {
+                    if cancel::is_cancelled() {
+                        return Err(StepError::Interrupted);
+                    }
                     let (h, _) = chooser.propose((t, end - t), most, f64::INFINITY)?;
                     let (products, theta) = chooser.products(t, h);
                     let (half, _) = chooser.products(t, 0.5 * h);
