@@ -298,7 +298,11 @@ def test_ctrl_c_ends_a_plan_of_many_windows(method):
     """It would take minutes, and what was found by then is not kept."""
     drive = [(lambda t, params: ca.sin(t), np.ones((2, 2)))]
     system = lv.Schrodinger(np.diag([0.0, 1.0]), drive=drive)
-    threading.Timer(0.3, _thread.interrupt_main).start()
-    with pytest.raises(KeyboardInterrupt):
-        lv.plan(system, method, t=(0.0, 1e7))
+    timer = threading.Timer(0.2, _thread.interrupt_main)
+    timer.start()
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            lv.plan(system, method, t=(0.0, 2e6))
+    finally:
+        timer.cancel()
     assert lv.plan(system, method, t=(0.0, 1.0)).products > 0
