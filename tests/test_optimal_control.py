@@ -340,6 +340,28 @@ def test_a_mass_without_constraints():
             lv.optimal_control(car, lv.Spark(2), final=final, **call)
 
 
+CAR = {
+    "system": lv.Lagrangian(
+        lambda t, q, v, params: v[0] ** 2 / 2,
+        force=lambda t, q, v, params: [params.F],
+        q=("x",),
+        params={"F": 0.0},
+    ),
+    "controls": ("F",), "t": (0, 1), "q": [0], "v": [0], "final": {"q": [1], "v": [0]},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("value", [0.0, 3.0])
+def test_a_constant_cost_asks_for_any_motion_between_the_ends(value):
+    """Its gradient has no entries, where IPOPT took what was in memory for numbers."""
+    found = lv.optimal_control(
+        method=lv.Spark(2), cost=lambda t, q, v, params: value, steps=4, **CAR
+    )
+    assert found.cost == pytest.approx(value, abs=1e-12)
+    assert found.solution.q[-1] == pytest.approx(1, abs=1e-12)
+    assert np.abs(found.costates["p"]).max() < 1e-9
+
+
 def test_methods_and_systems_without_an_adjoint_of_their_own_are_refused():
     with pytest.raises(ValueError, match="takes Gauss points"):
         lv.optimal_control(CART, lv.Spark(2, points="radau"), controls=("F",), t=(0, 1), steps=1)

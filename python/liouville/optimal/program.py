@@ -295,7 +295,8 @@ class Units:
         f, slope = program._gradient(own * x, p)
         g, jacobian = program._jacobian(own * x, p)
         hessian = program._hessian(own * x, p, weight / self.f, lam / of_g)
-        gradient = [f / self.f, slope * own / self.f]
+        # IPOPT's arrays are filled by entries, and CasADi makes zeros of no entries of products
+        gradient = [ca.densify(f / self.f), ca.densify(slope * own / self.f)]
         rows = [g / of_g, jacobian * _outer(jacobian, 1 / self.g, self.x)]
         curved = [hessian * _outer(hessian, self.x, self.x)]
         names, of = ["x", "p"], ca.Function
