@@ -362,6 +362,22 @@ def test_a_constant_cost_asks_for_any_motion_between_the_ends(value):
     assert np.abs(found.costates["p"]).max() < 1e-9
 
 
+@pytest.mark.parametrize(("more", "sentence"), [
+    ({"final": {"there": lambda t, q, v, params: (q[0] - 1) ** 2}},
+     "final condition 'there' is met where its gradient vanishes"),
+    ({"cost": lambda t, q, v, params: ca.fabs(params.F)},
+     "its equations hold, and its cost may not be the least.*\nhint: look for kinks"),
+    ({"method": lv.Spark(1), "steps": 1},
+     "4 unknowns of the steps cannot meet 5 conditions.*\nhint: take more steps"),
+    ({"options": {"max_cpu_time": 1e-9}}, r"found yet.*\n.*raise options=.'max_cpu_time'"),
+    ({"options": {"max_wall_time": 1e-9}}, r"found yet.*\n.*raise options=.'max_wall_time'"),
+])  # fmt: skip
+def test_an_error_names_its_cause(more, sentence):
+    call = {"method": lv.Spark(2), "cost": effort, "steps": 4, **CAR, **more}
+    with pytest.raises(lv.OptimizationError, match=sentence):
+        lv.optimal_control(**call)
+
+
 def test_methods_and_systems_without_an_adjoint_of_their_own_are_refused():
     with pytest.raises(ValueError, match="takes Gauss points"):
         lv.optimal_control(CART, lv.Spark(2, points="radau"), controls=("F",), t=(0, 1), steps=1)

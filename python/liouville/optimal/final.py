@@ -27,6 +27,8 @@ from liouville.systems._form import differ, total_derivative
 NEAR = 0.1
 #: Conditions repeat others where less than this part of their gradient is their own.
 OWN = 1e-6
+#: A gradient below this part of that elsewhere vanishes.
+FLAT = 1e-3
 #: How far the position is moved, of its size, where a condition is looked at.
 ASIDE = 1e-3
 
@@ -169,6 +171,19 @@ class Final:
         kept, _, _ = _core.independent_rows(np.ascontiguousarray(rows), OWN)
         missing = [label for k, label in enumerate(self.labels) if known + k not in kept]
         return missing[0] if missing else None
+
+    def flat(
+        self, system: Mechanics, t: float, state: tuple[Array, Array],
+        near: tuple[Array, Array], params: Array,
+    ) -> str | None:  # fmt: skip
+        """Name a condition whose gradient at a state is nothing beside that at another one."""
+        s = system._symbols
+        rows = jacobian(self.rows, ca.vertcat(s.y, s.z))
+        slopes = ca.Function("slopes", s.all, [ca.densify(rows)])
+        here, there = (np.array(slopes(t, *x, params)) for x in (state, near))
+        sizes = [np.abs(x).max(axis=1, initial=0.0) for x in (here, there)]
+        found = np.flatnonzero(sizes[0] < FLAT * sizes[1])
+        return self.labels[found[0]] if found.size else None
 
     def block(
         self, system: Mechanics, t: ca.SX, y: ca.SX, z: ca.SX, params: Array

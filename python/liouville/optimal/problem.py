@@ -14,7 +14,7 @@ from liouville.errors import IntegrationError, OptimizationError, hinted
 from liouville.integrate import integrate
 from liouville.methods import Spark
 from liouville.optimal.arguments import Array, Bounds, Controls, Times, checked_method
-from liouville.optimal.final import Final, check_free
+from liouville.optimal.final import Final, check_free, near_constraints
 from liouville.optimal.guess import path_of
 from liouville.optimal.nodal import Hamiltonian
 from liouville.optimal.result import OptimalControl
@@ -26,8 +26,18 @@ from liouville.systems import Mechanics, _trace
 SOLVED = ("Solve_Succeeded", "Solved_To_Acceptable_Level")
 INTERRUPTED = "NonIpopt_Exception_Thrown"
 
+#: Those for a limit that is exceeded, with the option that sets it.
+EXCEEDED = {
+    "Maximum_Iterations_Exceeded": "max_iter",
+    "Maximum_CpuTime_Exceeded": "max_cpu_time",
+    "Maximum_WallTime_Exceeded": "max_wall_time",
+}
+
 #: A final state may be off the one asked for by this part of its size.
 REACHED = 1e-6
+
+#: Equations that IPOPT leaves by less than this, in its units, hold.
+HOLDS = 1e-8
 
 #: So many steps at most are made again to see whether a run follows them.
 MOST, TINY = 20, 1e-12
@@ -92,7 +102,8 @@ class Problem:
             raise KeyboardInterrupt(f"interrupted after {stats['iter_count']} iterations")
         result = self._result(found, stats, perf_counter() - begun)
         if stats["return_status"] not in SOLVED:
-            raise self._error(found["g"], result)
+            free = int(np.count_nonzero(limits[0] < limits[1]))
+            raise self._error(found["g"], stats, free, result)
         self._check_reached(result)
         self._check_leaps(result, found["x"][transcription.layout.V])
         return result
@@ -253,22 +264,29 @@ class Problem:
                 hint = "take more steps, a guess along a motion, or bounds that leave one"
                 raise self._failed(hinted(sentence, hint), result)
 
-    def _error(self, g: Array, result: OptimalControl) -> OptimizationError:
-        """Return the error of a run of IPOPT that found nothing."""
+    def _error(
+        self, g: Array, stats: Mapping[str, Any], free: int, result: OptimalControl
+    ) -> OptimizationError:
+        """Return the error of a run of IPOPT with so many unknowns that found nothing."""
         row = int(np.argmax(np.abs(g))) if np.isfinite(g).all() else 0
         label, copy = self.transcription.program.label(row)
         step = "" if label.startswith("final") else f" in step {copy}"
         off = f"{label}{step} is {abs(g[row]):.1e} off"
+        if holds := stats["off"] < HOLDS:
+            off = "its equations hold, and its cost may not be the least"
         counted = f"IPOPT stopped after {result.iterations} iterations, {result.status}"
         match result.status:
+            case "Infeasible_Problem_Detected" if free < (count := len(g)):
+                sentence = f"{free} unknowns of the steps cannot meet {count} conditions: {off}"
+                hint = "take more steps, wider bounds or fewer final conditions"
             case "Infeasible_Problem_Detected":
                 sentence = f"no motion meets all conditions near the last one: {off}"
                 hint = "allow more time, wider bounds or fewer final conditions, or give a guess"
-            case "Maximum_Iterations_Exceeded" | "Maximum_CpuTime_Exceeded":
+            case status if status in EXCEEDED:
                 sentence = f"no optimum is found yet: {off}"
                 hint = (
                     "go on from guess=error.result, solve with fewer steps first and give that as "
-                    "the guess, or raise options={'max_iter': ...}"
+                    f"the guess, or raise options={{'{EXCEEDED[status]}': ...}}"
                 )
             case "Diverging_Iterates":
                 sentence = "the cost falls without end"
@@ -277,12 +295,28 @@ class Problem:
                 sentence = "there are more final conditions than the controls can meet"
                 hint = "give fewer final conditions, or more steps"
             case "Invalid_Number_Detected":
-                sentence = "a function of the model or the cost is not finite where IPOPT looked"
+                sentence = (
+                    "a function of the model, the cost or the end is not finite where IPOPT looked"
+                )
                 hint = "look for a division by zero or a root, bound the states, or give a guess"
+            case _ if flat := self._flat(result):
+                sentence = f"no optimum is found: {flat} is met where its gradient vanishes"
+                hint = "write it so that it changes its sign there, as x - 1 and not as its square"
+            case _ if holds:
+                sentence = f"no optimum is found: {off}"
+                hint = "look for kinks and jumps of cost and model, or give a guess nearer to it"
             case _:
                 sentence = f"no optimum is found: {off}"
                 hint = "give a guess nearer to it, or bounds that keep away from singular positions"
         return self._failed(hinted(f"{sentence} ({counted})", hint), result)
+
+    def _flat(self, result: OptimalControl) -> str | None:
+        """Name a condition of the end whose gradient is none where IPOPT stopped."""
+        first, second = (result.states[name][-1] for name in self.system.states)
+        near = near_constraints(
+            self.system, self.times.end, self.final.guess(*self.start), self.params
+        )
+        return self.final.flat(self.system, float(result.t[-1]), (first, second), near, self.params)
 
     def _failed(self, message: str, result: OptimalControl) -> OptimizationError:
         return OptimizationError(

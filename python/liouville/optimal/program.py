@@ -143,8 +143,9 @@ class Program:
     ) -> tuple[dict[str, Array], dict[str, Any]]:
         """Solve it by IPOPT, whose tolerances are absolute, in units of these sizes.
 
-        Returns x, f, g and their multipliers, and IPOPT's own numbers. Sizes that are NaN follow
-        from the others, the same for places that are alike.
+        Returns x, f, g and their multipliers, and IPOPT's own numbers; "off" is how far constraints
+        are, in these units. Sizes that are NaN follow from the others, the same for places that are
+        alike.
         """
         units = Units.of(self, guess, *sizes)
         x, p = ca.MX.sym("x", self.size), ca.MX.sym("p", 0)
@@ -170,7 +171,8 @@ class Program:
             x0=guess / units.x, p=[], lbx=least, ubx=most, lbg=low / units.g, ubg=high / units.g
         )
         arrays = {name: np.array(value).ravel() for name, value in found.items()}
-        return units.undone(arrays), solver.stats()
+        off = float(np.abs(arrays["g"]).max(initial=0.0))
+        return units.undone(arrays), {**solver.stats(), "off": off}
 
     def slope(self, x: Array, lam: Array) -> Array:
         """Return the gradient of the cost with the constraints weighted by their multipliers."""
