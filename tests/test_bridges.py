@@ -106,6 +106,65 @@ def test_torch_has_the_gradients_of_vjp_and_passes_gradcheck(torch):
     assert solve(*inputs[:3], 0.5)[0].dtype == torch.float64
 
 
+@pytest.mark.filterwarnings("ignore:.torch.jit.script")
+def test_torch_func_has_gradients_and_one_ensemble_of_mapped_ones(torch, monkeypatch):
+    runs = []
+    monkeypatch.setattr(run, "vjp", lambda *a, **options: runs.append(a) or lv.vjp(*a, **options))
+    solve = lv.torch.solver(SYSTEM, METHOD, **CALL)
+    inputs, func = [torch.tensor(x) for x in POINT], torch.func
+
+    def cost(*inputs):
+        return scalar(*solve(*inputs))
+
+    every, expected = tuple(range(len(WRT))), gradients()
+    reverse = func.grad(cost, every)(*inputs)
+    assert all(map(np.array_equal, reverse, expected))
+    for found in (func.jacfwd(cost, every)(*inputs), func.jacrev(cost, every)(*inputs)):
+        for own, wanted in zip(found, expected, strict=True):
+            np.testing.assert_allclose(own, wanted, rtol=1e-11)
+    assert len(runs) == 1
+    # members, each with its own gradient, in either order
+    many, axes = torch.stack([inputs[1], -inputs[1]]), (None, 0, None, None)
+    each = torch.stack([func.grad(cost, 1)(inputs[0], v, *inputs[2:]) for v in many])
+    mapped = func.vmap(func.grad(cost, 1), axes)(inputs[0], many, *inputs[2:])
+    leaf = many.clone().requires_grad_()
+    func.vmap(cost, axes)(inputs[0], leaf, *inputs[2:]).sum().backward()
+    for found in (mapped, leaf.grad):
+        np.testing.assert_array_equal(found, each)
+    assert len(runs) == 3  # the other point, and an ensemble of both
+
+
+def test_torch_differentiates_derivatives_by_what_they_are_linear_in_alone(torch):
+    """Second derivatives by the inputs, and tangents by way of the pullback, were zero."""
+    solve = lv.torch.solver(SYSTEM, METHOD, **CALL)
+    q, v, length, t1 = (torch.tensor(x) for x in POINT)
+
+    def height(v):
+        return solve(q, v, length, t1)[0][-1, 1]
+
+    functional = torch.autograd.functional
+    _, along = functional.jvp(height, v, v)
+    assert float(along) == pytest.approx(float(torch.func.grad(height)(v) @ v), rel=1e-11)
+    leaf, weight = v.requires_grad_(), torch.tensor(2.0, requires_grad=True, dtype=v.dtype)
+    (slope,) = torch.autograd.grad(weight * height(leaf), leaf, create_graph=True)
+    (by_weight,) = torch.autograd.grad(slope.sum(), weight, retain_graph=True)
+    assert float(by_weight) == pytest.approx(float(slope.detach().sum()) / 2, rel=1e-11)
+
+    def forward_over_reverse():
+        with torch.autograd.forward_ad.dual_level():
+            dual = torch.autograd.forward_ad.make_dual(leaf, v.detach())
+            torch.autograd.grad(height(dual), dual)
+
+    for second in (
+        lambda: functional.hessian(height, v.detach()),
+        lambda: torch.func.hessian(height)(v.detach()),
+        lambda: slope.sum().backward(),
+        forward_over_reverse,
+    ):
+        with pytest.raises(NotImplementedError, match="first derivatives only"):
+            second()
+
+
 def test_casadi_has_the_gradients_of_vjp_from_one_run(monkeypatch):
     runs = []
     monkeypatch.setattr(run, "vjp", lambda *a, **options: runs.append(a) or lv.vjp(*a, **options))

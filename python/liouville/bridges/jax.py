@@ -10,13 +10,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from liouville.bridges.functions import run_function
-from liouville.bridges.run import RunFunction, RunMembers, Runnable, library
+from liouville.bridges.run import FIRST, RunFunction, RunMembers, Runnable, library
 from liouville.errors import hinted
 from liouville.methods import Method
 from liouville.runners import Request
-
-#: Results of runs for arguments with a row for each member.
-Call = Callable[[RunMembers, list[Any]], list[Any]]
 
 #: The setting that enables numbers of 64 bits.
 SWITCH = 'jax.config.update("jax_enable_x64", True) before the first array'
@@ -92,7 +89,7 @@ def solver(
     function = run_function(system, method, wrt, returns, request)
 
     def values(*inputs: Any) -> list[Any]:
-        return _called(function, inputs, lambda at, _: at.values)
+        return function.mapped(inputs, lambda at, _: at.values)
 
     @jax.custom_jvp  # type: ignore[untyped-decorator]
     def run(*inputs: Any) -> Any:
@@ -123,17 +120,6 @@ def _results(function: RunFunction, lead: tuple[int, ...], is_transposed: bool) 
     return [jax.ShapeDtypeStruct((*lead, *shape), kinds[name]) for name, shape in parts.items()]
 
 
-def _called(function: RunFunction, args: Sequence[Any], call: Call) -> list[Any]:
-    """Return what runs have, given their inputs and other arguments; all begin with the members."""
-    shapes, arrays = [*function.inputs.values()], [np.asarray(x) for x in args]
-    lead = arrays[0].shape[: arrays[0].ndim - len(shapes[0])]
-    many = int(np.prod(lead))
-    flat = [x.reshape(many, *x.shape[len(lead) :]) for x in arrays]
-    at = function.members(flat[: len(shapes)])
-    found = [np.broadcast_to(x, (many, *x.shape[1:])) for x in call(at, flat[len(shapes) :])]
-    return [x.reshape((*lead, *x.shape[1:])) for x in found]
-
-
 @cache
 def _derivative() -> Any:
     r"""Return JAX's primitive of the derivative of a run, and of its transpose.
@@ -158,7 +144,7 @@ def _derivative() -> Any:
 
         own = _results(function, lead, is_transposed)
         return jax.pure_callback(
-            lambda *args: _called(function, args, derived), own, *args, vmap_method="sequential"
+            lambda *args: function.mapped(args, derived), own, *args, vmap_method="sequential"
         )
 
     def abstract(*args: Any, function: RunFunction, is_transposed: bool, lead: Any) -> list[Any]:
@@ -178,7 +164,7 @@ def _derivative() -> Any:
     def jvp(args: Any, tangents: Any, function: RunFunction, **options: Any) -> Any:
         count = len(function.inputs)
         if any(type(x) is not ad.Zero for x in tangents[:count]):
-            raise NotImplementedError("a run has first derivatives only, and no second ones")
+            raise NotImplementedError(FIRST)
         linear = [ad.instantiate_zeros(x) for x in tangents[count:]]
         options["function"] = function
         return derivative.bind(*args, **options), derivative.bind(*args[:count], *linear, **options)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cached_property
 from importlib import import_module
 from typing import Any
@@ -26,6 +26,9 @@ Array = NDArray[Any]
 
 #: The systems whose runs are functions.
 Runnable = Mechanics | SemiExplicit | Field | Schrodinger
+
+#: What is said where a derivative is to be differentiated.
+FIRST = "a run has first derivatives only, and no second ones"
 
 #: The types of numbers, by the names that every library has for them.
 DOUBLE, COMPLEX = "float64", "complex128"
@@ -55,6 +58,8 @@ class RunFunction(ABC):
         The types of the numbers of all inputs and outputs.
     is_single : bool
         Whether one output was asked for by its name alone.
+    last : RunMembers or None
+        The runs that were asked for last.
     """
 
     def __init__(
@@ -73,7 +78,7 @@ class RunFunction(ABC):
         self.outputs = self._chosen((returns,) if self.is_single else returns, request)
         names = (*self.inputs, *self.outputs)
         self.types = {name: COMPLEX if name == "psi" else DOUBLE for name in names}
-        self._last: RunMembers | None = None
+        self.last: RunMembers | None = None
 
     @abstractmethod
     def _named(self, wrt: Any, request: Request) -> dict[str, tuple[int, ...]]:
@@ -139,8 +144,8 @@ class RunFunction(ABC):
             if tuple(shape) != wanted:
                 raise ValueError(f"'{name}' has shape {tuple(shape)}, wanted {wanted}")
 
-    def members(self, inputs: Sequence[Any]) -> RunMembers:
-        """Run with a row of inputs for each member, unless these are the last runs again.
+    def members(self, inputs: Sequence[Any], known: RunMembers | None = None) -> RunMembers:
+        """Run with a row of inputs for each member, unless these are known or the last runs again.
 
         Raises
         ------
@@ -154,10 +159,23 @@ class RunFunction(ABC):
         own = [np.array(x, dtype=kind) for x, kind in zip(inputs, types, strict=True)]
         if all(map(_are_alike, own)):  # the same point, whatever is asked of it
             own = [x[:1] for x in own]
-        last = self._last
-        if last is None or not all(map(np.array_equal, own, last.inputs)):
-            self._last = last = RunMembers(self, own)
-        return last
+        for runs in (known, self.last):
+            if runs is not None and all(map(np.array_equal, own, runs.inputs)):
+                return runs
+        self.last = runs = RunMembers(self, own)
+        return runs
+
+    def mapped(
+        self, args: Sequence[Any], call: Call, known: RunMembers | None = None
+    ) -> list[Array]:
+        """Call with runs and the arguments behind the inputs; all begin with the same axes."""
+        shapes, arrays = [*self.inputs.values()], [np.asarray(x) for x in args]
+        lead = arrays[0].shape[: arrays[0].ndim - len(shapes[0])]
+        many = int(np.prod(lead))
+        flat = [x.reshape(many, *x.shape[len(lead) :]) for x in arrays]
+        at = self.members(flat[: len(shapes)], known)
+        found = [np.broadcast_to(x, (many, *x.shape[1:])) for x in call(at, flat[len(shapes) :])]
+        return [x.reshape((*lead, *x.shape[1:])) for x in found]
 
     def at(self, inputs: Sequence[Any]) -> RunPoint:
         """Run with these inputs, as :meth:`members` does."""
@@ -302,6 +320,10 @@ class RunMembers:
     @staticmethod
     def _stacked(found: Sequence[Sequence[Array]]) -> list[Array]:
         return [np.stack(parts) for parts in zip(*found, strict=True)]
+
+
+#: Results of runs for arguments with a row for each member.
+Call = Callable[[RunMembers, list[Any]], list[Array]]
 
 
 def _are_alike(rows: Array) -> bool:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from liouville.bridges.functions import run_function
-from liouville.bridges.run import RunFunction, Runnable, library
+from liouville.bridges.run import FIRST, Call, RunFunction, RunMembers, Runnable, library
 from liouville.methods import Method
 from liouville.runners import Request
 
@@ -31,7 +31,11 @@ def solver(
     """Return a run as a function that PyTorch differentiates.
 
     It is a ``torch.autograd.Function``: ``backward`` takes the pullback of :func:`liouville.vjp`,
-    and forward mode takes tangents. There are no derivatives of derivatives.
+    and forward mode takes tangents. The functions of ``torch.func`` work on it, and ``vmap`` of
+    values and gradients over starts and parameters is one ensemble. Derivatives are linear
+    functions of cotangents and directions, which PyTorch differentiates by these; there are no
+    derivatives of derivatives by the inputs. ``torch.compile`` is to leave it alone, as
+    ``torch.compiler.disable(f)``.
 
     Parameters
     ----------
@@ -65,6 +69,8 @@ def solver(
         another shape or type, or, of its derivatives, a start off the constraints.
     IntegrationError
         The function's run fails.
+    NotImplementedError
+        A derivative is differentiated by the inputs.
     ImportError
         PyTorch is missing.
 
@@ -82,8 +88,10 @@ def solver(
     function = run_function(system, method, wrt, returns, request)
 
     def solve(*inputs: Any) -> Any:
-        double = torch.float64
-        tensors = [torch.tensor(x, dtype=double) if isinstance(x, float) else x for x in inputs]
+        kind = {"dtype": torch.float64}
+        if places := [x.device for x in inputs if isinstance(x, torch.Tensor)]:
+            kind["device"] = places[0]
+        tensors = [torch.tensor(x, **kind) if isinstance(x, float) else x for x in inputs]
         for x in tensors:
             if not isinstance(x, torch.Tensor):
                 raise TypeError(f"inputs are tensors of torch.float64 and floats, not {x!r}")
@@ -100,33 +108,107 @@ def _function() -> Any:
     torch = library("torch", "lv.torch.solver")
     base: Any = torch.autograd.Function
 
-    def arrays(tensors: Sequence[Any]) -> list[Any]:
-        return [x.detach().cpu().resolve_conj().resolve_neg().numpy() for x in tensors]
+    def called(function: RunFunction, tensors: Sequence[Any], known: Any, call: Call) -> Any:
+        arrays = [x.detach().cpu().resolve_conj().resolve_neg().numpy() for x in tensors]
+        found = function.mapped(arrays, call, known)
+        return tuple(torch.from_numpy(np.array(x)).to(tensors[0].device) for x in found)
 
-    def on(device: Any, values: Sequence[Any]) -> tuple[Any, ...]:
-        return tuple(torch.from_numpy(np.array(x)).to(device) for x in values)
+    def batched(info: Any, in_dims: Any, args: Sequence[Any]) -> list[Any]:
+        """Return tensors with the members of a batch as their first axis; others are let be."""
+        return [
+            x if not isinstance(x, torch.Tensor)
+            else x.expand(info.batch_size, *x.shape) if axis is None
+            else x.movedim(axis, 0)
+            for x, axis in zip(args, in_dims, strict=True)
+        ]  # fmt: skip
 
     class Run(base):  # type: ignore[misc]
-        """A run, its pullback and its tangents."""
+        """A run as a function of its inputs."""
 
         @staticmethod
-        def forward(ctx: Any, function: RunFunction, *inputs: Any) -> Any:
-            ctx.point = function.at(arrays(inputs))
-            ctx.device = inputs[0].device
-            return on(ctx.device, ctx.point.values)
+        def forward(function: RunFunction, *inputs: Any) -> Any:
+            return called(function, inputs, None, lambda at, _: at.values)
 
         @staticmethod
-        @torch.autograd.function.once_differentiable  # type: ignore[untyped-decorator]
+        def setup_context(ctx: Any, args: Any, _: Any) -> None:
+            ctx.function, *inputs = args
+            ctx.known = ctx.function.last  # kept as long as the graph is
+            ctx.save_for_backward(*inputs)
+            ctx.save_for_forward(*inputs)
+
+        @staticmethod
         def backward(ctx: Any, *cotangents: Any) -> Any:
-            return None, *on(ctx.device, ctx.point.pulled(arrays(cotangents)))
+            return None, *derived(ctx, cotangents, True)
 
         @staticmethod
         def jvp(ctx: Any, _: Any, *directions: Any) -> Any:
-            zeros = map(np.zeros_like, ctx.point.inputs)
-            own = [
-                zero if x is None else arrays([x])[0]
-                for zero, x in zip(zeros, directions, strict=True)
-            ]
-            return on(ctx.device, [x[0] for x in ctx.point.pushed([x[None] for x in own])])
+            pairs = zip(ctx.saved_tensors, directions, strict=True)
+            own = [torch.zeros_like(x) if d is None else d for x, d in pairs]
+            return derived(ctx, own, False)
+
+        @staticmethod
+        def vmap(info: Any, in_dims: Any, *args: Any) -> Any:
+            found = Run.apply(*batched(info, in_dims, args))
+            return found, (0,) * len(found)
+
+    class Held(base):  # type: ignore[misc]
+        """An input of a derivative, which is not differentiated by it."""
+
+        generate_vmap_rule = True
+
+        @staticmethod
+        def forward(x: Any) -> Any:
+            return x.clone()
+
+        @staticmethod
+        def setup_context(ctx: Any, args: Any, found: Any) -> None:
+            """Keep nothing."""
+
+        @staticmethod
+        def backward(ctx: Any, *cotangents: Any) -> Any:
+            raise NotImplementedError(FIRST)
+
+        @staticmethod
+        def jvp(ctx: Any, *directions: Any) -> Any:
+            raise NotImplementedError(FIRST)
+
+    class Derivative(base):  # type: ignore[misc]
+        """The derivative of a run, or its transpose, as a linear function."""
+
+        @staticmethod
+        def forward(function: RunFunction, known: Any, is_transposed: bool, *args: Any) -> Any:
+            def call(at: RunMembers, linear: list[Any]) -> list[Any]:
+                return at.pulled(linear) if is_transposed else at.pushed(linear)
+
+            return called(function, args, known, call)
+
+        @staticmethod
+        def setup_context(ctx: Any, args: Any, _: Any) -> None:
+            ctx.function, ctx.known, ctx.is_transposed, *tensors = args
+            count = len(ctx.function.inputs)
+            ctx.save_for_backward(*tensors[:count])
+            ctx.save_for_forward(*tensors[:count])
+
+        @staticmethod
+        def backward(ctx: Any, *cotangents: Any) -> Any:
+            found = derived(ctx, cotangents, not ctx.is_transposed)
+            return (None,) * (3 + len(ctx.function.inputs)) + found
+
+        @staticmethod
+        def jvp(ctx: Any, *directions: Any) -> Any:
+            linear = directions[3 + len(ctx.function.inputs) :]
+            return derived(ctx, linear, ctx.is_transposed)
+
+        @staticmethod
+        def vmap(info: Any, in_dims: Any, *args: Any) -> Any:
+            found = Derivative.apply(*batched(info, in_dims, args))
+            return found, (0,) * len(found)
+
+    def derived(ctx: Any, linear: Sequence[Any], is_transposed: bool) -> tuple[Any, ...]:
+        inputs = map(Held.apply, ctx.saved_tensors)
+        found: tuple[Any, ...] = Derivative.apply(
+            ctx.function, ctx.known, is_transposed, *inputs, *linear
+        )
+        return found
 
     return Run
