@@ -200,6 +200,15 @@ def test_ipopt_finds_the_velocity_that_brings_a_pendulum_to_a_place():
     assert abs(velocity[1]) < 1e-6  # across the rod is wasted
 
 
+def test_second_derivatives_in_casadi_are_refused_by_a_sentence():
+    solve = lv.casadi.solver(SYSTEM, METHOD, **{**CALL, "wrt": ["v"]}, q=POINT[0])
+    v = ca.MX.sym("v", 2)
+    aim = {"x": v, "f": solve(v)[0][-1, 1]}
+    for second in (lambda: ca.hessian(aim["f"], v), lambda: ca.nlpsol("aim", "ipopt", aim)):
+        with pytest.raises(RuntimeError, match=r"first derivatives only.*\nhint: IPOPT takes"):
+            second()
+
+
 def test_velocities_off_the_constraints_have_the_right_derivatives():
     solve = lv.casadi.solver(SYSTEM, METHOD, wrt=["v", "t1"], **RUN, q=POINT[0])
     v, d = np.array([1.0, 3.0]), np.array([0.3, -0.4])

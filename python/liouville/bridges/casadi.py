@@ -10,7 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from liouville import _casadi as ca
 from liouville.bridges.functions import run_function
-from liouville.bridges.run import COMPLEX, RunFunction, Runnable, RunPoint
+from liouville.bridges.run import COMPLEX, FIRST, RunFunction, Runnable, RunPoint
+from liouville.errors import hinted
 from liouville.methods import Method
 from liouville.runners import Request
 
@@ -19,6 +20,9 @@ Array = NDArray[Any]
 #: Names with shapes of one side of a function, and what makes one side of the other.
 Shapes = Sequence[tuple[str, tuple[int, int]]]
 Call = Callable[[list[Array]], Sequence[Array]]
+
+#: What helps where second derivatives are asked for.
+SECOND = "IPOPT takes {'ipopt.hessian_approximation': 'limited-memory'}"
 
 
 def solver(
@@ -134,6 +138,26 @@ class _Called(ca.Callback):
             # CasADi prints what is raised before an error of its own: the sentence will do
             raise error.with_traceback(None) from None
 
+    def has_forward(self, count: int) -> bool:
+        """Say that there are forward derivatives: without them CasADi has an error of its own."""
+        return True
+
+    def has_reverse(self, count: int) -> bool:
+        """Say that there are reverse derivatives."""
+        return True
+
+    def get_forward(
+        self, count: int, name: str, ins: Sequence[str], outs: Sequence[str], options: Any
+    ) -> ca.Function:
+        """Refuse derivatives of derivatives."""
+        raise NotImplementedError(hinted(FIRST, SECOND))
+
+    def get_reverse(
+        self, count: int, name: str, ins: Sequence[str], outs: Sequence[str], options: Any
+    ) -> ca.Function:
+        """Refuse derivatives of derivatives."""
+        raise NotImplementedError(hinted(FIRST, SECOND))
+
 
 class _Run(_Called):
     """A run, with its derivatives, which live as long as it does."""
@@ -147,14 +171,6 @@ class _Run(_Called):
             return _apart(self._at(given).values)
 
         super().__init__("run", ins, outs, call, {})
-
-    def has_forward(self, count: int) -> bool:
-        """Say that there are forward derivatives."""
-        return True
-
-    def has_reverse(self, count: int) -> bool:
-        """Say that there are reverse derivatives."""
-        return True
 
     def get_forward(
         self, count: int, name: str, ins: Sequence[str], outs: Sequence[str], options: Any
