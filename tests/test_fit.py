@@ -117,6 +117,50 @@ def test_bounds_are_kept():
     assert found.params["l"] == pytest.approx(1.9, abs=1e-6)
 
 
+def test_a_guess_far_away_is_left_until_squares_fall_no_more():
+    """Slopes grow by e^70 there, in units of which the rest of the way has none."""
+    system = lv.Lagrangian(
+        lambda t, q, v, params: (v[0] ** 2 - params.k * q[0] ** 2) / 2,
+        q=("x",),
+        params={"k": -3.0},
+    )
+    t = np.linspace(0, 40, 11)
+    found = lv.fit(system, METHOD, {"t": t, "x": np.cos(2 * t)}, h=2.0, params=("k",), q=[1], v=[0])
+    nearby = found.params["k"] + np.array([-1, 0, 1]) * found.errors["params.k"] / 10
+    squares = []
+    for k in nearby:
+        run = lv.integrate(
+            system, METHOD, t=(0, 40), steps=20, every=2, params={"k": k}, q=[1], v=[0]
+        )
+        squares.append(np.sum((run.q[:, 0] - np.cos(2 * t)) ** 2))
+    assert squares[1] == min(squares)
+    assert squares[1] < 2 * t.size
+
+
+def test_a_fit_that_ends_where_runs_fail_is_refused():
+    """No trial gets past the edge, and squares still fall towards it."""
+    system = lv.Lagrangian(
+        lambda t, q, v, params: v[0] ** 2 / 2 - q[0] * ca.sqrt(1 - params.k), q=("x",),
+        params={"k": 0.5},
+    )  # fmt: skip
+    t = np.linspace(0, 1, 11)
+    with pytest.raises(ValueError, match="no fit is found in"):
+        lv.fit(system, METHOD, {"t": t, "x": t**2}, h=0.1, params=("k",), q=[0], v=[0])
+
+
+def test_one_measurement_after_the_start_determines_what_it_can():
+    lever = {"t": [1.0], "x": [np.cos(2.2)]}
+    system = lv.Lagrangian(
+        lambda t, q, v, params: (v[0] ** 2 - params.k * q[0] ** 2) / 2,
+        q=("x",),
+        params={"k": 4.0},
+    )
+    found = lv.fit(system, METHOD, lever, h=0.05, params=("k",), sigma=0.01, t0=0, q=[1], v=[0])
+    assert found.params["k"] == pytest.approx(2.2**2, rel=1e-9)
+    slope = -np.sin(2.2) / (2 * 2.2)  # of cos(sqrt(k))
+    assert found.errors["params.k"] == pytest.approx(abs(0.01 / slope), rel=1e-6)
+
+
 GIVEN = {"h": 0.05, "params": ("l",)}
 
 
@@ -127,8 +171,17 @@ GIVEN = {"h": 0.05, "params": ("l",)}
         ({"t": [0.0, 1.5, 1.5], "x": [0, 1, 2]}, GIVEN, "rise: 1.5 is followed by 1.5\nhint: sort"),
         ({"t": TRUTH.t, "w": TRUTH.q}, GIVEN, "'w', which is no state"),
         ({"t": TRUTH.t, "q": TRUTH.q[:3]}, GIVEN, "shape"),
-        ({"t": TRUTH.t, "x": np.full(21, np.nan)}, GIVEN, "finite numbers"),
+        ({"t": TRUTH.t, "x": np.full(21, np.nan)}, GIVEN, "data have no measurement"),
+        ({"t": TRUTH.t, "x": np.full(21, np.inf)}, GIVEN, "finite numbers"),
+        ({"t": [0.0, np.nan], "x": [1, 2]}, GIVEN, "'t' are finite times"),
+        ({"t": [0.0], "x": [1]}, GIVEN, "only measurement is at the start, t0 = 0\nhint: give t0"),
+        (
+            {"t": [0.0, 1.0], "x": [np.nan, 1]},
+            GIVEN,
+            "do not say how good they are\nhint: give sig",
+        ),
         (noisy(0), GIVEN | {"params": ("c",)}, "no parameter 'c'"),
+        (noisy(0), GIVEN | {"params": None}, "params is a sequence of names, not None\nhint: give"),
         (noisy(0), GIVEN | {"params": ()}, "nothing is to be fitted"),
         (noisy(0), GIVEN | {"params": ("m", "k")}, "do not determine 'params.m'"),
         (noisy(0), GIVEN | {"free": ("p",)}, "free is q or v"),

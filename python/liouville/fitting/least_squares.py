@@ -15,14 +15,17 @@ from liouville.errors import IntegrationError, hinted, quoted
 from liouville.fitting.freedoms import free_directions, movable
 from liouville.fitting.measurements import Measurements, System
 from liouville.fitting.result import Fit
+from liouville.fitting.unknowns import Unknowns
 from liouville.integrate import integrate
 from liouville.methods import Method
 from liouville.runners.execute import finished
 from liouville.solution import Solution
-from liouville.systems import Mechanics, SemiExplicit, _trace
+from liouville.systems import Mechanics, SemiExplicit
 
 #: Fits from the start that the last one found, until it moves by less than this part of its error.
 MOST, SETTLED = 10, 1e-3
+#: Residuals below this part of the states, or of the start of the guess, are roundoff.
+ROUNDED = 1e-8
 #: A singular value of the scaled Jacobian below this part of the largest determines nothing, of
 #: unknowns that have more than the second part in it.
 RANK, APART = 1e-10, 0.1
@@ -96,7 +99,8 @@ def fit(
     ------
     TypeError, ValueError
         Names, shapes, times or bounds are wrong, nothing is to be fitted, there are fewer
-        measurements than unknowns, they do not determine them all, or no fit is found.
+        measurements than unknowns, or no more without `sigma`, they do not determine them all, or
+        no fit is found: sums of squares still fall where the trials end.
     IntegrationError
         The run from the first guess fails.
     KeyboardInterrupt
@@ -110,7 +114,8 @@ def fit(
     the mean square of residuals where `sigma` is not given: their sum of squares over the number of
     measurements less that of unknowns. With K unknowns and N measurements it holds 95 % of truths
     in the ellipsoid of :math:`\chi^2_K` where `sigma` is given, and otherwise of
-    :math:`K F_{K, N - K}`, as far as states are linear in the unknowns over its size.
+    :math:`K F_{K, N - K}`, as far as states are linear in the unknowns over its size. It knows
+    nothing of `bounds`: of an unknown that has come to one it is that without it.
 
     References
     ----------
@@ -134,62 +139,22 @@ def fit(
         )
         raise TypeError(hinted(sentence, "lv.vjp has gradients of the others, for an optimiser"))
     measured = Measurements(system, data, h, sigma, t0)
-    problem = _Problem(system, method, measured, start)
-    problem.take(params, free, bounds)
-    return problem.solve()
+    unknowns = Unknowns.of(system, params, free, bounds)
+    return _Problem(system, method, measured, unknowns, start).solve()
 
 
 class _Problem:
     """Measurements, and the run that is to meet them."""
 
     def __init__(
-        self, system: System, method: Method, data: Measurements, start: Mapping[str, Any]
-    ) -> None:
-        self.system, self.method, self.data = system, method, data
+        self, system: System, method: Method, data: Measurements, unknowns: Unknowns,
+        start: Mapping[str, Any],
+    ) -> None:  # fmt: skip
+        self.system, self.method, self.data, self.unknowns = system, method, data, unknowns
+        self.params, self.free, self.bounds = unknowns.params, unknowns.free, unknowns.bounds
         self.start: dict[str, Any] = dict(zip(system.states, system.start(start), strict=True))
+        self.guessed = np.abs(np.concatenate([*self.start.values()]))
         self.evaluations = 0
-
-    def take(
-        self,
-        params: Sequence[str] | Mapping[str, ArrayLike],
-        free: Sequence[str],
-        bounds: Mapping[str, Any] | None,
-    ) -> None:
-        """Take what is to be fitted."""
-        given: dict[str, Any] = dict(params) if isinstance(params, Mapping) else {}
-        names = [params] if isinstance(params, str) else list(params)
-        self.system.values(given)  # refuses names and shapes
-        self.params: dict[str, Any] = dict(self.system.params)
-        for name in names:
-            if name not in self.params:
-                hint = f"there are {quoted(list(self.params))}" if self.params else "it has none"
-                raise ValueError(hinted(f"the system has no parameter {name!r}", hint))
-            if names.count(name) > 1:
-                raise ValueError(f"params names {name!r} twice")
-        self.params |= given
-        if not isinstance(free, Sequence):
-            hint = f"write free={movable(self.system)!r}"
-            raise TypeError(hinted(f"free is a sequence of states, not {free!r}", hint))
-        self.fitted, self.free = tuple(names), (free,) if isinstance(free, str) else tuple(free)
-        for name in self.free:
-            if name not in movable(self.system):
-                raise ValueError(f"free is {' or '.join(movable(self.system))}, not {name!r}")
-        limits = _trace.mapping("bounds", bounds)
-        for name in limits:
-            if name not in self.fitted:
-                raise ValueError(f"bounds has {name!r}, which is not fitted")
-        sizes = [np.size(self.params[name]) for name in self.fitted]
-        self.cuts = np.cumsum([0, *sizes]).tolist()
-        self.bounds = np.array([[-np.inf, np.inf]] * self.cuts[-1]).reshape(-1, 2)
-        for name, size, first in zip(self.fitted, sizes, self.cuts, strict=False):
-            value = np.asarray(self.params[name])
-            low, high = _trace.pair(f"'{name}'", limits.get(name, (None, None)), value.shape)
-            if not ((low < value) & (value < high)).all():
-                sentence = f"'{name}' begins at {value}, which is not between {low} and {high}"
-                raise ValueError(hinted(sentence, "give params= as a mapping with first values"))
-            self.bounds[first : first + size] = np.stack([low, high], axis=-1).reshape(-1, 2)
-        if not self.fitted and not self.free:
-            raise ValueError("nothing is to be fitted: give params= or free=")
 
     def solve(self) -> Fit:
         """Fit, from the start that the last fit found until it stays there."""
@@ -198,10 +163,13 @@ class _Problem:
         self.start = self._on_constraints(given, self.params)
         for _ in range(MOST):
             self.basis = self._basis()
-            x = np.concatenate([self._theta(), np.zeros(self.basis.shape[1])])
+            x = np.concatenate([self.unknowns.theta(self.params), np.zeros(self.basis.shape[1])])
             there = int(np.count_nonzero(self.data.is_there))
             if there < x.size:
                 raise ValueError(f"{there} measurements do not determine {x.size} unknowns")
+            if there == x.size and not self.data.is_absolute:
+                sentence = f"{there} measurements of {x.size} unknowns do not say how good they are"
+                raise ValueError(hinted(sentence, "give sigma=, their standard deviation"))
             free = np.full((len(x) - len(self.bounds), 2), (-np.inf, np.inf))
             sides = np.vstack([self.bounds, free]).T
             self.last = self._run(x)  # a failure here is that of the guess
@@ -210,15 +178,17 @@ class _Problem:
             # each unknown in the unit that moves the states as the others do: tolerances are alike
             found, at = self._sought(least_squares, x, sides, 1 / self._scales(jacobian))
             if found.status == 0:
-                sentence = f"no fit is found in {self.evaluations} runs"
-                raise ValueError(hinted(sentence, "begin nearer, or fit to a shorter time first"))
-            self._residuals(at)
-            covariance = self._covariance(self._jacobian(at))
+                raise self._unfound()
+            residuals = self._residuals(at)
+            jacobian = self._jacobian(at)
+            covariance = self._covariance(jacobian)
             moved = at[len(self.bounds) :]
             self.params, self.start = self.last.params, self.last.start
+            # SciPy's units are those of the first guess, beside whose slopes all others may vanish
+            is_least = self._is_least(at, residuals, jacobian, covariance)
             # a step from the start last taken is exact to its first order only
             errors = np.sqrt(np.diagonal(covariance))[len(self.bounds) :]
-            if (np.abs(moved) > SETTLED * errors).any():
+            if not is_least or (np.abs(moved) > SETTLED * errors).any():
                 continue
             if self.free:
                 break
@@ -229,7 +199,31 @@ class _Problem:
             ):
                 break
             self.start = again
-        return self._fit(covariance, found.fun)
+        if not is_least:
+            raise self._unfound()
+        return self._fit(covariance, residuals)
+
+    def _unfound(self) -> ValueError:
+        sentence = f"no fit is found in {self.evaluations} runs"
+        return ValueError(hinted(sentence, "begin nearer, or fit to a shorter time first"))
+
+    def _is_least(self, x: Array, residuals: Array, jacobian: Array, covariance: Array) -> bool:
+        """Return whether no unknown that is free can lessen the sum of squares, to first order.
+
+        An unknown next to a bound, beyond which the sum falls, is not.
+        """
+        sizes = np.abs(self._of(self.last.run.states)[self.data.first :]) + self.guessed
+        size = np.linalg.norm(residuals)
+        if size <= ROUNDED * np.linalg.norm((sizes / self.data.weights)[self.data.is_there]):
+            return True
+        own = len(self.bounds)
+        falls = -(jacobian.T @ residuals)[:own]
+        near = SETTLED * np.sqrt(np.diagonal(covariance)[:own] / residuals.size) * size
+        (low, high), theta = self.bounds.T, x[:own]
+        held = ((theta - low <= near) & (falls < 0)) | ((high - theta <= near) & (falls > 0))
+        free = jacobian[:, ~np.concatenate([held, np.zeros(len(x) - own, dtype=bool)])]
+        along = np.linalg.qr(free / np.linalg.norm(free, axis=0))[0].T @ residuals
+        return bool(np.linalg.norm(along) <= SETTLED * size)
 
     def _sought(
         self, least_squares: Any, x: Array, sides: Array, units: Array
@@ -247,20 +241,6 @@ class _Problem:
         )  # fmt: skip
         return found, own(found.x)
 
-    def _theta(self) -> Array:
-        values = [np.ravel(self.params[name]) for name in self.fitted]
-        found: Array = np.concatenate([np.zeros(0), *values]).astype(float)
-        return found
-
-    def _with(self, theta: Array) -> dict[str, Any]:
-        """Return all parameters, with these values of those that are fitted."""
-        parts = np.split(theta, self.cuts[1:-1])
-        new = {
-            name: float(part[0]) if np.ndim(self.params[name]) == 0 else part
-            for name, part in zip(self.fitted, parts, strict=False)
-        }
-        return self.params | new
-
     def _on_constraints(self, start: dict[str, Any], params: dict[str, Any]) -> dict[str, Any]:
         return dict(self.system.consistent(t=self.data.t0, params=params, **start))
 
@@ -273,14 +253,14 @@ class _Problem:
         """Run with these values, and their tangents."""
         self.evaluations += 1
         theta, along = np.split(x, [len(self.bounds)])
-        params = self._with(theta)
+        params = self.unknowns.taken(self.params, theta)
         parts = np.split(self.basis, np.cumsum([len(x) for x in self.start.values()])[:-1])
         bases = dict(zip(self.start, parts, strict=True))
         start: dict[str, Any] = {name: x + bases[name] @ along for name, x in self.start.items()}
         start = self._on_constraints(start, params)
         tangents: dict[str, Any] = {
             f"params.{name}": 1.0 if np.ndim(params[name]) == 0 else np.eye(np.size(params[name]))
-            for name in self.fitted
+            for name in self.unknowns.fitted
         }
         if along.size:
             for name in movable(self.system):
@@ -351,7 +331,7 @@ class _Problem:
         """Return the sizes of derivatives; ValueError where one is nothing but roundoff."""
         scales: Array = np.linalg.norm(jacobian, axis=0)
         states = self._of(self.last.run.states)[self.data.first :] / self.data.weights
-        typical = np.abs(self._theta())
+        typical = np.abs(self.unknowns.theta(self.params))
         typical[typical == 0] = 1.0
         own = np.concatenate([1 / typical, self._along()])
         nothing = scales <= NOTHING * np.linalg.norm(states[self.data.is_there]) * own
@@ -373,29 +353,22 @@ class _Problem:
         return found
 
     def _undetermined(self, unknowns: np.ndarray) -> None:
-        names = self._names()
+        names = self.unknowns.names
         parts = [names[k] for k in np.flatnonzero(unknowns) if k < len(names)]
         what = quoted(parts) if parts else "the start"
         sentence = f"the measurements do not determine {what}"
         raise ValueError(hinted(sentence, "fix something of it, or measure what it changes"))
 
-    def _names(self) -> list[str]:
-        names = []
-        for name in self.fitted:
-            size, shape = np.size(self.params[name]), np.ndim(self.params[name])
-            names += [f"params.{name}" + f"[{k}]" * shape for k in range(size)]
-        return names
-
     def _fit(self, covariance: Array, residuals: Array) -> Fit:
         """Return what was found, with the covariance of parameters and of the start."""
         sigma, unknowns = None, len(covariance)
         if not self.data.is_absolute:
-            left = max(residuals.size - unknowns, 1)
+            left = residuals.size - unknowns
             deviation = np.sqrt(residuals @ residuals / left)  # in the unit of the weights
             covariance = covariance * deviation**2
             unit = float(self.data.weights[0, 0])
             sigma, residuals = float(deviation) * unit, residuals * unit
-        own, names, places = len(self.bounds), self._names(), self.system.places
+        own, names, places = len(self.bounds), [*self.unknowns.names], self.system.places
         each = [(state, x) for state in self.system.states for x in places[state]]
         rows = [k for k, (state, _) in enumerate(each) if state in self.free]
         names += [f"{each[k][0]}.{each[k][1]}" for k in rows]

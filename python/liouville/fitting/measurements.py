@@ -66,8 +66,8 @@ class Measurements:
         if not isinstance(data, Mapping) or "t" not in data:
             raise TypeError(hinted("data has no 't'", 'write data={"t": times, "q": values}'))
         times = _numbers("data 't'", data["t"])
-        if times.ndim != 1 or times.size < 2 or not np.isfinite(times).all():
-            raise ValueError(f"data 't' are two times or more in a row, not {times!r}")
+        if times.ndim != 1 or not times.size or not np.isfinite(times).all():
+            raise ValueError(f"data 't' are finite times in a row, not {times!r}")
         if not (np.diff(times) > 0).all():
             k = int(np.argmin(np.diff(times) > 0))
             sentence = f"data 't' rise: {times[k]:g} is followed by {times[k + 1]:g}"
@@ -77,10 +77,14 @@ class Measurements:
         self.t0 = float(times[0]) if t0 is None else number("t0 is a number", t0)
         if self.t0 > times[0]:
             raise ValueError(f"t0 = {self.t0:g} is after the first measurement")
+        if self.t0 == times[-1]:
+            sentence = f"the only measurement is at the start, t0 = {self.t0:g}"
+            raise ValueError(hinted(sentence, "give t0=, the time of a start before it"))
         self._count = times.size
         span = interval((self.t0, float(times[-1])))
         self.run: dict[str, Any] = {"t": span}
-        distance = float(times[-1] - times[0]) / (times.size - 1)
+        first = self.t0 if times.size == 1 else float(times[0])
+        distance = (float(times[-1]) - first) / max(times.size - 1, 1)
         places = np.round((times - self.t0) / distance)
         if _are_whole((times - self.t0) / distance):
             self.first = int(places[0])
@@ -135,8 +139,10 @@ class Measurements:
             if name not in data or name == "t":
                 raise ValueError(f"sigma has {name!r}, of which there are no data")
         self.is_there = np.isfinite(self.values)
-        if np.isinf(self.values).any() or not self.is_there.any():
+        if np.isinf(self.values).any():
             raise ValueError("data are finite numbers, and NaN where nothing was measured")
+        if not self.is_there.any():
+            raise ValueError("data have no measurement: nothing, or NaN alone, is with their times")
         if not self.is_absolute:
             largest = np.abs(self.values[self.is_there]).max() or 1.0
             mean = np.mean((self.values[self.is_there] / largest) ** 2)

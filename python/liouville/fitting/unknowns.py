@@ -1,0 +1,104 @@
+"""What is fitted: parameters with their bounds, and which states of the start."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from liouville.analysis.point import Array
+from liouville.errors import hinted, quoted
+from liouville.fitting.freedoms import movable
+from liouville.fitting.measurements import System
+from liouville.systems import _trace
+
+
+@dataclass(frozen=True)
+class Unknowns:
+    """Parameters and states that are fitted.
+
+    Attributes
+    ----------
+    params : dict
+        All parameters, those that are fitted with the values to begin with.
+    fitted, free : tuple of str
+        The names of the parameters that are fitted, and of the states of the start.
+    bounds : ndarray, shape (K, 2)
+        Least and largest values of the elements of these parameters.
+    """
+
+    params: dict[str, Any]
+    fitted: tuple[str, ...]
+    free: tuple[str, ...]
+    bounds: Array
+
+    @classmethod
+    def of(cls, system: System, params: Any, free: Any, bounds: Any) -> Unknowns:
+        """Read what is given; TypeError or ValueError where it is not of the system."""
+        given: dict[str, Any] = dict(params) if isinstance(params, Mapping) else {}
+        if not isinstance(params, Iterable):
+            hint = "give names, values to begin with by name, or free= alone"
+            raise TypeError(hinted(f"params is a sequence of names, not {params!r}", hint))
+        names = [params] if isinstance(params, str) else list(params)
+        system.values(given)  # refuses names and shapes
+        values: dict[str, Any] = dict(system.params)
+        for name in names:
+            if name not in values:
+                hint = f"there are {quoted(list(values))}" if values else "it has none"
+                raise ValueError(hinted(f"the system has no parameter {name!r}", hint))
+            if names.count(name) > 1:
+                raise ValueError(f"params names {name!r} twice")
+        values |= given
+        if not isinstance(free, Sequence):
+            hint = f"write free={movable(system)!r}"
+            raise TypeError(hinted(f"free is a sequence of states, not {free!r}", hint))
+        states = (free,) if isinstance(free, str) else tuple(free)
+        for name in states:
+            if name not in movable(system):
+                raise ValueError(f"free is {' or '.join(movable(system))}, not {name!r}")
+        limits = _trace.mapping("bounds", bounds)
+        for name in limits:
+            if name not in names:
+                raise ValueError(f"bounds has {name!r}, which is not fitted")
+        if not names and not states:
+            raise ValueError("nothing is to be fitted: give params= or free=")
+        sides = [_bounded(name, values[name], limits.get(name, (None, None))) for name in names]
+        return cls(values, tuple(names), states, np.concatenate([np.empty((0, 2)), *sides]))
+
+    @property
+    def names(self) -> list[str]:
+        """The names of all elements of the parameters that are fitted."""
+        return [
+            f"params.{name}" + f"[{k}]" * np.ndim(self.params[name])
+            for name in self.fitted
+            for k in range(np.size(self.params[name]))
+        ]
+
+    def theta(self, params: Mapping[str, Any]) -> Array:
+        """Return the values of those that are fitted, one after another."""
+        values = [np.ravel(params[name]) for name in self.fitted]
+        found: Array = np.concatenate([np.empty(0), *values]).astype(float)
+        return found
+
+    def taken(self, params: Mapping[str, Any], theta: Array) -> dict[str, Any]:
+        """Return all parameters, with these values of those that are fitted."""
+        sizes = [np.size(self.params[name]) for name in self.fitted]
+        parts = np.split(theta, np.cumsum(sizes)[:-1])
+        new = {
+            name: float(part[0]) if np.ndim(self.params[name]) == 0 else part
+            for name, part in zip(self.fitted, parts, strict=False)
+        }
+        return {**params, **new}
+
+
+def _bounded(name: str, given: Any, limits: Any) -> Array:
+    """Return the bounds of a parameter's elements, which its value is within."""
+    value = np.asarray(given)
+    low, high = _trace.pair(f"'{name}'", limits, value.shape)
+    if not ((low < value) & (value < high)).all():
+        sentence = f"'{name}' begins at {value}, which is not between {low} and {high}"
+        raise ValueError(hinted(sentence, "give params= as a mapping with first values"))
+    found: Array = np.stack([low, high], axis=-1).reshape(-1, 2)
+    return found
