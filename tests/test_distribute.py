@@ -13,6 +13,7 @@ from concurrent.futures import (
     ThreadPoolExecutor,
 )
 from dataclasses import replace
+from itertools import permutations
 
 import casadi as ca
 import numpy as np
@@ -100,6 +101,29 @@ def test_wave_functions_on_threads_have_the_bits_of_one_run(method):
     wanted = lv.ensemble(system, method, **options)
     with ThreadPoolExecutor(2) as executor:
         same(lv.ensemble(system, method, executor=executor, chunk=1, **options), wanted)
+
+
+def test_numbers_and_method_are_those_of_all_chunks():
+    """A chunk of one member is planned for it, and chunks arrive in any order."""
+    system = lv.Schrodinger(
+        np.diag([0.5, -0.5]), drive=[(lambda t, params: ca.cos(params.w * t), [[0, 1], [1, 0]])],
+        params={"w": 1.0},
+    )  # fmt: skip
+    options = {"t": (0, 1), "psi": [1, 0], "params": {"w": np.linspace(1, 2, 3)}}
+    wanted = lv.ensemble(system, "auto", **options)
+    with ThreadPoolExecutor(1) as executor:
+        found = lv.ensemble(system, "auto", executor=executor, chunk=1, **options)
+    same(found, wanted)
+    assert repr(found) == repr(wanted)
+    task = distribute.Task(None, {}, {}, {}, 3, 1, 0.0)
+    part = lv.ensemble(system, "auto", **options | {"params": {"w": [1.0]}})
+    stats = [{"steps": 5, "solver": name} for name in ("newton", "node-schur", "newton")]
+    for order in permutations(range(3)):
+        joined = distribute.Joined(task)
+        for k in order:
+            joined.add(k, k + 1, replace(part, stats=stats[k]))
+        whole = joined.solution([], False, 0.0).stats
+        assert whole == {"steps": 5, "solver": "newton and node-schur", "seconds": 0.0}
 
 
 def test_spawned_processes_need_no_functions_of_the_user():

@@ -42,6 +42,9 @@ POLL = 0.2
 #: Errors of dask.distributed, which is never imported here, where workers die.
 DIED = {"KilledWorker", "FutureCancelledError", "FuturesCancelledError", "CommClosedError"}
 
+#: What joins words, such as those of solvers.
+AND = " and "
+
 #: Numbers of a run that chunks do not add to.
 SAME = ("steps", "pieces")
 
@@ -283,7 +286,7 @@ class Joined:
         self._t = np.empty(0)
         self._arrays: dict[str, dict[str, np.ndarray]] = {group: {} for group in GROUPS}
         self._failures: dict[int, Failure] = {}
-        self._stats: list[tuple[int, dict[str, Any]]] = []
+        self._stats: list[tuple[int, int, dict[str, Any]]] = []
         self._is_cut = False
 
     def add(self, first: int, last: int, part: Solution) -> None:
@@ -297,7 +300,7 @@ class Joined:
                 place = self._place(self._arrays[group], name, x)
                 place[: len(x), first:last] = x
         self._failures |= {first + member: x for member, x in part.failures.items()}
-        self._stats.append((last - first, part.stats))
+        self._stats.append((first, last - first, part.stats))
         self._is_cut |= part.status == "interrupted"
         self.done += last - first
 
@@ -336,11 +339,15 @@ class Joined:
         )  # fmt: skip
 
     def _summed(self) -> dict[str, Any]:
-        """Return numbers of all chunks: counts are added, what is no count is averaged."""
+        """Return numbers of all chunks: counts are added, what is no count is averaged.
+
+        Words are those of all, in the order of the members and not of arrival.
+        """
         found: dict[str, Any] = {}
-        weights = np.array([weight for weight, _ in self._stats])
-        for name, first in self._stats[0][1].items():
-            values = [stats[name] for _, stats in self._stats if name in stats]
+        each = sorted(self._stats, key=lambda part: part[0])
+        weights = np.array([weight for _, weight, _ in each])
+        for name, first in each[0][2].items():
+            values = [stats[name] for _, _, stats in each if name in stats]
             if name in SAME:
                 found[name] = max(values)
             elif isinstance(first, int):
@@ -349,7 +356,8 @@ class Joined:
                 is_same = all(x == first for x in values)
                 found[name] = first if is_same else float(np.average(values, weights=weights))
             else:
-                found[name] = first
+                words = (word for x in values for word in str(x).split(AND))
+                found[name] = AND.join(dict.fromkeys(words)) if isinstance(first, str) else first
         return found
 
 

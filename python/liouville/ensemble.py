@@ -152,7 +152,9 @@ def ensemble(
         runner.steps.t0,
     )
     found = distribute(task, executor, chunk, progress)
-    return replace(found, system=runner.system, params=plain(runner.params))
+    # the method of a chunk may be planned for its members
+    method, values = runner.method, plain(runner.params)
+    return replace(found, system=runner.system, method=method, params=values)
 
 
 def _arrays(given: Any) -> Any:
