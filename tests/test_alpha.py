@@ -1,5 +1,7 @@
 """The alpha methods: special cases, start values, changes of step, energy."""
 
+from itertools import pairwise
+
 import casadi as ca
 import numpy as np
 import pytest
@@ -215,6 +217,23 @@ def test_a_run_goes_on_where_it_stopped():
     del rest["a"]
     other = lv.integrate(problem.system, method, t=(1.0, 2.0), steps=20, **rest)
     assert np.abs(other.q[-1] - whole.q[-1]).max() > 1e-7
+
+
+def test_arnold_and_bruls_go_on_where_they_stopped_to_the_fourth_order():
+    """Velocities are taken off their constraints, as they are there; reactions are found anew."""
+    problem, method, off = PROBLEMS["breathing sphere"], lv.ArnoldBruls(), []
+    start, end = problem.t
+    middle = (start + end) / 2
+    for n in (40, 80, 160, 320):
+        whole = lv.integrate(problem.system, method, t=problem.t, steps=n, **problem.start)
+        half = lv.integrate(
+            problem.system, method, t=(start, middle), steps=n // 2, **problem.start
+        )
+        rest = {"q": half.q[-1], "v": half.v[-1], "a": half.a[-1]}
+        found = lv.integrate(problem.system, method, t=(middle, end), steps=n // 2, **rest)
+        off.append(np.abs(found.q[-1] - whole.q[-1]).max())
+    assert min(one / two for one, two in pairwise(off)) > 12
+    assert off[-1] > 1e-13
 
 
 # --- changes of step ---------------------------------------------------------------------------

@@ -123,7 +123,9 @@ def integrate(
         Start values by the system's names, each of shape (n,): ``q`` and ``v``, ``q`` and ``p``,
         ``y`` and ``z``, ``x``, or ``psi``. Of a ``SemiExplicit`` system z is a guess that may be
         left out. A dict by coordinate name is taken too, but for ``psi``. The alpha family also
-        takes its own ``a``, to go on from ``solution.a[-1]`` with the same step size.
+        takes its own ``a``, to go on from ``solution.a[-1]`` with the same step size. With it
+        ``ArnoldBruls`` takes velocities as it left them, off their constraints, and finds its
+        reactions anew: it goes on to the fourth order of the step, and the others to roundoff.
 
     Returns
     -------
