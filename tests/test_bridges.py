@@ -200,6 +200,16 @@ def test_ipopt_finds_the_velocity_that_brings_a_pendulum_to_a_place():
     assert abs(velocity[1]) < 1e-6  # across the rod is wasted
 
 
+def test_a_solver_keeps_what_it_was_given():
+    given = {"q": np.array([1.2, -1.6]), "params": {"g": np.array(9.81)}}
+    solve = lv.casadi.solver(SYSTEM, METHOD, **{**CALL, "wrt": ["v"]}, **given)
+    wanted = solve(POINT[1])[0].full()
+    given["q"] *= 2
+    given["params"]["g"][()] = 5.0
+    np.testing.assert_array_equal(solve(-POINT[1])[0].full()[0], POINT[0])
+    np.testing.assert_array_equal(solve(POINT[1])[0].full(), wanted)
+
+
 def test_second_derivatives_in_casadi_are_refused_by_a_sentence():
     solve = lv.casadi.solver(SYSTEM, METHOD, **{**CALL, "wrt": ["v"]}, q=POINT[0])
     v = ca.MX.sym("v", 2)

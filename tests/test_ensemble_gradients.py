@@ -232,6 +232,24 @@ def test_members_that_do_not_fit_in_memory_together_are_run_again(monkeypatch):
         np.testing.assert_array_equal(gradient, found[1][name])
 
 
+def test_arrays_may_be_changed_between_a_run_and_its_pullback():
+    """Members are run again: their gradients were those of what the arrays had become."""
+    system = lv.Lagrangian(
+        lambda t, q, v, params: (v[0] ** 2 - params.k * q[0] ** 2) / 2, q=("x",), params={"k": 1.0}
+    )
+    run = {"wrt": ["q", "params.k"], "steps": 20, "t_eval": np.array([0.3, 0.7]), "t": [0, 1]}
+    run |= {"params": {"k": np.array([1.0, 2.0])}, "q": [[1.0], [2.0]], "v": np.zeros((2, 1))}
+    solution, pullback = lv.vjp(system, lv.Spark(3), **run)
+    wanted = pullback(q=np.ones_like(solution.q))
+    solution, pullback = lv.vjp(system, lv.Spark(3), **run)
+    for array in (run["t_eval"], run["params"]["k"], run["v"]):
+        array += 0.1
+    run["params"].clear()
+    run["q"][1][0] = run["t"][1] = 5.0
+    found = pullback(q=np.ones_like(solution.q))
+    assert all(np.array_equal(found[name], wanted[name]) for name in wanted)
+
+
 def test_results_do_not_depend_on_threads():
     problem = load("double_pendulum")
     start, found = starts(problem), []

@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from copy import deepcopy
 from typing import Any
 
 import numpy as np
@@ -32,6 +33,13 @@ def number(wanted: str, value: Any) -> float:
         return float(value)
     except OverflowError:
         return math.inf
+
+
+def kept(given: Any) -> Any:
+    """Return copies of arrays and lists, also those by name, and anything else as it is."""
+    if isinstance(given, Mapping):
+        return {name: kept(x) for name, x in given.items()}
+    return deepcopy(given) if isinstance(given, (np.ndarray, list)) else given
 
 
 def _scalar(value: Any) -> Any:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from liouville._arguments import number
+from liouville._arguments import kept, number
 from liouville.control import Control
 from liouville.errors import IntegrationError, hinted
 from liouville.events import Event
@@ -229,6 +229,8 @@ def vjp(
     (2,)
     """
     check_system(system)
+    # members are run again by what is given here, which the caller may change meanwhile
+    t, t_eval, params, start = (kept(x) for x in (t, t_eval, params, start))
     request = Request(
         t=t, h=h, steps=steps, rtol=rtol, atol=atol, control=control, every=every, t_eval=t_eval,
         events=events, params=params, start=start, has_pullback=True, threads=threads,

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from liouville._arguments import kept
 from liouville._options import check_options
 from liouville.errors import hinted, quoted
 from liouville.gradients import Pullback, vjp
@@ -105,7 +106,7 @@ class RunFunction(ABC):
         values = own.parameters.values if isinstance(own, Schrodinger) else own.values
         values(params)  # refuses names and shapes
         self._refuse_fixed(params or {}, PARAMS)
-        return {**self.system.params, **(params or {})}
+        return {**self.system.params, **kept(params or {})}
 
     def _refuse_fixed(self, given: Iterable[str], prefix: str) -> None:
         for name in given:
