@@ -362,6 +362,17 @@ def test_a_constant_cost_asks_for_any_motion_between_the_ends(value):
     assert np.abs(found.costates["p"]).max() < 1e-9
 
 
+def test_states_beyond_their_bounds_within_steps_are_told():
+    """A mean velocity of 1 is met with at most 0.5 at nodes."""
+    call = {"method": lv.Spark(2), "cost": effort, **CAR}
+    found = lv.optimal_control(bounds={"v": (None, 0.5)}, steps=4, **call)
+    assert found.v.max() <= 0.5 + 1e-9
+    assert found.solution(found.stage_t.ravel()).v.max() > 1
+    assert "within steps v of 'x' is up to 0.62 beyond its bounds" in found.message
+    for bounds in ({"v": (None, 1.2)}, {"q": {"x": (-0.1, 1.1)}}, {}):
+        assert lv.optimal_control(bounds=bounds, steps=32, **call).message == ""
+
+
 @pytest.mark.parametrize(("more", "sentence"), [
     ({"final": {"there": lambda t, q, v, params: (q[0] - 1) ** 2}},
      "final condition 'there' is met where its gradient vanishes"),

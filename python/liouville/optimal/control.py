@@ -93,7 +93,8 @@ def optimal_control(
         Limits of the end, which is free between them and begins with that of `t`.
     bounds : mapping, optional
         Least and largest values, ``{"F": (-10, 10), "q": {"x": (-1, 1)}, "v": (None, 2)}``, of
-        controls at the stages and of states at the nodes; None leaves a side open.
+        controls at the stages and of states at the nodes; None leaves a side open. The result's
+        message says where states go beyond theirs within steps.
     guess : OptimalControl, Solution or mapping, optional
         Where IPOPT begins: another result, a run, or arrays by name with the times as their first
         axis, evenly spaced unless ``"t"`` is among them. By default states go straight from start

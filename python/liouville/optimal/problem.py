@@ -39,6 +39,9 @@ REACHED = 1e-6
 #: Equations that IPOPT leaves by less than this, in its units, hold.
 HOLDS = 1e-8
 
+#: A state may go beyond its bounds within steps by this part of its size.
+BEYOND = 1e-2
+
 #: So many steps at most are made again to see whether a run follows them.
 MOST, TINY = 20, 1e-12
 
@@ -122,6 +125,7 @@ class Problem:
         repeated = self.final.repeated(self.reduced, end, (y[-1], z[-1]), self.params)
         if repeated is not None:
             message = f"{repeated} repeats others at the end found, where costates are not unique"
+        message = "; ".join(filter(None, [message, self._beyond(x, h)]))
         lam = self._multipliers(t, y, z, nodal)
         states = system.states_at(t, np.hstack([y, z, lam]), self.params)
         table, names = self.transcription.table, self.controls.names
@@ -203,6 +207,24 @@ class Problem:
             "controls at nodes are interpolated between stages: the Hamiltonian has no minimum in "
             "them that says more"
         )
+
+    def _beyond(self, x: Array, h: float) -> str:
+        """Return a remark on the state that goes farthest beyond a bound within steps, if any."""
+        layout, a = self.transcription.layout, self.transcription.table["a_v"]
+        y, z = x[layout.y], x[layout.z]
+        inside = y[:-1, None] + h * np.einsum("ij,njk->nik", a, x[layout.V]), x[layout.Z]
+        parts: list[tuple[float, str]] = []
+        for place, (stages, nodes) in enumerate(zip(inside, (y, z), strict=True)):
+            low, high = self.bounds.states[:, place]
+            off = np.maximum(stages - high, low - stages).max(axis=(0, 1))
+            part = off / np.maximum(np.abs(nodes).max(axis=0), TINY)
+            k = int(np.argmax(part))
+            name = f"{self.system.states[place]} of '{self.system.coordinates[k]}'"
+            parts.append((part[k], f"{name} is up to {off[k]:.2g} beyond its bounds"))
+        part, words = max(parts)
+        if not part > BEYOND:
+            return ""
+        return f"within steps {words}, which hold at their ends: more steps leave less"
 
     def _multipliers(self, t: Array, y: Array, z: Array, u: Array) -> Array:
         """Return the multipliers at nodes, from accelerations there; NaN where there are none."""
