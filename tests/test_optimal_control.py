@@ -362,6 +362,26 @@ def test_a_constant_cost_asks_for_any_motion_between_the_ends(value):
     assert np.abs(found.costates["p"]).max() < 1e-9
 
 
+def test_a_whole_final_state_on_moving_constraints_is_that_of_one_time():
+    """With a free end, IPOPT came to another place and was said to need more of the state."""
+    moving = lv.Lagrangian(
+        lambda t, q, v, params: ca.dot(v, v) / 2 - q[1],
+        lambda t, q, params: {"rod": (q[0] - 0.3 * ca.sin(t)) ** 2 + q[1] ** 2 - 1},
+        force=lambda t, q, v, params: [params.F, 0],
+        q=("x", "y"),
+        params={"F": 0.0},
+    )
+    start = moving.consistent(q=[0, -1], v=[0.3, 0])
+    there = moving.consistent(t=2.0, q=[0.9, -0.5], v=[0, 0])
+    call = {"controls": ("F",), "cost": lambda t, q, v, params: 1 + params.F**2 / 2}
+    call |= {"t": (0, 2), "steps": 10, **start}
+    found = lv.optimal_control(moving, lv.Spark(2), final=there, final_time=(2, 2), **call)
+    np.testing.assert_allclose(found.q[-1], there["q"], rtol=0, atol=1e-12)
+    sentence = r"final state violates the constraint 'rod'.* at t = 1.*\nhint: constraints move"
+    with pytest.raises(ValueError, match=sentence):
+        lv.optimal_control(moving, lv.Spark(2), final=there, final_time=(1, 4), **call)
+
+
 def test_states_beyond_their_bounds_within_steps_are_told():
     """A mean velocity of 1 is met with at most 0.5 at nodes."""
     call = {"method": lv.Spark(2), "cost": effort, **CAR}

@@ -89,6 +89,7 @@ def optimal_control(
         Conditions at the end. A whole state, ``{"q": [...], "v": [...]}``, that satisfies the
         constraints; or entries by name, ``{"q": {"x": 0.0}}``, at most n - m of each, as the
         constraints imply the others; and functions ``f(t, q, v, params)`` that vanish, by name.
+        With a free end a whole state is on the constraints at both limits of it.
     final_time : tuple of two floats, optional
         Limits of the end, which is free between them and begins with that of `t`.
     bounds : mapping, optional

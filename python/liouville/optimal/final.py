@@ -115,18 +115,39 @@ class Final:
             raise ValueError(hinted(sentence, self._fewer(system)))
         self._check_own(system, reduced, t, state, params)
 
+    def check_times(self, system: Mechanics, limits: tuple[float, float], params: Array) -> None:
+        """Refuse a whole state that moving constraints leave within the limits of the end."""
+        for t in filter(np.isfinite, limits):
+            sentence = self._violated(system, t, params)
+            if sentence is not None:
+                hint = (
+                    "constraints move, and the end is free: name the n - m entries that are "
+                    f"wanted, {system.states[0]}={{...}}, or give functions that vanish"
+                )
+                raise ValueError(hinted(sentence, hint))
+
+    def _violated(self, system: Mechanics, t: float, params: Array) -> str | None:
+        """Return which constraint a whole state is off, if it is."""
+        if 0 not in self.whole:
+            return None
+        z = self.whole.get(1)
+        at = self.whole[0][None], (np.zeros_like(self.whole[0]) if z is None else z)[None]
+        found = system.violation(t, *at, params[None], hidden=z is not None)
+        if found is None:
+            return None
+        sentence = system.violated(found, t, "").partition("\n")[0]
+        return sentence.replace("start violates", "final state violates")
+
     def _check_whole(self, system: Mechanics, t: float, params: Array) -> None:
         first, second = system.states
         z = self.whole.get(1)
-        if 0 in self.whole:
-            at = self.whole[0][None], (np.zeros_like(self.whole[0]) if z is None else z)[None]
-            found = system.violation(t, *at, params[None], hidden=z is not None)
-            if found is not None:
-                sentence = system.violated(found, t, "").partition("\n")[0]
-                sentence = sentence.replace("start violates", "final state violates")
-                hint = f"system.consistent({first}=..., {second}=...) moves one onto them"
-                raise ValueError(hinted(sentence, hint))
-        elif z is not None and system.constraints and (z.any() or second != "v"):
+        sentence = self._violated(system, t, params)
+        if sentence is not None:
+            hint = f"system.consistent({first}=..., {second}=...) moves one onto them"
+            raise ValueError(hinted(sentence, hint))
+        if 0 not in self.whole and z is not None and system.constraints:
+            if not z.any() and second == "v":
+                return
             sentence = f"final gives all of {second}, and not all of {first}, where it is possible"
             raise ValueError(
                 hinted(sentence, f"name the n - m entries that are wanted, {second}={{...}}")

@@ -87,6 +87,8 @@ class Problem:
     def _check_end(self) -> None:
         end = self.final.guess(*self.start)
         self.final.check(self.system, self.reduced, self.times.end, end, self.params)
+        if self.times.limits is not None:
+            self.final.check_times(self.system, self.times.limits, self.params)
         for place, values in enumerate(end):
             self.bounds.check(self.system, place, self.start[place], "at the start")
             if place in self.final.whole:
