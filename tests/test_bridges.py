@@ -165,6 +165,20 @@ def test_torch_differentiates_derivatives_by_what_they_are_linear_in_alone(torch
             second()
 
 
+def test_tensors_that_are_fixed_are_copied_and_have_no_gradient(torch):
+    q, g = torch.tensor(POINT[0]), torch.tensor(9.81, dtype=torch.float64)
+    call = {**CALL, "wrt": ["v"], "q": q}
+    solve = lv.torch.solver(SYSTEM, METHOD, **call, params={"g": g})
+    wanted = solve(torch.tensor(POINT[1]))[0]
+    g.mul_(2)
+    q.mul_(2)
+    solve(torch.tensor(-POINT[1]))
+    assert torch.equal(solve(torch.tensor(POINT[1]))[0], wanted)
+    sentence = "'params.g' requires a gradient, and is fixed here\\nhint: write 'params.g' into wrt"
+    with pytest.raises(TypeError, match=sentence):
+        lv.torch.solver(SYSTEM, METHOD, **call, params={"g": g.requires_grad_()})
+
+
 def test_casadi_has_the_gradients_of_vjp_from_one_run(monkeypatch):
     runs = []
     monkeypatch.setattr(run, "vjp", lambda *a, **options: runs.append(a) or lv.vjp(*a, **options))

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from liouville.bridges.functions import run_function
 from liouville.bridges.run import FIRST, Call, RunFunction, RunMembers, Runnable, library
+from liouville.errors import hinted
 from liouville.methods import Method
 from liouville.runners import Request
 
@@ -82,6 +83,9 @@ def solver(
         end(v, 2.0)[-1, 1].backward()  # v.grad is that of the height at the end
     """
     torch = library("torch", "lv.torch.solver")
+    if isinstance(params, Mapping):
+        params = {name: _fixed(f"params.{name}", x) for name, x in params.items()}
+    start = {name: _fixed(name, x) for name, x in start.items()}
     request = Request(
         t=t, h=h, steps=steps, every=every, params=params, start=start, has_pullback=True
     )  # fmt: skip
@@ -100,6 +104,22 @@ def solver(
         return found[0] if function.is_single else found
 
     return solve
+
+
+def _fixed(name: str, value: Any) -> Any:
+    """Return a copy of a tensor as an array, and anything else as it is.
+
+    Raises
+    ------
+    TypeError
+        It asks for a gradient that it would not have.
+    """
+    if not isinstance(value, library("torch", "lv.torch.solver").Tensor):
+        return value
+    if value.requires_grad:
+        hint = f"write '{name}' into wrt and give it to the function, or give {name}.detach()"
+        raise TypeError(hinted(f"'{name}' requires a gradient, and is fixed here", hint))
+    return value.cpu().numpy().copy()
 
 
 @cache
