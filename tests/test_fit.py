@@ -148,6 +148,30 @@ def test_a_fit_that_ends_where_runs_fail_is_refused():
         lv.fit(system, METHOD, {"t": t, "x": t**2}, h=0.1, params=("k",), q=[0], v=[0])
 
 
+def test_a_position_that_is_held_is_the_one_given_whatever_the_first_guess():
+    """It was moved from guess to guess of the axis, and ended elsewhere from each."""
+    system = lv.Lagrangian(
+        lambda t, q, v, params: ca.dot(v, v) / 2 - 9.81 * q[1],
+        lambda t, q, params: {"ellipse": q[0] ** 2 / params.a**2 + q[1] ** 2 - 1},
+        q=("x", "y"),
+        params={"a": 1.0},
+    )
+    given = {"q": [0.6, -0.8], "v": [0.8, 0.6]}
+    start = system.consistent(params={"a": 1.6}, **given)
+    true = lv.integrate(system, METHOD, t=(0, 2), h=0.05, params={"a": 1.6}, **start)
+    noise = np.random.default_rng(0).standard_normal(true.q.shape)
+    data, call = {"t": true.t, "q": true.q + 0.01 * noise}, {"free": ("v",), "sigma": 0.01}
+    fits = [
+        lv.fit(system, METHOD, data, h=0.05, params={"a": a}, **call, **given)
+        for a in (1.0, 1.3, 2.2)
+    ]
+    for found in fits:
+        assert found.params["a"] == pytest.approx(fits[0].params["a"], abs=1e-6)
+        moved = system.consistent(params=found.params, **given)
+        np.testing.assert_allclose(found.start["q"], moved["q"], rtol=0, atol=1e-7)
+    assert abs(fits[0].params["a"] - 1.6) < 4 * fits[0].errors["params.a"]
+
+
 def test_one_measurement_after_the_start_determines_what_it_can():
     lever = {"t": [1.0], "x": [np.cos(2.2)]}
     system = lv.Lagrangian(

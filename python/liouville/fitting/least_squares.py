@@ -190,13 +190,11 @@ class _Problem:
             errors = np.sqrt(np.diagonal(covariance))[len(self.bounds) :]
             if not is_least or (np.abs(moved) > SETTLED * errors).any():
                 continue
-            if self.free:
-                break
-            # a start that is held is the one given, moved onto the constraints of what was found
-            again = self._on_constraints(given, self.params)
-            if all(
-                np.abs(again[x] - y).max() <= SAME * np.abs(y).max() for x, y in self.start.items()
-            ):
+            # what is held is as it was given, moved onto the constraints of what was found
+            held = [name for name in movable(self.system) if name not in self.free]
+            again = self._on_constraints(self.start | {x: given[x] for x in held}, self.params)
+            moves = {x: np.abs(again[x] - self.start[x]).max() for x in held}
+            if all(moves[x] <= SAME * np.abs(self.start[x]).max() for x in held):
                 break
             self.start = again
         if not is_least:
