@@ -172,13 +172,13 @@ def _function() -> Any:
             return found, (0,) * len(found)
 
     class Held(base):  # type: ignore[misc]
-        """An input of a derivative, which is not differentiated by it."""
+        """Inputs of a derivative, which is not differentiated by them."""
 
         generate_vmap_rule = True
 
         @staticmethod
-        def forward(x: Any) -> Any:
-            return x.clone()
+        def forward(*inputs: Any) -> Any:
+            return tuple(x.clone() for x in inputs)
 
         @staticmethod
         def setup_context(ctx: Any, args: Any, found: Any) -> None:
@@ -225,10 +225,9 @@ def _function() -> Any:
             return found, (0,) * len(found)
 
     def derived(ctx: Any, linear: Sequence[Any], is_transposed: bool) -> tuple[Any, ...]:
-        inputs = map(Held.apply, ctx.saved_tensors)
-        found: tuple[Any, ...] = Derivative.apply(
-            ctx.function, ctx.known, is_transposed, *inputs, *linear
-        )
+        inputs = Held.apply(*ctx.saved_tensors)
+        how = ctx.function, ctx.known, is_transposed
+        found: tuple[Any, ...] = Derivative.apply(*how, *inputs, *linear)
         return found
 
     return Run
