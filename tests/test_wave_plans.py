@@ -1,7 +1,9 @@
 """Plans of wave functions before they run: bounds of errors, tolerances, and fewest products."""
 
 import _thread
+import itertools
 import threading
+import time
 
 import casadi as ca
 import numpy as np
@@ -294,15 +296,78 @@ def test_a_file_that_is_no_plan_of_a_wave_is_refused(tmp_path, change, message):
 
 
 @pytest.mark.parametrize("method", ["auto", lv.Magnus(4)], ids=["windows", "steps"])
-def test_ctrl_c_ends_a_plan_of_many_windows(method):
+def test_ctrl_c_ends_a_plan_that_takes_long(method):
     """It would take minutes, and what was found by then is not kept."""
     drive = [(lambda t, params: ca.sin(t), np.ones((2, 2)))]
-    system = lv.Schrodinger(np.diag([0.0, 1.0]), drive=drive)
+    system, end = lv.Schrodinger(np.diag([0.0, 1.0]), drive=drive), 2e6
+    if method != "auto":
+        well = lv.Grid(-10, 10, 2**18, lambda t, x, params: ca.exp(-((x - ca.sin(t)) ** 2)))
+        system, end = lv.Schrodinger(well, bounds=(-1.0, 1.0)), 100.0
+    lv.plan(system, method, t=(0.0, 1e-9))
     timer = threading.Timer(0.2, _thread.interrupt_main)
     timer.start()
     try:
         with pytest.raises(KeyboardInterrupt):
-            lv.plan(system, method, t=(0.0, 2e6))
+            lv.plan(system, method, t=(0.0, end))
     finally:
         timer.cancel()
-    assert lv.plan(system, method, t=(0.0, 1.0)).products > 0
+    assert lv.plan(system, method, t=(0.0, 1e-9)).products > 0
+
+
+#: Functions of time over a run of some length, with steps that differ much or are many.
+DRIVES = {
+    "wave": lambda t, end: ca.sin(t),
+    "pulse": lambda t, end: (
+        3 * ca.exp(-(((t - end / 2) / (end / 20)) ** 2)) * ca.cos(5 * t) + 0.1 * ca.cos(t)
+    ),
+    "short pulse": lambda t, end: (
+        0.05 * ca.cos(t) + 300 * ca.exp(-(((t - 0.37 * end) / (end / 2000)) ** 2))
+    ),
+    "chirp": lambda t, end: ca.cos(0.2 * t + 4 * t * t / end),
+    "decay": lambda t, end: 4 * ca.exp(-5 * t / end) * ca.cos(3 * t),
+}
+PIECES = 200
+
+
+@pytest.mark.parametrize("is_back", [False, True], ids=["on", "back"])
+@pytest.mark.parametrize("name", DRIVES)
+def test_many_steps_are_estimated_by_some_in_all_parts_of_a_run(name, is_back):
+    end, method = 200.0, lv.Magnus(4, 1e-6)
+    function, x = DRIVES[name], np.array([[0.0, 1.0], [1.0, 0.0]])
+    system = lv.Schrodinger(np.diag([0.0, 1.0]), drive=[(lambda t, _: function(t, end), x)])
+    plan = lv.plan(system, method, t=(end, 0.0) if is_back else (0.0, end))
+    assert plan.reasons[1].endswith("as counted in parts of the run")
+    # short pieces with their shares of the tolerance have all steps counted
+    times = np.linspace(0.0, end, PIECES + 1)
+    piece = lv.Magnus(4, method.tol / PIECES)
+    parts = [lv.plan(system, piece, t=t) for t in itertools.pairwise(times)]
+    counted = sum(part.products for part in parts)
+    assert 0.8 * counted < plan.products < 1.3 * counted
+
+
+def test_a_run_over_many_jumps_takes_fewer_products_than_its_plan_says():
+    drive = [(lambda t, _: ca.sign(ca.sin(0.5 * t)), np.array([[0.0, 1.0], [1.0, 0.0]]))]
+    system = lv.Schrodinger(np.diag([0.0, 1.0]), drive=drive)
+    plan = lv.plan(system, lv.Magnus(4, 1e-6), t=(0.0, 500.0))
+    taken = lv.integrate(system, plan, t=(0.0, 500.0), psi=[1.0, 0.0]).stats["products"]
+    assert taken <= plan.products < 3 * taken
+
+
+def test_a_run_of_few_steps_has_all_of_them_counted():
+    drive = [(lambda t, _: ca.sin(t), np.ones((2, 2)))]
+    system = lv.Schrodinger(np.diag([0.0, 1.0]), drive=drive)
+    plan = lv.plan(system, lv.Magnus(4, 1e-4), t=(0.0, 10.0))
+    assert plan.reasons[1].endswith(" or fewer")
+
+
+def test_planning_of_many_steps_takes_a_small_part_of_their_run():
+    drive = [(lambda t, _: ca.sin(t), np.ones((2, 2)))]
+    system = lv.Schrodinger(np.diag([0.0, 1.0]), drive=drive)
+    run, plans = {"t": (0.0, 300.0)}, []
+    for _ in range(3):
+        started = time.perf_counter()
+        plan = lv.plan(system, lv.Magnus(4), **run)
+        plans.append(time.perf_counter() - started)
+    started = time.perf_counter()
+    lv.integrate(system, plan, psi=[1.0, 0.0], **run)
+    assert min(plans) < 0.25 * (time.perf_counter() - started)

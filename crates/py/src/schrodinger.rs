@@ -347,19 +347,20 @@ pub(crate) fn driven_cost(
     Ok((powers, bessel, products, theta, beyond))
 }
 
-/// The steps of a Magnus method from each time to the next, their products, at most, and the longest step in units of 1/β.
+/// The steps of a Magnus method from each time to the next, their products, at most as far as estimates hold, the longest
+/// step in units of 1/β, and whether steps were counted in parts of the run alone.
 #[pyfunction]
 pub(crate) fn magnus_cost(
     py: Python<'_>,
     hamiltonian: PyRef<'_, Hamiltonian>,
     method: &Bound<'_, PyAny>,
     times: Vec<f64>,
-) -> PyResult<(usize, usize, f64)> {
+) -> PyResult<(f64, f64, f64, bool)> {
     let method = method.extract::<WaveMethod<'_>>()?.read()?;
     let hamiltonian = hamiltonian.inner.clone();
     let cost = attending(py, || run::magnus_cost(&hamiltonian, method, &times))?;
     let cost = cost.map_err(refused)?;
-    Ok((cost.steps, cost.products, cost.theta))
+    Ok((cost.steps, cost.products, cost.theta, cost.is_sampled))
 }
 
 /// The flows of a splitting of T + V: whether a kick, its weight, and the weights of the drifts before it.

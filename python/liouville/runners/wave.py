@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 #: The memory that each propagator takes beside the records, in states, as measured.
 STATES = {
     "shears": 2, "processed": 3, "chebyshev": 4, "magnus": 4, "magnus series": 5,
-    "magnus steps": 7, "driven": 45, "split": 20,
+    "magnus steps": 12, "driven": 45, "split": 20,
 }  # fmt: skip
 
 #: The memory of the two halves by which shears step a state of a complex H.

@@ -135,11 +135,17 @@ impl TermBounds {
 
     /// The same with a potential, for H at one time.
     pub(super) fn at(&self, weights: &[f64], potential: &[f64]) -> Interval {
+        self.of_sum(weights, potential, &[1.0])
+    }
+
+    /// The same for a sum of H at several times, each times its number of a row.
+    pub(super) fn of_sum(&self, weights: &[f64], potential: &[f64], row: &[f64]) -> Interval {
         let found = sum(self.of(weights), range(potential));
-        match self.given {
-            Some(given) => both(found, given),
-            None => found,
-        }
+        let Some(given) = self.given else {
+            return found;
+        };
+        let sums = row.iter().map(|a| scaled(*a, given));
+        both(found, sums.fold((0.0, 0.0), sum))
     }
 }
 

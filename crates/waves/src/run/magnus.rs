@@ -61,7 +61,7 @@ fn nodes((order, exponentials): (usize, usize)) -> Result<Nodes, StartError> {
     Nodes::find(order, exponentials).ok_or_else(unknown)
 }
 
-/// A bound of the cost of a Magnus method to a tolerance.
+/// The cost of a Magnus method to a tolerance; see [`MagnusSteps::cost`].
 ///
 /// # Errors
 /// It is another method, its bounds do not fit, or H is not finite.

@@ -278,7 +278,7 @@ def _driven(system: Schrodinger, method: Planned, times: Sequence[float]) -> Wav
 
 
 def _magnus(system: Schrodinger, method: Magnus, times: Sequence[float], why: str) -> WavePlan:
-    """Exponentials with steps chosen while running; the plan has as many as there may be."""
+    """Exponentials with steps chosen while running; the plan estimates how many there may be."""
     found = driving(system, times)
     span = Span(times[0], tuple(times[1:]), found.spectrum)
     span.check_reach(method.tol)

@@ -90,13 +90,18 @@ def check_terms(theta: float, hint: str) -> None:
 def magnus_cost(
     system: Schrodinger, core: MagnusSteps, times: Sequence[float], bounds: Interval
 ) -> tuple[float, float, str]:
-    """Return products of a Magnus method that chooses its steps, its longest step, and a reason."""
+    """Return products of a Magnus method that chooses its steps, its longest step, and a reason.
+
+    Products are an estimate of as many as there may be; of a long run of parts of it.
+    """
     lengths, beta = np.abs(np.diff(times)), 0.5 * (bounds[1] - bounds[0])
     check_terms(beta * float(lengths.max()), "give more times to keep states at")
     if system.moving_product is None:
-        steps, products, theta = _core.magnus_cost(system.hamiltonian, core, times)
-        why = f"steps are chosen by estimates while running, at most about {steps}"
-        return float(products), theta, why
+        steps, products, theta, is_sampled = _core.magnus_cost(system.hamiltonian, core, times)
+        why = f"steps are chosen by estimates while running, about {steps:.3g} or fewer"
+        if is_sampled:
+            why += ", as counted in parts of the run"
+        return products, theta, why
     degree = _core.chebyshev_degree(beta * float(lengths.sum()), core.tol)
     why = "steps are chosen by estimates while running; the products are the least there may be"
     # every step is made as one and as two halves

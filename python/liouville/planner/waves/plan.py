@@ -39,7 +39,7 @@ class WavePlan(Plan):
         makes the states of a window without steps, and counts one for each.
     theta : float
         Length of the longest step or window in units of :math:`1/\beta`, with :math:`\beta` half
-        the width of the spectrum.
+        the width of the spectrum; for :class:`Magnus` without steps of a given size an estimate.
     bounds : tuple of float
         Smallest and largest eigenvalue it is safe for, in units of :math:`\hbar/t`.
     guarantee : str
@@ -47,7 +47,8 @@ class WavePlan(Plan):
         ``"given"``.
     products : float
         Products :math:`H \psi` it takes, two real ones each; for Lanczos an estimate, for
-        :class:`Magnus` without steps of a given size as many as there may be.
+        :class:`Magnus` without steps of a given size an estimate of how many there may be, for
+        :math:`H(t)` known by its products the least.
     bound : float or None
         A-priori bound of the error at the end, relative to the norm, roundings included; None
         where none is known.

@@ -165,6 +165,14 @@ impl Sampler {
         is_missed
     }
 
+    /// Ends of parts of an interval; see [`Scan::strata`].
+    pub(in crate::method) fn strata(&self, interval: (f64, f64), count: usize) -> Vec<f64> {
+        match &self.scan {
+            Some(scan) => scan.strata(self, interval, count),
+            None => vec![interval.0, interval.1],
+        }
+    }
+
     /// The length to the next knot, at which a spline bends, before the end.
     pub(super) fn to_knot(&self, t: f64, left: f64) -> Option<f64> {
         let knots = &self.bounds.knots;

@@ -73,6 +73,63 @@ impl Scan {
         self.inside(interval).is_empty()
     }
 
+    /// Ends of so many parts of an interval with equal shares of its time, of the sum of the sizes of all rows, and of that of
+    /// their changes.
+    pub(super) fn strata(
+        &self,
+        sampler: &Sampler,
+        (start, end): (f64, f64),
+        count: usize,
+    ) -> Vec<f64> {
+        let inside = self.inside((start, end - start));
+        let stride = (inside.len() / TIMES).max(1);
+        let places: Vec<usize> = inside.step_by(stride).collect();
+        let (low, high) = (start.min(end), start.max(end));
+        // ends of cells, and the time, phase and change of each
+        let (mut ends, mut cells) = (vec![low], Vec::new());
+        let mut next = |t: f64, [size, change]: [f64; 2]| {
+            let time = t - ends[ends.len() - 1];
+            ends.push(t);
+            cells.push([time, size * time, change]);
+        };
+        for pair in places.windows(2) {
+            next(self.times[pair[1]], self.sizes(sampler, (pair[0], pair[1])));
+        }
+        next(high, [0.0; 2]);
+        let whole = |k: usize| cells.iter().map(|cell| cell[k]).sum::<f64>();
+        let weights = [0, 1, 2].map(|k| if whole(k) > 0.0 { 1.0 / whole(k) } else { 0.0 });
+        let weighed = cells.iter().map(|cell| {
+            let parts = cell.iter().zip(&weights);
+            parts.map(|(part, weight)| part * weight).sum::<f64>()
+        });
+        let each = weighed.clone().sum::<f64>() / count as f64;
+        let (mut strata, mut sum) = (vec![low], 0.0);
+        for (share, cell) in weighed.zip(ends.windows(2)) {
+            while strata.len() < count && sum + share >= strata.len() as f64 * each {
+                let part = (strata.len() as f64 * each - sum) / share;
+                strata.push(cell[0] + part.clamp(0.0, 1.0) * (cell[1] - cell[0]));
+            }
+            sum += share;
+        }
+        strata.push(high);
+        if end < start {
+            strata.reverse();
+        }
+        strata
+    }
+
+    /// Sizes of a row and of its change from one before; 0 of what is not finite.
+    fn sizes(&self, sampler: &Sampler, (before, now): (usize, usize)) -> [f64; 2] {
+        let width = self.rows.len() / self.times.len();
+        let row = |k: usize| &self.rows[k * width..(k + 1) * width];
+        let change = row(before).iter().zip(row(now)).map(|(a, b)| b - a);
+        let change: Vec<f64> = change.collect();
+        [row(now), &change].map(|row| {
+            let size = sampler.size(row);
+            if size.is_finite() { size } else { 0.0 }
+        })
+    }
+
     /// Whether a sum of Chebyshev's polynomials on an interval is off at any time by more than a tolerance.
     pub(super) fn is_missed(
         &self,

@@ -57,8 +57,13 @@ pub(super) struct Chooser {
     /// Points, and weights of values there in α_n / h.
     points: Vec<f64>,
     moments: Vec<Vec<f64>>,
+    /// Weights of the parts of H and its potential at each of the points, and a sum of them.
+    values: Vec<f64>,
+    sum: Vec<f64>,
     pub(super) tolerance: MagnusTolerance,
-    /// The error that steps so far have left to others.
+    /// The last step, ...
+    pub(super) last: f64,
+    /// ... and the error that steps so far have left to others.
     pub(super) left: f64,
     /// Functions of time as they were looked at over the run.
     scan: Sampler,
@@ -102,8 +107,12 @@ impl Chooser {
         }
         // the third one is the error of a single node
         let letters = (nodes.order / 2 + 1).max(3);
+        let current = HamiltonianAt::new(hamiltonian);
+        let width = bounds.parts.len() + current.potential().len();
         Some(Self {
-            current: HamiltonianAt::new(hamiltonian),
+            values: Vec::with_capacity(NODES * width),
+            sum: vec![0.0; width],
+            current,
             hamiltonian: hamiltonian.clone(),
             scan: Sampler::new(hamiltonian.clone(), bounds.clone())?.with_scan(),
             averages: Averages::new(bounds, NODES),
@@ -112,6 +121,7 @@ impl Chooser {
             norms: vec![0.0; letters],
             words: vec![0.0; nodes.order + 2],
             probe: (hamiltonian.is_by_products()).then(|| Probe::new(hamiltonian)),
+            last: f64::INFINITY,
             left: SPARE * tolerance.whole,
             nodes,
             tolerance,
@@ -128,21 +138,54 @@ impl Chooser {
         h.abs() <= LEAST * t.abs()
     }
 
-    /// Takes a step with an error that is allowed, which leaves the rest of its share to others.
-    pub(super) fn spend(&mut self, h: f64, error: f64) {
+    /// Takes a step, one of an interval of which so much is left, with an error that leaves the rest of its share to others.
+    pub(super) fn spend(&mut self, (h, left): (f64, f64), error: f64) {
         self.left += METHOD * self.tolerance.rate * h.abs() - error;
+        // the last part of an interval says nothing of others
+        let is_whole = h.abs() < left.abs();
+        if is_whole || self.last < h.abs() || self.last.is_infinite() {
+            self.last = h.abs();
+        }
+    }
+
+    /// Shortens the next step after one that was refused for its error.
+    pub(super) fn refuse(&mut self, h: f64, error: f64) {
+        let factor = self.factor(error, h).clamp(CHANGE.0, SAFETY);
+        self.last = factor * h.abs() / CHANGE.1;
+    }
+
+    /// Goes on elsewhere, with a step up to `most` and nothing left by others.
+    pub(super) fn restart(&mut self, most: f64) {
+        (self.last, self.left) = (most / CHANGE.1, 0.0);
     }
 
     /// The factor of a step with an error that leads to one within the tolerance.
-    pub(super) fn factor(&self, error: f64, h: f64) -> f64 {
+    fn factor(&self, error: f64, h: f64) -> f64 {
         SAFETY * (self.allowed(h) / error).powf(1.0 / self.nodes.order as f64)
     }
 
-    /// The norm of the part of H h that goes with a row of weights.
-    fn norm(&mut self, row: usize, t: f64, h: f64) -> f64 {
-        let row = (&self.points[..], &self.moments[row][..]);
-        let bounds = (self.averages).set(&mut self.current, &self.hamiltonian, row, (t, h));
-        half(bounds) * h.abs()
+    /// Looks at H at all points of a step.
+    fn look(&mut self, t: f64, h: f64) {
+        self.values.clear();
+        for point in &self.points {
+            (self.current).set(&self.hamiltonian, &[(1.0, t + point * h)]);
+            let weights = self.averages.bounds.weights(self.current.weights());
+            self.values.extend(weights);
+            self.values.extend_from_slice(self.current.potential());
+        }
+    }
+
+    /// The norm of the part of H h that goes with a row of weights, in the step of length h that was looked at.
+    fn norm(&mut self, row: usize, h: f64) -> f64 {
+        let (row, bounds) = (&self.moments[row], &self.averages.bounds);
+        self.sum.fill(0.0);
+        for (a, values) in row.iter().zip(self.values.chunks(self.sum.len())) {
+            for (sum, value) in self.sum.iter_mut().zip(values) {
+                *sum += a * value;
+            }
+        }
+        let (weights, potential) = self.sum.split_at(bounds.parts.len());
+        half(bounds.of_sum(weights, potential, row)) * h.abs()
     }
 
     /// The part of H h that no α_n has, as where H jumps.
@@ -155,19 +198,20 @@ impl Chooser {
             return Ok(LAST.len() as f64 * length * h.abs());
         }
         let rows = self.norms.len()..self.moments.len();
-        Ok(rows.map(|row| self.norm(row, t, h)).sum())
+        Ok(rows.map(|row| self.norm(row, h)).sum())
     }
 
     /// m of a step; of an H(t) known by its products, whose α_n have no bounds, that of its phase.
     #[expect(clippy::cast_possible_truncation, clippy::cast_possible_wrap)] // of an order
     fn size(&mut self, t: f64, h: f64) -> f64 {
         let power = self.nodes.order as i32 + 1;
+        self.look(t, h);
         if self.probe.is_some() {
-            self.norms[0] = self.norm(0, t, h);
+            self.norms[0] = self.norm(0, h);
             return self.norms[0].powi(power);
         }
         for row in 0..self.norms.len() {
-            self.norms[row] = self.norm(row, t, h);
+            self.norms[row] = self.norm(row, h);
         }
         self.words[0] = 1.0;
         for weight in 1..self.words.len() {
@@ -177,14 +221,13 @@ impl Chooser {
         (self.words[self.nodes.order + 1] - self.norms[0].powi(power)).max(0.0)
     }
 
-    /// The next step, not above `most`, and its m, where an error is `constant` times m.
+    /// The next step and its m, where an error is `constant` times m.
     pub(super) fn propose(
         &mut self,
         (t, left): (f64, f64),
         constant: f64,
-        most: f64,
     ) -> Result<(f64, f64), StepError> {
-        let mut h = most.min(left.abs());
+        let mut h = (self.last * CHANGE.1).min(left.abs());
         for _ in 0..TRIES {
             let parts = (left.abs() / h).ceil().max(1.0);
             let step = left / parts;
@@ -218,15 +261,21 @@ impl Chooser {
         Err(StepError::StepTooSmall { h, error })
     }
 
-    /// Products of a step, and its phase.
+    /// Ends of so many parts of an interval, of equal shares of its time, its phase and what functions of time change.
+    pub(super) fn strata(&self, interval: (f64, f64), count: usize) -> Vec<f64> {
+        self.scan.strata(interval, count)
+    }
+
+    /// Products of a step made as one and as two halves, with half of its phases each, and its phase.
     pub(super) fn products(&mut self, t: f64, h: f64) -> (usize, f64) {
         let tolerance = SERIES * self.tolerance.rate * h.abs() / self.nodes.rows.len() as f64;
         let (mut products, mut theta) = (0, 0.0);
         for row in &self.nodes.rows {
             let row = (&self.nodes.nodes[..], &row[..]);
             let bounds = (self.averages).set(&mut self.current, &self.hamiltonian, row, (t, h));
-            products += degree(half(bounds) * h.abs(), tolerance);
-            theta += half(bounds) * h.abs();
+            let phase = half(bounds) * h.abs();
+            products += degree(phase, tolerance) + 2 * degree(0.5 * phase, 0.5 * tolerance);
+            theta += phase;
         }
         (products, theta)
     }

@@ -1,24 +1,20 @@
 //! Steps of a Magnus method to a tolerance.
 //!
 //! A step is made as two halves, which are kept, and as one; the difference of both is the error of the halves times
-//! 2^p − 1. The next step follows from the last one by a prediction C m of its error, m of [`Chooser`]; a plan counts steps
-//! by a C that none was found to exceed.
+//! 2^p − 1. The next step follows from the last one by a prediction C m of its error, m of [`Chooser`].
 
-use super::chooser::{CHANGE, Chooser, MagnusTolerance, SAFETY, SERIES};
+use super::chooser::{Chooser, MagnusTolerance, SERIES};
 use super::probe::Probe;
 use super::{Magnus, Nodes};
 use crate::method::driven::next_time;
 use crate::method::term_bounds::TermBounds;
 use crate::method::{Sweeper, Wave, squares};
-use crate::problem::Hamiltonian;
-use liouville_base::cancel;
 use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch, Numbers};
 use liouville_base::error::StepError;
 use liouville_base::method::{Stats, Stepper};
-use std::sync::Arc;
 
 /// C of a plan, and of the first step, by the order: ten times the largest of those found and more.
-fn constant(order: usize) -> f64 {
+pub(super) fn constant(order: usize) -> f64 {
     match order {
         2 => 0.5,
         4 => 1e-3,
@@ -33,25 +29,13 @@ const RATIO: f64 = 40.0;
 /// Rounding errors of a step for each unit of its phase.
 const ROUNDING: f64 = 8.0 * f64::EPSILON;
 
-/// Steps and products of a run, at most.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct MagnusCost {
-    /// Steps.
-    pub steps: usize,
-    /// Products H ψ.
-    pub products: usize,
-    /// The longest step, in units of 1/β.
-    pub theta: f64,
-}
-
 /// A Magnus method with steps as long as a tolerance allows.
 #[derive(Clone)]
 pub struct MagnusSteps {
     magnus: Magnus<f64>,
     chooser: Chooser,
-    /// The constant C, and the last step.
+    /// The constant C.
     constant: f64,
-    last: f64,
     before: Wave<f64>,
     coarse: Wave<f64>,
 }
@@ -74,74 +58,28 @@ impl MagnusSteps {
             magnus: Magnus::by_series(sweeper, nodes, rate, bounds),
             chooser,
             constant: constant(order),
-            last: f64::INFINITY,
             before: empty(),
             coarse: empty(),
         })
     }
 
-    /// A bound of the cost of a run with outputs at these times, the first of which is its start; none where the bounds
-    /// do not fit the terms of H.
-    ///
-    /// # Errors
-    /// H is not finite.
-    pub fn cost(
-        hamiltonian: &Arc<Hamiltonian>,
-        nodes: Nodes,
-        bounds: TermBounds,
-        tolerance: MagnusTolerance,
-        times: &[f64],
-    ) -> Option<Result<MagnusCost, StepError>> {
-        let most = constant(nodes.order);
-        let mut chooser = Chooser::new(hamiltonian, nodes, bounds, tolerance)?;
-        let mut walk = || {
-            let mut cost = MagnusCost::default();
-            for ends in times.windows(2) {
-                let (mut t, end) = (ends[0], ends[1]);
-                while t.to_bits() != end.to_bits() {
-                    if cancel::is_cancelled() {
-                        return Err(StepError::Interrupted);
-                    }
-                    let (h, _) = chooser.propose((t, end - t), most, f64::INFINITY)?;
-                    let (products, theta) = chooser.products(t, h);
-                    let (half, _) = chooser.products(t, 0.5 * h);
-                    chooser.spend(h, chooser.allowed(h));
-                    cost.steps += 1;
-                    // one step in four is rejected at most
-                    cost.products += (products + 2 * half) * 5 / 4;
-                    cost.theta = cost.theta.max(theta);
-                    t = next_time(t, h, end);
-                }
-            }
-            Ok(cost)
-        };
-        Some(walk())
-    }
-
     /// One step to at most `end`, and where it leads.
     fn advance(&mut self, t: f64, end: f64, state: &mut Wave<f64>) -> Result<f64, StepError> {
         loop {
-            let most = self.last * CHANGE.1;
             if let Some(probe) = &mut self.chooser.probe {
                 probe.take(state);
             }
-            let (h, size) = self.chooser.propose((t, end - t), self.constant, most)?;
+            let (h, size) = self.chooser.propose((t, end - t), self.constant)?;
             let error = self.estimate(t, h, state)?;
             if size > 0.0 {
                 self.constant = error / size;
             }
             if error <= self.chooser.allowed(h) || Chooser::is_least(t, h) {
-                self.chooser.spend(h, error);
-                // the last part of an interval says nothing of others
-                let is_whole = h.abs() < (end - t).abs();
-                if is_whole || self.last < h.abs() || self.last.is_infinite() {
-                    self.last = h.abs();
-                }
+                self.chooser.spend((h, end - t), error);
                 return Ok(next_time(t, h, end));
             }
             clone_into(&self.before, state);
-            let factor = self.chooser.factor(error, h).clamp(CHANGE.0, SAFETY);
-            self.last = factor * h.abs() / CHANGE.1;
+            self.chooser.refuse(h, error);
         }
     }
 
@@ -209,14 +147,14 @@ impl Stepper for MagnusSteps {
 
 impl Checkpoint for MagnusSteps {
     fn save(&self, member: usize, out: &mut dyn Numbers) {
-        (self.constant, (self.last, self.chooser.left)).save(member, out);
+        (self.constant, (self.chooser.last, self.chooser.left)).save(member, out);
         self.magnus.save(member, out);
     }
 
     fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
         let mut place = (0.0, (0.0, 0.0));
         place.restore(member, saved)?;
-        (self.constant, (self.last, self.chooser.left)) = place;
+        (self.constant, (self.chooser.last, self.chooser.left)) = place;
         self.magnus.restore(member, saved)
     }
 }

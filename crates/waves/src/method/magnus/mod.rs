@@ -8,17 +8,19 @@
 
 mod chooser;
 mod control;
+mod cost;
 mod exponential;
 mod nodes;
 mod probe;
 
 pub use chooser::MagnusTolerance;
-pub use control::{MagnusCost, MagnusSteps};
+pub use control::MagnusSteps;
+pub use cost::MagnusCost;
 pub use exponential::ShearProgram;
 pub use nodes::Nodes;
 
 use super::derivative::Recorder;
-use super::term_bounds::{Interval, TermBounds, both, range, scaled};
+use super::term_bounds::{Interval, TermBounds};
 use super::{Chebyshev, Shears, Sweeper, Wave};
 use crate::problem::{Hamiltonian, HamiltonianAt};
 use exponential::Exponential;
@@ -59,14 +61,7 @@ impl Averages {
         current.set(hamiltonian, &self.nodes);
         self.weights.clear();
         (self.weights).extend(self.bounds.weights(current.weights()));
-        let (low, high) = self.bounds.of(&self.weights);
-        let (least, largest) = range(current.potential());
-        let found = (low + least, high + largest);
-        let Some(given) = self.bounds.given else {
-            return found;
-        };
-        let sums = row.iter().map(|a| scaled(*a, given));
-        both(found, sums.fold((0.0, 0.0), |a, b| (a.0 + b.0, a.1 + b.1)))
+        (self.bounds).of_sum(&self.weights, current.potential(), row)
     }
 }
 
