@@ -353,6 +353,17 @@ def test_a_run_over_many_jumps_takes_fewer_products_than_its_plan_says():
     assert taken <= plan.products < 3 * taken
 
 
+def test_roundings_of_late_times_are_no_reason_for_shorter_steps():
+    end, x = 20_000.0, np.array([[0.0, 1.0], [1.0, 0.0]])
+
+    def pulse(t, _):
+        return 3 * ca.exp(-(((t - end / 2) / (end / 20)) ** 2)) * ca.cos(5 * t)
+
+    system = lv.Schrodinger(np.diag([0.0, 1.0]), drive=[(pulse, x)])
+    # its run takes 2.2e7
+    assert 2.2e7 < lv.plan(system, lv.Magnus(4), t=(0.0, end)).products < 2e8
+
+
 def test_a_run_of_few_steps_has_all_of_them_counted():
     drive = [(lambda t, _: ca.sin(t), np.ones((2, 2)))]
     system = lv.Schrodinger(np.diag([0.0, 1.0]), drive=drive)

@@ -81,6 +81,9 @@ const LAST: std::ops::Range<usize> = NODES - 2..NODES;
 /// A step over a jump may be no shorter, in units of t: the jump is known to rounding errors of the time.
 const LEAST: f64 = 4.0 * f64::EPSILON;
 
+/// Roundings of the part of H h that its α_n do not have, relative to what is rounded.
+const ROUNDING: f64 = 4.0 * f64::EPSILON;
+
 /// The error of a step, in units of the part of H h that its α_n do not have.
 const UNRESOLVED: f64 = 0.1;
 
@@ -201,6 +204,18 @@ impl Chooser {
         Ok(rows.map(|row| self.norm(row, h)).sum())
     }
 
+    /// How much of the part of H h that no α_n has is roundings, which no shorter step has less of: those of values, and of the
+    /// time by their slopes.
+    fn noise(&self, t: f64, h: f64) -> f64 {
+        if self.probe.is_some() {
+            return 0.0;
+        }
+        let letters = self.norms.iter().enumerate();
+        let slopes: f64 = letters.map(|(n, norm)| 2.0 * n as f64 * norm).sum();
+        let moved = t.abs().max((t + h).abs()) / h.abs() * slopes;
+        ROUNDING * (self.norms.iter().sum::<f64>() + moved)
+    }
+
     /// m of a step; of an H(t) known by its products, whose α_n have no bounds, that of its phase.
     #[expect(clippy::cast_possible_truncation, clippy::cast_possible_wrap)] // of an order
     fn size(&mut self, t: f64, h: f64) -> f64 {
@@ -237,14 +252,15 @@ impl Chooser {
                 return Ok((step, size));
             }
             let is_short = error <= self.allowed(step);
+            let unresolved = self.allowed(step) / UNRESOLVED + self.noise(t, step);
             // products are for steps that are short enough
             let is_looked_at = is_short || self.probe.is_none();
-            if is_looked_at && UNRESOLVED * self.unresolved(t, step)? > self.allowed(step) {
+            if is_looked_at && self.unresolved(t, step)? > unresolved {
                 h = CHANGE.0 * step.abs();
                 continue;
             }
             if is_short {
-                let unseen = self.allowed(step) / (UNRESOLVED * step.abs());
+                let unseen = unresolved / step.abs();
                 if self.scan.passes_over((t, step), (NODES, NODES), unseen) {
                     h = CHANGE.0 * step.abs();
                     continue;

@@ -23,7 +23,7 @@ const STRATA: usize = 64;
 const STEPS: f64 = 512.0;
 const ENOUGH: f64 = 0.5 * STEPS;
 /// ... and the part of a stratum that its first window is.
-const LEAST: f64 = 1e-9;
+const LEAST: f64 = 1e-20;
 
 /// The place of a window within its stratum changes by this, so that a period is not met at one phase alone.
 const SHIFT: f64 = 0.618_033_988_749_894_9;
