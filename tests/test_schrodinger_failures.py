@@ -4,6 +4,7 @@ Spectra that are not what they were said to be, functions that raise, Ctrl-C; an
 run, files and the command line.
 """
 
+import _thread
 import csv
 import math
 import os
@@ -13,6 +14,7 @@ import threading
 import time
 from dataclasses import replace
 
+import casadi as ca
 import numpy as np
 import pytest
 
@@ -198,6 +200,35 @@ def test_ctrl_c_is_answered_in_the_middle_of_a_step(method):
     assert time.perf_counter() - times[0] < 1.5
     assert solution.status == "interrupted"
     assert np.isfinite(solution.invariants["norm"]).all()
+
+
+def interrupted(system, method, psi=(1.0, 0.0), **more):
+    """Return a run in which Ctrl-C is pressed."""
+    run(system, method, psi=psi, t=(0.0, 0.1), steps=2 if "h" in more else None)
+    timer = threading.Timer(0.5, _thread.interrupt_main)
+    timer.start()
+    try:
+        return run(system, method, psi=psi, **more)
+    finally:
+        timer.cancel()
+
+
+def test_a_run_of_short_steps_that_is_interrupted_has_its_last_good_step():
+    drive = [(lambda t, _: ca.sin(t), np.ones((2, 2)))]
+    system = lv.Schrodinger(np.diag([0.0, 1.0]), drive=drive)
+    solution = interrupted(system, lv.Magnus(), t=(0.0, 1e5), h=0.01, every=10**7)
+    assert solution.status == "interrupted"
+    assert solution.t.size == 2
+    assert solution.t[1] == pytest.approx(0.01 * solution.stats["steps"])
+    assert np.isclose(np.linalg.norm(solution.psi[1]), 1.0)
+
+
+def test_a_run_that_is_interrupted_before_its_first_state_says_between_which():
+    psi = np.eye(1, 90_000)[0]
+    solution = interrupted(lv.Schrodinger(lv.Lattice((300, 300))), "auto", psi=psi, t=(0.0, 1e5))
+    assert solution.status == "interrupted"
+    assert solution.message.startswith("interrupted between t = 0 and 100000, where states are")
+    assert ", t = 0, " in repr(solution)
 
 
 # --- files and the command line ------------------------------------------------------------------

@@ -209,7 +209,7 @@ class Solution(States, Drifts, Motions):
     def headline(self) -> str:
         """How the run went: status, steps, interval, members and method, in one line."""
         steps = self.stats.get("steps", len(self.t) - 1)
-        span = f"t = {self.t[0]:g} to {self.t[-1]:g}"
+        span = f"t = {self.t[0]:g}" + (f" to {self.t[-1]:g}" if len(self.t) > 1 else "")
         span += "" if self.members is None else f", {self.members} members"
         return f"{self.status}: {steps} steps of {self.step_size}, {span}, {self.method}"
 

@@ -2,7 +2,19 @@
 
 use liouville_base::cancel::{self, CancelToken};
 use pyo3::prelude::*;
+use std::cell::Cell;
 use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+thread_local! {
+    /// When the slice of a run that this thread makes is over, but for a step that takes longer than that.
+    static SLICE_END: Cell<Option<Instant>> = const { Cell::new(None) };
+}
+
+/// Begins a slice of a run that is to take so long.
+pub(crate) fn begin_slice(budget: Duration) {
+    SLICE_END.set(Instant::now().checked_add(budget.saturating_mul(2)));
+}
 
 /// A place for the first exception; clones are the same place.
 #[derive(Clone, Default)]
@@ -36,8 +48,20 @@ impl Caught {
     /// A token that is cancelled by a signal, such as Ctrl-C.
     pub(crate) fn cancel(&self) -> CancelToken {
         let caught = self.clone();
+        CancelToken::new(move || caught.is_signalled())
+    }
+
+    /// The same in the middle of a step that takes longer than a slice: between steps the run has a state to keep.
+    pub(crate) fn cancel_step(&self) -> CancelToken {
+        let caught = self.clone();
+        CancelToken::new(move || {
+            SLICE_END.get().is_none_or(|end| Instant::now() >= end) && caught.is_signalled()
+        })
+    }
+
+    fn is_signalled(&self) -> bool {
         #[allow(clippy::redundant_closure_for_method_calls)]
         // the method itself has too short a lifetime
-        CancelToken::new(move || !caught.is_fine(Python::attach(|py| py.check_signals())))
+        !self.is_fine(Python::attach(|py| py.check_signals()))
     }
 }

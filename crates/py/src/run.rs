@@ -1,6 +1,6 @@
 //! Runs, as Python drives them: a slice of time, then a look at the signals.
 
-use crate::caught::Caught;
+use crate::caught::{Caught, begin_slice};
 use crate::errors;
 use crate::mechanical::Mechanical;
 use crate::operator::Hamiltonian;
@@ -111,6 +111,7 @@ impl Run {
         let budget = Duration::try_from_secs_f64(seconds).map_err(errors::refused)?;
         let steps = steps.unwrap_or(usize::MAX);
         let signals = Caught::default();
+        begin_slice(budget);
         let status =
             py.detach(|| cancel::within(signals.cancel(), || run.advance_to(steps, budget)));
         let mut caught = self.caught.iter().chain([&signals]);

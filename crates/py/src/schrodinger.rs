@@ -273,7 +273,12 @@ pub(crate) fn start(
     let method = method.extract::<WaveMethod<'_>>()?.read()?;
     let job = job.extract::<WaveJob<'_>>()?.read()?;
     let (signals, mut caught) = (Caught::default(), hamiltonian.caught.clone());
-    let run = run::start(hamiltonian.inner.clone(), method, job, signals.cancel());
+    let run = run::start(
+        hamiltonian.inner.clone(),
+        method,
+        job,
+        signals.cancel_step(),
+    );
     caught.push(signals);
     Ok((run, caught))
 }

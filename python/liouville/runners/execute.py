@@ -179,7 +179,7 @@ def status_of(
         stats["steps"] = outcome.get("step", 0)
         return ("failed", *explain(outcome, runner))
     if outcome == "interrupted":
-        return outcome, f"interrupted after {stats['steps']}{runner.steps.total} steps", ""
+        return outcome, runner.interrupted(stats["steps"]), ""
     return "done", "; ".join(filter(None, [end, runner.control_taken])), ""
 
 

@@ -199,6 +199,10 @@ class Runner(ABC):
         del t, rows, member
         return False
 
+    def interrupted(self, done: int) -> str:
+        """Return the message of a run that was interrupted after so many steps."""
+        return f"interrupted after {done}{self.steps.total} steps"
+
     def remark(self, t: np.ndarray, rows: np.ndarray, events: Mapping[str, Points]) -> str:
         """Return sentences on records that cannot be right; empty where there is none."""
         said = sentence_of(self._found(t, rows, events), is_ensemble=bool(self.members))

@@ -16,11 +16,11 @@ from liouville._arguments import check_memory, times_of
 from liouville._job import Job
 from liouville.control import Steps
 from liouville.errors import Description, describe, hinted
-from liouville.methods import Chebyshev, SchrodingerSplitting, Stepped, WaveMethod
+from liouville.methods import Stepped, WaveMethod
 from liouville.planner import WavePlan, plan_steps, plan_wave
 from liouville.planner.waves.choice import name_of
 from liouville.planner.waves.driven import Planned
-from liouville.planner.waves.propagators import Driven, Krylov, Series
+from liouville.planner.waves.propagators import Krylov, Series
 from liouville.runners.runner import Request, Runner, threads_of
 from liouville.runners.wave_steps import check_no_steps, is_stepped, start_of, stops_of
 from liouville.systems import Schrodinger
@@ -299,7 +299,7 @@ class WaveRunner(Runner):
             states=self._states, threads=self.threads, is_ensemble=bool(self.members),
             records=self._records,
         )  # fmt: skip
-        return _propagated(self.system, plan), plan.core, job
+        return plan.propagated(self.system), plan.core, job
 
     def stats(self, run: _core.Run) -> dict[str, Any]:
         """Return the numbers of a run: steps, products for each state, the bound of its error."""
@@ -318,6 +318,16 @@ class WaveRunner(Runner):
         return (
             "an energy lies outside the bounds: a series was begun again with wider ones "
             f"{self._widened} time{'s' if self._widened > 1 else ''}"
+        )
+
+    def interrupted(self, done: int) -> str:
+        """Return between which states that are kept a run was, if it goes from one to the next."""
+        if self._stops is not None or done + 1 >= len(self.plan.times):
+            return super().interrupted(done)
+        before, after = self.plan.times[done : done + 2]
+        return (
+            f"interrupted between t = {before:g} and {after:g}, where states are kept: "
+            "more times in t= keep more"
         )
 
     def read(self, parts: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
@@ -388,13 +398,3 @@ def _told_apart(a: float, b: float) -> tuple[str, str]:
         if texts[0] != texts[1] or a == b:
             break
     return texts
-
-
-def _propagated(system: Schrodinger, plan: WavePlan) -> _core.Hamiltonian:
-    """Return H as a plan has it: that of products may be the sum that it was found to be."""
-    if isinstance(plan.core, Driven) and plan.core.by_differences:
-        assert isinstance(plan.method, SchrodingerSplitting | Chebyshev)
-        found = system.separated(plan.t0, plan.stops[-1][0], plan.method.tol)
-        if found is not None:
-            return found.hamiltonian
-    return system.hamiltonian

@@ -8,8 +8,9 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
+from liouville import _core
 from liouville.errors import hinted
-from liouville.methods import WaveMethod
+from liouville.methods import Chebyshev, SchrodingerSplitting, WaveMethod
 from liouville.planner.plan import AGAIN, Plan, check_kinds, decoded
 from liouville.planner.waves.driven import driving
 from liouville.planner.waves.propagators import (
@@ -107,6 +108,15 @@ class WavePlan(Plan):
         if self.is_complex == system.is_real:
             kind = "complex" if self.is_complex else "real"
             raise ValueError(hinted(f"the plan was made for a {kind} H", AGAIN))
+
+    def propagated(self, system: Schrodinger) -> _core.Hamiltonian:
+        """Return H as the plan has it: that of products may be the sum that it was found to be."""
+        if isinstance(self.core, Driven) and self.core.by_differences:
+            assert isinstance(self.method, SchrodingerSplitting | Chebyshev)
+            found = system.separated(self.t0, self.stops[-1][0], self.method.tol)
+            if found is not None:
+                return found.hamiltonian
+        return system.hamiltonian
 
     def __repr__(self) -> str:
         """Name the scheme, steps and products."""
