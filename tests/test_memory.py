@@ -224,6 +224,25 @@ def test_what_would_fill_the_memory_while_it_is_made_is_refused_before(make, wor
         make()
 
 
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda: lv.Grid(0, 1, 10**300), r"^a grid of 1e\+300 points takes 1.19e\+293 GiB, and"),
+        (lambda: lv.Lattice(10**300), r"^a lattice with its 3e\+300 entries takes 2.01e\+293 GiB"),
+        (
+            lambda: lv.integrate(
+                lv.Schrodinger(np.diag([0.0, 1e60]), drive=[(lambda t, _: t, np.ones((2, 2)))]),
+                lv.Magnus(), t=(0, 1), steps=3, psi=[1, 0],
+            ),
+            r"^the series of an exponential over 5.56e\+58 / beta takes 8.28e\+50 GiB",
+        ),
+    ],
+)  # fmt: skip
+def test_numbers_too_large_to_be_counted_have_no_more_digits_than_they_need(make, words):
+    with pytest.raises(MemoryError, match=words):
+        make()
+
+
 def test_a_matrix_that_cannot_be_read_is_refused_before(monkeypatch):
     sparse = pytest.importorskip("scipy.sparse")
     matrix = sparse.diags_array([np.ones(20_000)], offsets=[0]).tocsr()

@@ -53,6 +53,14 @@ ROWS = [
         ValueError,
         "not real, where.*\nhint.*absor",
     ),
+    (
+        "a state too wide for all members",
+        lambda: lv.ensemble(
+            GRID, lv.Chebyshev(), t=(0, 1), psi=np.ones(33), params={"a": [1.0, 2.0]}
+        ),
+        ValueError,
+        r"^psi has shape \(33,\), wanted \(32,\)",
+    ),
     ("H NaN", lambda: lv.Schrodinger(entry(1, 1, NAN)), ValueError, r"H\[1, 1\] is nan"),
     ("sparse", lambda: lv.Schrodinger(sp.csr_array(entry(0, 3, INF))), ValueError, "is inf"),
     ("V NaN", lambda: lv.Lattice(3, potential=[0, NAN, 0]), ValueError, r"potential\[1\] is nan"),
@@ -353,3 +361,34 @@ def test_states_whose_squares_are_out_of_range_are_refused(size):
     np.testing.assert_allclose(
         lv.integrate(system, "auto", t=t, psi=[near, 0]).psi[-1], near * unit, rtol=1e-12
     )
+
+
+LONG = np.longdouble(10) ** 400 if np.finfo(np.longdouble).maxexp > 1024 else None
+
+
+@pytest.mark.skipif(LONG is None, reason="the longest floats are doubles")
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (
+            lambda: lv.Schrodinger((np.eye(4) * LONG).astype(np.clongdouble)),
+            "H has numbers of size",
+        ),
+        (lambda: lv.Schrodinger((4, lambda x: LONG * x)), "H returns inf in place 0"),
+        (lambda: lv.Schrodinger((4, lambda x: 1j * LONG * x)), r"H returns .*inf.* in place 0"),
+        (lambda: run(psi=PSI * LONG), "psi is of size"),
+    ],
+)
+def test_numbers_beyond_doubles_are_refused_by_their_size(make, words):
+    with pytest.raises(ValueError, match=words) as caught:
+        make()
+    assert "returns" in words or f"{words} 1.0e+400, and " in str(caught.value)
+
+
+def test_products_that_overflow_are_not_said_to_be_of_no_hermitian_matrix():
+    def product(x):
+        with np.errstate(over="ignore"):
+            return 1e308 * ((x[0] - x[1]) * np.array([1.5, -1.5]) * 4)
+
+    with pytest.raises(ValueError, match="products with H are not finite"):
+        lv.Schrodinger((2, product))

@@ -42,6 +42,21 @@ def kept(given: Any) -> Any:
     return deepcopy(given) if isinstance(given, (np.ndarray, list)) else given
 
 
+def large_integers(array: np.ndarray) -> np.ndarray:
+    """Return integers beyond 64 bits as floats, infinite ones if need be; else the array itself."""
+    if array.dtype != object or not all(type(x) is int for x in array.flat):
+        return array
+    return np.array([number("an integer", x) for x in array.flat]).reshape(array.shape)
+
+
+def counted(number: int) -> str:
+    """Return a number of things for a message: three digits of one too large to be counted."""
+    if abs(number) <= MOST_STEPS:
+        return str(number)
+    digits = int(math.log10(number))
+    return f"{number // 10 ** (digits - 2) / 100:g}e+{digits}"
+
+
 def _scalar(value: Any) -> Any:
     """Return an array without axes as the number in it, and anything else as it is."""
     return value[()] if isinstance(value, np.ndarray) and value.ndim == 0 else value
@@ -166,4 +181,5 @@ def check_memory(what: str, needed: float, hint: str) -> None:
 
 def _size(count: float) -> str:
     number, unit = (count / 2**30, "GiB") if count >= 2**30 else (count / 2**20, "MiB")
-    return f"{number:.0f} {unit}" if number >= 100 else f"{number:.3g} {unit}"
+    is_whole = 100 <= number < MOST_STEPS
+    return f"{number:.0f} {unit}" if is_whole else f"{number:.3g} {unit}"

@@ -45,6 +45,7 @@ class WaveMembersRunner(Runner):
         of_params = members.parameters(system, request.params)[1]
         counts = {f"parameter '{name}'": many for name, many in of_params.items()}
         is_many = system.is_many(psi)
+        system.inward(psi, is_many)  # what it refuses is that of no member alone
         many = members.common(({"psi": len(psi)} if is_many else {}) | counts)
         self.members, self.varied = (many,), tuple(of_params)
         given: Mapping[str, Any] = request.params or {}

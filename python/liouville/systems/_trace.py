@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from liouville import _casadi as ca
+from liouville._arguments import large_integers
 from liouville.errors import hinted
 from liouville.systems._call_errors import (
     complex_value,
@@ -130,8 +131,10 @@ def _parameter(name: str, value: ArrayLike) -> np.ndarray:
     array = numbers(value)
     if array is None or array.ndim > 1 or array.size == 0:
         raise ValueError(f"parameter '{name}' is a number or a 1-D array of numbers, not {value!r}")
-    if not np.isfinite(array).all():
-        raise ValueError(f"parameter '{name}' is not finite: {value!r}")
+    bad = np.flatnonzero(~np.isfinite(array))
+    if bad.size:
+        place = f"[{bad[0]}]" if array.ndim else ""
+        raise ValueError(f"parameter '{name}'{place} is not finite: {array.flat[bad[0]]}")
     return array
 
 
@@ -143,7 +146,9 @@ def numbers(value: Any) -> np.ndarray | None:
         array = np.array(value)
     except (TypeError, ValueError):  # symbols, or rows of different lengths
         return None
-    return array.astype(float, copy=False) if array.dtype.kind in "iuf" else None
+    array = large_integers(array)
+    with np.errstate(over="ignore"):  # of longer types, which are infinite then
+        return array.astype(float, copy=False) if array.dtype.kind in "iuf" else None
 
 
 def pair(what: str, given: Any, shape: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray]:

@@ -136,6 +136,9 @@ def check_symmetric(
 ) -> None:
     """Refuse products that random vectors see to belong to no Hermitian matrix."""
     found = hamiltonian.asymmetry(SEED)
+    if np.isnan(found):
+        sentence = f"products with {name} are not finite, or their squares are not"
+        raise ValueError(hinted(sentence, "choose units in which H / hbar is of order 1"))
     if not found <= ASYMMETRY:
         sentence = f"x . {name} y and y . {name} x differ by {found:.1e} of their size"
         raise ValueError(hinted(f"{name} is not Hermitian: {sentence}", hint))

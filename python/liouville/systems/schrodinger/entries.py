@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from liouville._arguments import check_memory
+from liouville._arguments import check_memory, counted, large_integers
 from liouville.errors import hinted
 
 #: Entries that mirror one another may differ by this much of the largest entry: roundoff, ...
@@ -49,29 +49,38 @@ def numbers(what: str, value: Any) -> np.ndarray:
         array = np.asarray(value)
     except (TypeError, ValueError):  # rows of different lengths
         array = np.array(None)
+    array = large_integers(array)
     if array.dtype.kind not in "iufc":
         raise TypeError(f"{what} is an array of numbers, not {value!r}")
     return array
 
 
+def of_size(value: Any) -> str:
+    """Return a size for a message, of long types beyond the largest float too."""
+    return np.format_float_scientific(value, precision=1, trim="0")
+
+
 def check_size(what: str, values: Any) -> None:
     """Refuse energies so large that products with them overflow."""
     with np.errstate(over="ignore"):
-        largest = float(np.max(np.abs(values), initial=0.0))
+        largest = np.longdouble(np.max(np.abs(values), initial=0.0))
     if not largest <= LARGEST:
-        sentence = f"{what} has numbers of size {largest:.1e}, and their products are not finite"
+        size = of_size(largest)
+        sentence = f"{what} has numbers of size {size}, and their products are not finite"
         raise ValueError(hinted(sentence, "choose units in which H / hbar is of order 1"))
 
 
 def check_order(what: str, n: int) -> None:
     """Refuse a matrix of so high an order that rows and states do not fit in memory."""
-    check_memory(f"{what} of order {n}, with a state,", ROW * n, "leave out rows without entries")
+    check_memory(
+        f"{what} of order {counted(n)}, with a state,", ROW * n, "leave out rows without entries"
+    )
 
 
 def check_entries(what: str, count: int, each: float = READING) -> None:
     """Refuse a matrix of more entries than there is memory for."""
     hint = "give H by its products, (N, function), or a smaller one"
-    check_memory(f"{what} with its {count} entries", each * count, hint)
+    check_memory(f"{what} with its {counted(count)} entries", each * count, hint)
 
 
 @dataclass(frozen=True)

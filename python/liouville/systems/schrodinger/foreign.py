@@ -200,14 +200,16 @@ class Samples:
         if values.shape != times.shape:
             sentence = f"{name} has samples of shape {values.shape}"
             raise ValueError(f"{sentence}, and there are {times.size} times")
-        bad = np.flatnonzero(~np.isfinite(values.astype(float)))
+        with np.errstate(over="ignore"):  # of longer types, which are infinite then
+            values = values.astype(float)
+        bad = np.flatnonzero(~np.isfinite(values))
         if bad.size:
             which = f"sample {bad[0]} of {name}, at t = {times[bad[0]]:g},"
             raise ValueError(f"{which} is {values[bad[0]]}, wanted a finite number")
         from liouville.systems._table import table
 
         ends = "not-a-knot" if times.size > 3 else "natural"
-        self.table = replace(table(times, values.astype(float), ends=ends), name=name)
+        self.table = replace(table(times, values, ends=ends), name=name)
 
     def __call__(self, t: Any, params: Any) -> Any:
         """Return the spline's value."""

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from liouville._arguments import check_memory, count
+from liouville._arguments import check_memory, count, counted
 from liouville.errors import hinted
 from liouville.systems.schrodinger.lattice import on_sites, reals
 
@@ -93,7 +93,7 @@ class Grid:
             if n < 2:
                 raise ValueError(f"axis {axis} has {n} points, wanted at least 2")
         needed = 16.0 * STATES * prod(shape)
-        check_memory(f"a grid of {prod(shape)} points", needed, "take fewer points")
+        check_memory(f"a grid of {counted(prod(shape))} points", needed, "take fewer points")
         d = len(shape)
         begin, end, masses = reals("low", low, d), reals("high", high, d), reals("mass", mass, d)
         for axis, (a, b, m) in enumerate(zip(begin, end, masses, strict=True)):

@@ -12,7 +12,7 @@ from liouville import _core
 from liouville.errors import hinted
 from liouville.systems import _trace
 from liouville.systems.schrodinger.bounds import check_symmetric
-from liouville.systems.schrodinger.entries import LARGEST, MESOLVE, Entries, numbers
+from liouville.systems.schrodinger.entries import LARGEST, MESOLVE, Entries, numbers, of_size
 from liouville.systems.schrodinger.foreign import plain
 from liouville.systems.schrodinger.forms import operators
 from liouville.systems.schrodinger.frame import Frame, doubled
@@ -54,12 +54,13 @@ def checked(psi: Any, shapes: Sequence[tuple[int, ...]], is_ensemble: bool) -> n
         member = f" of member {zero[0]}" if is_ensemble else ""
         raise ValueError(f"psi{member} is zero: there is no state")
     with np.errstate(over="ignore"):
-        sizes = np.atleast_1d(np.abs(flat).max(axis=-1)).astype(float)
+        sizes = np.atleast_1d(np.abs(flat).max(axis=-1)).astype(np.longdouble)
     far = np.flatnonzero((sizes > LARGEST) | (sizes < 1 / LARGEST))
     if far.size:
         member = f" of member {far[0]}" if is_ensemble else ""
         sentence = (
-            f"psi{member} is of size {sizes[far[0]]:.1e}, and the square of that is out of range"
+            f"psi{member} is of size {of_size(sizes[far[0]])}, and the square of that is out of "
+            "range"
         )
         raise ValueError(hinted(sentence, "start with psi / abs(psi).max()"))
     return flat

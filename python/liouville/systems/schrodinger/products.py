@@ -24,6 +24,9 @@ def vector(name: str, found: Any, n: int) -> np.ndarray:
         raise TypeError(f"{name} returns {what} for a vector, wanted numbers")
     if array.shape not in ((n,), (n, 1)):
         raise ValueError(f"{name} returns shape {array.shape}, wanted ({n},)")
+    if array.dtype.kind in "fc":
+        with np.errstate(over="ignore"):  # of longer types, which are infinite then
+            array = array.astype(complex if array.dtype.kind == "c" else float, copy=False)
     return array.reshape(n)
 
 
