@@ -646,3 +646,8 @@ def test_arrays_without_axes_are_numbers():
 
 def test_a_slice_longer_than_the_run_keeps_start_and_end():
     np.testing.assert_array_equal(run(every=10**30).t, [0, 1])
+
+
+def test_a_whole_number_beyond_64_bits_is_a_parameter():
+    found = system(params={"m": 10**30, "g": 9.81})
+    assert found.params["m"] == 1e30
