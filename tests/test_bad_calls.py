@@ -115,7 +115,7 @@ ROWS = [
         "params NaN",
         lambda: system(params={"m": np.array([1, NAN])}),
         ValueError,
-        r"^parameter 'm'\[1\] is not finite: nan$",
+        r"^parameter 'm' is not finite: m\[1\] is nan$",
     ),
     ("param too large", lambda: system(params={"m": 10**400}), ValueError, "not finite: inf$"),
     ("param a string", lambda: system(params={"m": "1"}), ValueError, "'m' is a number.*'1'"),

@@ -133,8 +133,8 @@ def _parameter(name: str, value: ArrayLike) -> np.ndarray:
         raise ValueError(f"parameter '{name}' is a number or a 1-D array of numbers, not {value!r}")
     bad = np.flatnonzero(~np.isfinite(array))
     if bad.size:
-        place = f"[{bad[0]}]" if array.ndim else ""
-        raise ValueError(f"parameter '{name}'{place} is not finite: {array.flat[bad[0]]}")
+        place = f"{name}[{bad[0]}] is " if array.ndim else ""
+        raise ValueError(f"parameter '{name}' is not finite: {place}{array.flat[bad[0]]}")
     return array
 
 
