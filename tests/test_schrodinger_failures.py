@@ -225,10 +225,14 @@ def test_a_run_of_short_steps_that_is_interrupted_has_its_last_good_step():
 
 def test_a_run_that_is_interrupted_before_its_first_state_says_between_which():
     psi = np.eye(1, 90_000)[0]
-    solution = interrupted(lv.Schrodinger(lv.Lattice((300, 300))), "auto", psi=psi, t=(0.0, 1e5))
+    system, times = lv.Schrodinger(lv.Lattice((300, 300))), (0.0, 1e5)
+    solution = interrupted(system, lv.Chebyshev(), psi=psi, t=times)
     assert solution.status == "interrupted"
     assert solution.message.startswith("interrupted between t = 0 and 100000, where states are")
     assert ", t = 0, " in repr(solution)
+    times = (0.0, 1e5, 2e5, 3e5)
+    solution = interrupted(system, Splitting(mode="stable"), psi=psi, t=times)
+    assert re.fullmatch(r"interrupted after \d+ of \d+ steps", solution.message)
 
 
 # --- files and the command line ------------------------------------------------------------------

@@ -322,13 +322,12 @@ class WaveRunner(Runner):
 
     def interrupted(self, done: int) -> str:
         """Return between which states that are kept a run was, if it goes from one to the next."""
-        if self._stops is not None or done + 1 >= len(self.plan.times):
+        are_steps = self._stops is not None or self.plan.steps > len(self.plan.stops)
+        if are_steps or done >= self.plan.steps:
             return super().interrupted(done)
         before, after = self.plan.times[done : done + 2]
-        return (
-            f"interrupted between t = {before:g} and {after:g}, where states are kept: "
-            "more times in t= keep more"
-        )
+        where = f"between t = {before:g} and {after:g}, where states are kept"
+        return f"interrupted {where}: more times in t= keep more"
 
     def read(self, parts: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         """Make complex what is complex, and give states and energies as the user has them."""
