@@ -232,6 +232,14 @@ def test_runs_refuse_parameters_that_make_no_body():
     assert lv.integrate(system, lv.Spark(2), params={"m": 2.0, "J": 0.5}, **call).status == "done"
 
 
+LINE = ((0, 0, 0), (1, 0, 0))
+
+
+def lopsided(x):
+    """Return a matrix that is symmetric for x = 1."""
+    return ca.SX(np.eye(6)) + (1 - x) * ca.SX(np.eye(6, k=1))
+
+
 #: How a joint or a spring takes its size from the parameters, and what is said of a wrong one.
 SIZES = {
     "damping of joint 'A' is -1, and wants not to be negative": lambda m, x: m.revolute(
@@ -255,6 +263,28 @@ SIZES = {
     "radius of friction of joint 'A' is -1, and wants to be positive": lambda m, x: m.revolute(
         "A", m.ground, "rod", **AT, axis=Z,
         friction=lv.bodies.Coulomb(mu=0.1, v_s=0.1, radius=x),
+    ),
+    "mu_static - mu of friction of joint 'A' is -1, and wants not to be": lambda m, x: m.revolute(
+        "A", m.ground, "rod", **AT, axis=Z,
+        friction=lv.bodies.Stribeck(
+            mu=1, mu_static=lambda p: (x(p) + 1) / 2, v_stribeck=1, v_s=0.1, radius=0.1
+        ),
+    ),
+    "damping of bushing 'K' has the eigenvalue -1, and wants none to be": lambda m, x: (
+        m.free("A", "rod"),
+        m.bushing("K", m.ground, "rod", **AT, stiffness=(1,) * 6, damping=lambda p: [x(p)] * 6),
+    ),
+    "stiffness of bushing 'K' is not symmetric": lambda m, x: (
+        m.free("A", "rod"),
+        m.bushing("K", m.ground, "rod", **AT, stiffness=lambda p: lopsided(x(p))),
+    ),
+    "stiffness of beam 'K' has the eigenvalue -1, and wants none to be negative": lambda m, x: (
+        m.free("A", "rod"),
+        m.beam("K", m.ground, "rod", at=LINE, axial=x, bending=1, torsion=1),
+    ),
+    "damping of beam 'K' has the eigenvalue -15.2, and wants none to be": lambda m, x: (
+        m.free("A", "rod"),
+        m.beam("K", m.ground, "rod", at=LINE, axial=12, bending=1, torsion=1, damping=x),
     ),
     "damping of spring 'K' is -1, and wants not to be negative": lambda m, x: (
         m.free("A", "rod"),

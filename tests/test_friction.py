@@ -216,6 +216,9 @@ BAD = {
         "compound", (1, 1, 1), BOTH, axes=AXES
     ),
     "v_s= of friction is 0, and wants to be positive": lambda: Coulomb(mu=1, v_s=0),
+    "mu_static - mu of friction is -0.2, and wants not to be negative": lambda: Stribeck(
+        mu=0.3, mu_static=0.1, v_stribeck=0.1, v_s=1e-3
+    ),
 }
 
 

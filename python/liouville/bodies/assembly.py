@@ -20,7 +20,7 @@ from liouville.bodies.body import (
     numbers,
     unit,
 )
-from liouville.bodies.elements import check_matrices, parameter_functions
+from liouville.bodies.elements import check_matrix, matrix_functions, parameter_functions
 from liouville.bodies.mechanism import Mechanism
 from liouville.bodies.registry import with_height
 from liouville.errors import hinted, quoted
@@ -240,7 +240,8 @@ class Assembly(Acting):
             found = evaluated(what, function, numbers_of, size)
             if size == 1:
                 check_size(what, name, found[0])
-        check_matrices(own_parts[1], numbers_of)
+        for what, name, function in matrix_functions(own_parts[1]):
+            check_matrix(what, name, evaluated(what, function, numbers_of, 6, 36))
         self._params = params
         self._system = Mechanism(
             bodies,

@@ -27,7 +27,9 @@ TRIANGLE = 1e-9
 
 #: Sizes that have to be positive, others that must not be negative, and one that must not be zero.
 POSITIVE = frozenset({"radius", "length", "v_s", "force_s", "v_stribeck"})
-NOT_NEGATIVE = frozenset({"damping", "armature", "mu", "mu_static", "rest length"})
+#: What slow slips add to a coefficient of friction.
+EXCESS = "mu_static - mu"
+NOT_NEGATIVE = frozenset({"damping", "armature", "mu", "mu_static", EXCESS, "rest length"})
 NOT_ZERO = frozenset({"lead"})
 
 #: Numbers, or a function of the parameters.

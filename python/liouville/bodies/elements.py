@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from liouville import _casadi as ca
 from liouville.bodies import rotations as rot
-from liouville.bodies.body import Body, Value, called, column, evaluated, row
+from liouville.bodies.body import Body, Value, called, column, row
 from liouville.bodies.joints import RATES, Ends, Group, Joint
 from liouville.bodies.poses import Poses
 
@@ -143,24 +143,33 @@ def _matrix(value: Value, params: Any) -> ca.SX:
 
 
 def check_matrix(what: str, name: str, entries: NDArray[np.float64]) -> None:
-    """Refuse entries of a matrix that is not symmetric, and damping that drives."""
+    """Refuse entries of a matrix that is not symmetric, or has power to drive."""
     matrix = np.diag(entries.ravel()) if entries.size == 6 else entries.reshape(6, 6)
     largest = np.abs(matrix).max()
+    if not np.isfinite(largest):
+        raise ValueError(f"{what} is {matrix.tolist()}, wanted finite numbers")
     if not np.allclose(matrix, matrix.T, rtol=0, atol=1e-9 * largest):
         raise ValueError(f"{what} is not symmetric")
     least = float(np.linalg.eigvalsh(matrix)[0])
-    if name == "damping" and least < -1e-9 * largest:
+    if name != "stiffness" and least < -1e-9 * largest:
         raise ValueError(f"{what} has the eigenvalue {least:.3g}, and wants none to be negative")
 
 
-def check_matrices(elements: Sequence[Element], params: Any) -> None:
-    """Refuse bushings and beams by functions whose matrices are none at these parameters."""
+def matrix_functions(elements: Sequence[Element]) -> Iterator[tuple[str, str, Value]]:
+    """Return the functions of bushings and beams: what and its name, and the function."""
     for element in elements:
         for name in ("stiffness", "damping"):
             value = element.values.get(name)
             if element.kind in ("bushing", "beam") and callable(value):
                 what = f"{name} of {element.kind} '{element.name}'"
-                check_matrix(what, name, evaluated(what, value, params, 6, 36))
+                # the stiffness of a bushing may be negative, as that of a spring
+                own = name if element.kind == "bushing" else f"{name} of a beam"
+                yield what, own, value
+
+
+def matrix_rows(elements: Sequence[Element], params: Any) -> list[ca.SX]:
+    """Return the entries of those matrices, 36 of each."""
+    return [ca.vec(_matrix(value, params)) for _, _, value in matrix_functions(elements)]
 
 
 def beam_stiffness(length: float, axial: Any, about_x: Any, about_y: Any, torsion: Any) -> ca.SX:

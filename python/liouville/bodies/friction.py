@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 
 from liouville import _casadi as ca
-from liouville.bodies.body import Value, check_size, column, given
+from liouville.bodies.body import EXCESS, Value, check_size, column, given
 from liouville.bodies.compound import Compound
 from liouville.bodies.joints import ALONG, AT, SPINS, Group, Joint
 from liouville.bodies.turns import is_planar
@@ -114,6 +114,10 @@ class Coulomb:
             what = f"{name}= of friction"
             check_size(what, name, given(what, value, ()))
 
+    def functions(self) -> dict[str, Callable[[Any], Any]]:
+        """Return the values that are functions of the parameters, by name."""
+        return {name: x for name, x in vars(self).items() if callable(x)}
+
     def coefficient(self, square: ca.SX, params: Any) -> ca.SX:
         """Return the coefficient of friction at the square of a slip."""
         return column(self.mu, params, 1)
@@ -139,13 +143,28 @@ class Stribeck(Coulomb):
     Attributes
     ----------
     mu_static : float or callable
-        The coefficient of friction at slow slips.
+        The coefficient of friction at slow slips, not below `mu`.
     v_stribeck : float or callable
         The velocity by which it has fallen, well above ``v_s``.
     """
 
     mu_static: Value
     v_stribeck: Value
+
+    def __post_init__(self) -> None:
+        """Refuse what is no friction, and one that is lower at slow slips."""
+        super().__post_init__()
+        if not self.functions():
+            check_size(f"{EXCESS} of friction", EXCESS, self._excess(None))
+
+    def functions(self) -> dict[str, Callable[[Any], Any]]:
+        """Return those of the parameters, and that of what slow slips add to the coefficient."""
+        found = super().functions()
+        return found | {EXCESS: self._excess} if {"mu", "mu_static"} & {*found} else found
+
+    def _excess(self, params: Any) -> ca.SX:
+        mu, static = (column(x, params, 1) for x in (self.mu, self.mu_static))
+        return static - mu
 
     def coefficient(self, square: ca.SX, params: Any) -> ca.SX:
         """Return the coefficient of friction at the square of a slip."""

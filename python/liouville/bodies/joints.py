@@ -178,7 +178,7 @@ class Joint:
         found += [("rest", rest, 1) for _, rest in self.springs.values()]
         found += [("lead" if name == "pitch" else name, x, 1) for name, x in self.sizes.items()]
         for own in self.friction.values():
-            found += [(f"{name} of friction", x, 1) for name, x in vars(own).items()]
+            found += [(f"{name} of friction", x, 1) for name, x in own.functions().items()]
         yield from (x for x in found if callable(x[1]))
 
     @property

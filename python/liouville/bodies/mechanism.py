@@ -12,7 +12,7 @@ from liouville import _core
 from liouville.bodies import turns
 from liouville.bodies.body import Body, Layout, Value, check_numbers, check_size
 from liouville.bodies.chaining import Coupling
-from liouville.bodies.elements import Element
+from liouville.bodies.elements import Element, check_matrix, matrix_functions
 from liouville.bodies.joints import Joint
 from liouville.bodies.model import Model, Place
 from liouville.errors import Description, hinted, quoted
@@ -75,6 +75,7 @@ class Mechanism(Lagrangian):
             k for k, body in enumerate(bodies) if callable(body.mass) or callable(body.inertia)
         )
         self._limited = tuple((what, name) for what, name, _ in model.limited)
+        self._matrices = tuple((what, name) for what, name, _ in matrix_functions(elements))
         self._wheels = tuple(joint.name for joint in joints if joint.kind == "rolling wheel")
         self.rubbing = tuple(joint.name for joint in joints if joint.friction)
 
@@ -82,14 +83,18 @@ class Mechanism(Lagrangian):
         """Return the parameter vector with changes; ValueError where nothing has such a size."""
         found = super().values(params)
         # none while the system is made
-        varying, limited = (
-            self.__dict__.get(x) if params else None for x in ("_varying", "_limited")
+        varying, limited, matrices = (
+            self.__dict__.get(x) if params else None for x in ("_varying", "_limited", "_matrices")
         )
         still = np.zeros(len(self.coordinates))
         if limited:
             sizes = self.output("limited", found, 0.0, still, still)[0]
             for (what, name), size in zip(limited, sizes, strict=True):
                 check_size(what, name, size)
+        if matrices:
+            entries = self.output("matrices", found, 0.0, still, still)[0].reshape(-1, 36)
+            for (what, name), own in zip(matrices, entries, strict=True):
+                check_matrix(what, name, own)
         if varying:
             masses, inertias = (
                 self.output(name, found, 0.0, still, still)[0] for name in ("masses", "inertias")

@@ -23,7 +23,14 @@ from liouville.bodies.body import (
 )
 from liouville.bodies.chaining import Coupling
 from liouville.bodies.compound import grouped, rotors
-from liouville.bodies.elements import Efforts, Element, of_elements, of_joints, parameter_functions
+from liouville.bodies.elements import (
+    Efforts,
+    Element,
+    matrix_rows,
+    of_elements,
+    of_joints,
+    parameter_functions,
+)
 from liouville.bodies.friction import contacts, edge, reversal, switches
 from liouville.bodies.joints import KINDS, MOTION, Joint, drawn
 from liouville.bodies.normal_forces import multipliers, normal_forces
@@ -271,6 +278,7 @@ class Model:
             "anchors": self._drawn(anchors),
             "drawn": ca.vec(stacked([_place(body, self.params) for body in self.bodies])),
             "pitches": self._sizes("pitch"),
+            "matrices": _column(matrix_rows(self.elements, self.params)),
             "limited": _column([column(x, self.params, 1) for _, _, x in self.limited]),
             **self._looks(),
         }
