@@ -368,6 +368,38 @@ def test_an_energy_that_a_force_raises_gets_no_word(force, method, tmp_path):
     )
 
 
+def hanging(v=0.0):
+    """Return a pendulum whose energy is zero where it hangs, and its start there."""
+    system = lv.Lagrangian(
+        lambda t, q, v, p: half(v, 0) - 9.81 * (q[1] + 1), lambda t, q, p: half(q), q=2
+    )
+    return system, {"q": [0.0, -1.0], "v": [v, 0.0]}
+
+
+@pytest.mark.parametrize("method", [lv.Spark(2), lv.Spark(3), lv.HHT(), lv.LobattoPair()], ids=repr)
+def test_roundings_of_what_rests_get_no_word_and_a_slow_drift_gets_one(method, tmp_path):
+    """Energies of 1e-35 J of a pendulum at rest had changed by more than their size."""
+    system, rest = hanging()
+    call = {"t": (0, 10), "h": 0.01}
+    for more in ({}, {"states": False}, {"store": tmp_path / "run.zarr"}):
+        assert lv.integrate(system, method, **call, **more, **rest).message == ""
+    spring = lv.Lagrangian(lambda t, q, v, p: half(v, 0) - 50 * (ca.norm_2(q) - 0.7) ** 2, q=2)
+    start = {"q": 0.7 * np.array([np.sin(0.3), np.cos(0.3)]), "v": [0.0, 0.0]}
+    assert lv.integrate(spring, method, **call, **start).message == ""
+
+
+@pytest.mark.parametrize(("place", "swing"), [(0.0, 1e-30), (1.0, 1e-10)])
+def test_an_energy_far_below_others_gets_a_word_where_it_grows(place, swing, tmp_path):
+    spring = lv.Lagrangian(lambda t, q, v, p: half(v, 0) - half(q - place, 0), q=1)
+    call = {"t": (0, 42), "h": 2.1, "q": [place + swing], "v": [0.0]}
+    for more in ({}, {"store": tmp_path / "run.zarr"}):
+        run = lv.integrate(spring, lv.LobattoPair(2), **call, **more)
+        assert "by more than its own size" in run.message
+    starts = {"q": [[place], [place + swing]], "v": [[0.0], [0.0]]}
+    many = lv.ensemble(spring, lv.LobattoPair(2), t=(0, 42), h=2.1, **starts)
+    assert "energy of member 1 has changed" in many.message
+
+
 def test_a_turntable_drives_its_ball_without_a_word():
     ball = lv.problems.load("rolling_ball")
     run = lv.integrate(ball.system, lv.Spark(2), t=ball.interval, h=0.1, **ball.start)

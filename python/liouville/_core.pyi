@@ -197,6 +197,7 @@ class EnergyWatch:
         energy: int,
         kinetic: int | tuple[int, int, int],
         start: float | None = None,
+        roundoff: float = 0.0,
         falls: bool = False,
     ) -> EnergyWatch: ...
     def add(self, times: NDArray[np.float64], rows: NDArray[np.float64]) -> None: ...

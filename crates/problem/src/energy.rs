@@ -83,7 +83,7 @@ pub enum EnergyChange {
 /// Follows the energy of one motion, record by record, in memory that does not grow with their number.
 ///
 /// The size of an energy that is E at the start is |E| and the mean so far of the kinetic energy, but not below a
-/// tenth of the present one. A change by more than that is a large one. A jump parts all energies before from all
+/// tenth of the present one, nor below what roundings make. A change by more than that is a large one. A jump parts all energies before from all
 /// after it by a thousandth of the size, and by a thousand times the median change, as a change that the others are
 /// like is no jump. An error that comes and goes, as that of a symplectic method, parts no energies. An energy that
 /// can only fall rises where it is above the lowest before by a fifth of the size, in however many records.
@@ -93,6 +93,8 @@ pub struct EnergyWatch {
     /// Whether the energy can only fall, as of methods that damp or of friction: only a gain counts.
     falls: bool,
     start: Option<f64>,
+    /// What roundings of the states change the energy by: no change up to this counts.
+    roundoff: f64,
     records: usize,
     kinetic: f64,
     large: Option<(usize, (f64, f64))>,
@@ -128,12 +130,14 @@ struct Changes {
 }
 
 impl EnergyWatch {
-    /// A watch over a motion with this energy at the start; without it, that of the first record counts.
-    pub fn new(at: EnergyColumns, start: Option<f64>, falls: bool) -> Self {
+    /// A watch over a motion with this energy at the start; without it, that of the first record counts. Changes up to
+    /// `roundoff` do not.
+    pub fn new(at: EnergyColumns, start: Option<f64>, roundoff: f64, falls: bool) -> Self {
         Self {
             at,
             falls,
             start,
+            roundoff,
             records: 0,
             kinetic: 0.0,
             large: None,
@@ -152,7 +156,7 @@ impl EnergyWatch {
     /// The same watch over another motion, which has this energy at the start.
     #[must_use]
     pub fn of_another(&self, start: Option<f64>) -> Self {
-        Self::new(self.at, start, self.falls)
+        Self::new(self.at, start, self.roundoff, self.falls)
     }
 
     /// Excludes the change by a reset at a time; to be called in their order and before the records after
@@ -178,7 +182,8 @@ impl EnergyWatch {
         self.kinetic += kinetic;
         let change = energy - first;
         let change = if self.falls { change } else { change.abs() };
-        if self.large.is_none() && change > self.size(first).max(PART * kinetic) {
+        if self.large.is_none() && change > self.size(first).max(PART * kinetic).max(self.roundoff)
+        {
             self.large = Some((self.records - 1, (t, energy)));
         }
         self.is_finite &= energy.is_finite();
@@ -230,8 +235,8 @@ impl EnergyWatch {
         let gaps = self.gaps.iter().filter_map(|gaps| gaps.last());
         let widest = gaps.max_by(|a, b| a.width().total_cmp(&b.width()))?;
         let (width, between) = (widest.width(), [widest.from, widest.to]);
-        let is_jump =
-            self.is_finite && width > JUMP * size && width > CONSPICUOUS * self.changes.median();
+        let least = (JUMP * size).max(CONSPICUOUS * self.changes.median());
+        let is_jump = self.is_finite && width > least.max(self.roundoff);
         if is_jump {
             return Some(EnergyChange::Jump {
                 between,
@@ -239,7 +244,8 @@ impl EnergyWatch {
             });
         }
         let [low, high] = self.rise;
-        let rises = self.falls && high.1 - low.1 > RISE * self.size(first);
+        let least = (RISE * self.size(first)).max(self.roundoff);
+        let rises = self.falls && high.1 - low.1 > least;
         (rises && self.is_finite).then_some(EnergyChange::Rise {
             between: [low.0, high.0],
             energies: [low.1, high.1],

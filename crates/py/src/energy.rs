@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 
 /// Follows the energy of a motion through its records, in memory that does not grow with their number. `kinetic` is the
 /// column of the kinetic energy, or those of the first of n velocities and momenta with n. `start` is the energy at
-/// the start, that of the first record if None; with `falls` it can only fall, and only a gain counts.
+/// the start, that of the first record if None; changes up to `roundoff` do not count; with `falls` it can only fall, and only a gain counts.
 #[pyclass(name = "EnergyWatch", module = "liouville._core")]
 pub(crate) struct PyEnergyWatch {
     inner: EnergyWatch,
@@ -60,14 +60,20 @@ impl PyEnergyWatch {
 #[pymethods]
 impl PyEnergyWatch {
     #[new]
-    #[pyo3(signature = (energy, kinetic, start = None, falls = false))]
-    fn new(energy: usize, kinetic: KineticAt, start: Option<f64>, falls: bool) -> Self {
+    #[pyo3(signature = (energy, kinetic, start = None, roundoff = 0.0, falls = false))]
+    fn new(
+        energy: usize,
+        kinetic: KineticAt,
+        start: Option<f64>,
+        roundoff: f64,
+        falls: bool,
+    ) -> Self {
         let (kinetic, end) = match kinetic {
             KineticAt::Recorded(at) => (KineticColumns::Recorded(at), at + 1),
             KineticAt::Product(v, p, n) => (KineticColumns::Product { v, p, n }, v.max(p) + n),
         };
         Self {
-            inner: EnergyWatch::new(EnergyColumns { energy, kinetic }, start, falls),
+            inner: EnergyWatch::new(EnergyColumns { energy, kinetic }, start, roundoff, falls),
             width: end.max(energy + 1),
         }
     }

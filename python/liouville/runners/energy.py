@@ -13,7 +13,7 @@ Found = tuple[Literal["change", "rise", "jump"], list[float]]
 
 
 def watch_of(
-    columns: Mapping[str, int], start: float | None, *, falls: bool
+    columns: Mapping[str, int], start: float | None, *, roundoff: float, falls: bool
 ) -> _core.EnergyWatch | None:
     r"""Return a watch over the energy of records, None if they lack the columns.
 
@@ -21,6 +21,7 @@ def watch_of(
     size of an energy that is :math:`E_0` first is :math:`|E_0|` and the mean so far of the kinetic
     energy :math:`v^T p / 2`, but not below a tenth of the present one. A jump parts all energies
     before from all after it, by a thousandth of the size and a thousand times the median change.
+    What roundings of the states make of an energy near zero, as at rest, is no change.
     An energy that can only fall may rise by a fifth of its size, in however many records.
 
     Parameters
@@ -29,6 +30,8 @@ def watch_of(
         Names and widths of the columns of a record.
     start : float or None
         The energy at the start; without one, that of the first record.
+    roundoff : float
+        What roundings of the states change the energy by.
     falls : bool
         Whether the energy can only fall, as of methods that damp or by friction.
     """
@@ -37,7 +40,7 @@ def watch_of(
         return None
     at = dict(zip(columns, accumulate(columns.values(), initial=0), strict=False))
     kinetic = (at["v"], at["p"], columns["v"]) if has_states else at["kinetic"]
-    return _core.EnergyWatch(at["invariant energy"], kinetic, start, falls)
+    return _core.EnergyWatch(at["invariant energy"], kinetic, start, roundoff, falls)
 
 
 def sentence_of(found_of: Mapping[int, Found], *, is_ensemble: bool) -> str:

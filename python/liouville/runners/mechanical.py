@@ -31,6 +31,11 @@ IMPLIED = 1e-8
 #: A power of forces that take from the energy may be above zero by this part of the largest.
 NOISE = 1e-12
 
+#: What roundings do to an energy is found by so many units of the last digit, in so many patterns
+#: of signs; controlled steps are taken to be so many.
+EPS = float(np.finfo(float).eps)
+ROUNDINGS, PATTERNS, SHORTEST = 64, 9, 1000
+
 #: The method that is stepped as RATTLE.
 RATTLE = LobattoPair(2)
 
@@ -232,15 +237,39 @@ class MechanicalRunner(TracedRunner):
         start = self.initial.get("energy", energy[:1])
         return {"work": work, "dissipated": start + work - energy}
 
-    def watch(self) -> _core.EnergyWatch | None:
-        """Return a watch over the energy of a system that nothing drives."""
+    def watch(self, member: int | None = None) -> _core.EnergyWatch | None:
+        """Return a watch over the energy of a system that nothing drives; see :class:`Runner`."""
         is_damped = self.system.may_only_lose
         # damping adds to the energy on the way back
         is_seen = self._states and self.steps.t0 < self.steps.t1
         if not self.system.is_conservative and not (is_damped and is_seen):
             return None
         start = None if self.members else self.initial.get("energy")
-        return watch_of(self.columns, start, falls=is_damped or not self._is_general)
+        falls = is_damped or not self._is_general
+        roundoff = 0.0 if member is None else self._roundoff(member)
+        return watch_of(self.columns, start, roundoff=roundoff, falls=falls)
+
+    def _roundoff(self, member: int) -> float:
+        """Return by how much roundings of the states change the energy of a member at its start.
+
+        Coordinates are off by some units of their last digit, and velocities by as much in a step.
+        """
+        if "invariant energy" not in self.widths:
+            return 0.0
+        y, z = (np.atleast_2d(x)[member if x.ndim > 1 else 0] for x in self._begin[:2])
+        params = np.atleast_2d(self._each_values)
+        signs = np.random.default_rng(0).choice([-1.0, 1.0], (2, PATTERNS, y.size))
+        signs[:, 0] = 0.0
+        off_y = ROUNDINGS * EPS * np.abs(y)
+        off_z = ROUNDINGS * EPS * np.abs(z)
+        if self.system.states[1] == "v":
+            steps = self.steps.count if self.steps.control is None else SHORTEST
+            off_z += off_y * steps / abs(self.steps.t1 - self.steps.t0)
+        args = [np.full((PATTERNS, 1), self.steps.t0), y + signs[0] * off_y, z + signs[1] * off_z]
+        rows = self._observer.map(params[member % len(params)], args)
+        place = list(self.widths.values())[: [*self.widths].index("invariant energy")]
+        changes = np.abs(rows[1:, sum(place)] - rows[0, sum(place)])
+        return float(changes[np.isfinite(changes)].max(initial=0.0))
 
     def is_driven(self, t: np.ndarray, rows: np.ndarray, member: int = 0) -> bool:
         """Return whether records show a force that may add to the energy that is watched.

@@ -190,8 +190,12 @@ class Runner(ABC):
         del request, wrt
         raise TypeError(f"{self.method} has no pullback for {self.system!r}")
 
-    def watch(self) -> _core.EnergyWatch | None:
-        """Return a watch over the energy of a motion, None where its change has no bound."""
+    def watch(self, member: int | None = None) -> _core.EnergyWatch | None:
+        """Return a watch over the energy of a motion, None where its change has no bound.
+
+        That over a member knows by how much roundings of its states change the energy.
+        """
+        del member
         return None
 
     def is_driven(self, t: np.ndarray, rows: np.ndarray, member: int = 0) -> bool:
@@ -246,6 +250,10 @@ class Runner(ABC):
         slices = range(0, all_of, max(1, SLICE * all_of // max(1, rows.size)))
         for first, last in pairwise([*slices, all_of]):
             found |= watch.found_of_each(t, rows, starts, resets, (first, last))
+        for k in [*found]:  # few are
+            del found[k]
+            if own := self.watch(k):
+                found |= own.found_of_each(t, rows, starts, resets, (k, k + 1))
         return {k: what for k, what in found.items() if not self.is_driven(t, rows, k)}
 
     def _members_with_resets(self, events: Mapping[str, Points]) -> set[int]:

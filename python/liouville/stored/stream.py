@@ -62,7 +62,7 @@ class Stream:
         self._first: Columns = {}
         self._last = 0, runner.steps.t0
         self._shown = -math.inf
-        self._watch = runner.watch()
+        self._watch = runner.watch(0)
         self._is_driven, self._largest = False, 0.0
         self.rows = chunks[TIME]
         self.end = ""

@@ -9,7 +9,7 @@ const AT: EnergyColumns = EnergyColumns {
 };
 
 fn watch(falls: bool) -> EnergyWatch {
-    EnergyWatch::new(AT, None, falls)
+    EnergyWatch::new(AT, None, 0.0, falls)
 }
 
 /// Energies of which most follow one that is the same, so that any gap is conspicuous.
@@ -123,5 +123,23 @@ fn an_energy_that_can_only_fall_may_not_rise_step_by_step_after_a_pause_either()
             energies: [1.0, 1.6],
         };
         assert_eq!(watch.found(), falls.then_some(rise));
+    }
+}
+
+#[test]
+fn changes_that_roundings_make_do_not_count_and_larger_ones_do() {
+    for (change, is_said) in [(1e-35, false), (0.9e-30, false), (1.1e-30, true)] {
+        let found = |energies: [f64; 4]| {
+            let mut watch = EnergyWatch::new(AT, None, 1e-30, true);
+            for (n, energy) in energies.iter().enumerate() {
+                watch.add(n as f64, &[*energy, 0.0]);
+            }
+            watch.found()
+        };
+        assert_eq!(found([0.0, 0.0, change, change]).is_some(), is_said);
+        assert_eq!(
+            found([0.0, change / 2.0, -change, change]).is_some(),
+            is_said
+        );
     }
 }
