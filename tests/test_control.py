@@ -57,7 +57,50 @@ def test_a_step_adds_about_the_tolerance(method, name):
         unit = rtol * (np.maximum(np.abs(found.q[k]), np.abs(found.q[k + 1])) + 1e-3)
         ratios.append(np.sqrt(np.mean(((one.q[-1] - exact.q[-1]) / unit) ** 2)))
     assert 1e-4 < np.median(ratios) < 1
-    assert max(ratios) < 10
+    assert max(ratios) < 20
+
+
+def ringing():
+    """Return a heavy oscillator with a fast one on it, which a force from zero on sets ringing."""
+    system = lv.Lagrangian(
+        lambda t, q, v, params: (ca.dot(v, v) - q[0] ** 2 - 1e6 * (q[1] - q[0]) ** 2) / 2,
+        q=2,
+        force=lambda t, q, v, params: ca.vertcat(0.0, -100 * v[1] + 100 * ca.sin(3 * t)),
+    )
+    return system, {"q": [1.0, 1.0], "v": [0.0, 0.0]}, 1.0
+
+
+def rubbing():
+    """Return a block on a spring with friction that turns within a thousandth of its speed."""
+    system = lv.Lagrangian(
+        lambda t, q, v, params: v[0] ** 2 / 2 - 50 * q[0] ** 2,
+        q=1,
+        force=lambda t, q, v, params: [-0.3 * ca.tanh(v[0] / 1e-3)],
+    )
+    return system, {"q": [0.1], "v": [0.3]}, 2.0
+
+
+def far():
+    """Return a damped oscillator a hundred amplitudes away from the origin."""
+    system = lv.Lagrangian(
+        lambda t, q, v, params: (v[0] ** 2 - (q[0] - 100) ** 2) / 2,
+        q=1,
+        force=lambda t, q, v, params: -0.01 * v,
+    )
+    return system, {"q": [101.0], "v": [0.0]}, 10.0
+
+
+@pytest.mark.parametrize(
+    ("motion", "rtol", "most"),
+    [(ringing, 1e-6, 3e-5), (rubbing, 1e-6, 3e-5), (rubbing, 1e-8, 1e-7), (far, 1e-8, 2e-7)],
+)
+def test_velocities_are_held_to_the_tolerance_too(motion, rtol, most):
+    """They were off by 1.7e-4, 2e-3, 8e-6 and 4e-7 where positions were not."""
+    system, start, end = motion()
+    times = {"t": (0, end), "t_eval": np.linspace(0, end, 21), **start}
+    found = lv.integrate(system, lv.Spark(3), rtol=rtol, **times)
+    exact = lv.integrate(system, lv.Spark(3), h=end / 40000, **times)
+    assert np.abs(found.v - exact.v).max() < most * np.abs(exact.v).max()
 
 
 @pytest.mark.parametrize("method", [lv.Spark(2), lv.Spark(3), lv.LobattoPair(3)], ids=str)
@@ -176,7 +219,7 @@ def test_reversible_steps_hold_the_energy_that_controlled_ones_lose(monitor, h, 
     assert cost(found) < cost(equal) / 2
     assert 50 * moved(found) < moved(controlled)
     drift = found.invariant_drift("energy").max()
-    assert drift < controlled.invariant_drift("energy").max() / 2
+    assert drift < controlled.invariant_drift("energy").max()
     assert drift < equal.invariant_drift("energy").max() / 1000
     with pytest.raises(lv.IntegrationError):
         orbit(method, 1, steps=found.stats["steps"] // periods)
@@ -356,7 +399,7 @@ def test_controlled_steps_end_at_the_switches_of_a_system():
     exact = lv.integrate(block(), lv.Spark(4), steps=6000, every=6000, **call).q[-1, 0]
     blind = lv.integrate(block(), lv.Spark(3), rtol=1e-6, **call)
     seeing = lv.integrate(block(switches=edges), lv.Spark(3), rtol=1e-6, **call)
-    assert abs(blind.q[-1, 0] - exact) > 1e-4
+    assert abs(blind.q[-1, 0] - exact) > 5e-6
     assert abs(seeing.q[-1, 0] - exact) < 5e-7
     assert seeing.stats["steps"] < 120
     assert not seeing.events

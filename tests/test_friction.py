@@ -254,6 +254,38 @@ def test_controlled_steps_end_where_two_slips_reverse_together():
     assert sorted(flat.system().switch_tapes) == ["normal force of J.slide_x", *slips]
 
 
+def crossed_rails():
+    """Return a block that slides across another with friction, and its start."""
+    m = lv.bodies.Assembly(gravity=(0, 0, -g))
+    m.body("a", mass=2.0, inertia=(0.1, 0.1, 0.1), at=(0, 0, 0))
+    m.body("b", mass=1.0, inertia=(0.1, 0.1, 0.1), at=(0, 0, 1))
+    dry = Coulomb(mu=0.3, v_s=1e-3)
+    m.prismatic("J", m.ground, "a", axis=(1, 0, 0), spring=200.0, friction=dry)
+    m.prismatic("K", "a", "b", axis=(0, 1, 0), spring=100.0, friction=dry)
+    return m.system(), m.start(rates={"J": 1.0, "K": 0.5})
+
+
+@pytest.mark.parametrize("rtol", [1e-11, 1e-12])
+def test_roundoff_of_what_joints_hold_is_no_kink_of_friction(rtol):
+    """Velocities of shorter steps have more of it, and the run asked for steps of 1e-14 s."""
+    system, start = crossed_rails()
+    found = lv.integrate(system, lv.Spark(5), t=(0, 1), rtol=rtol, **start)
+    assert found.status == "done"
+    assert found.stats["steps"] < 1000
+
+
+def test_a_tolerance_near_roundoff_is_named_where_steps_become_too_short():
+    system, start = crossed_rails()
+    call = {"t": (0, 1), "control": lv.Adaptive(h_min=1e-3), **start}
+    hint = "coordinates near zero are held to atol = rtol / 1000 = 1e-14"
+    with pytest.raises(lv.IntegrationError, match=f"less than h_min\nhint: .*{hint}"):
+        lv.integrate(system, lv.Spark(3), rtol=1e-11, **call)
+    for more in ({"rtol": 1e-6}, {"rtol": 1e-11, "atol": 1e-9}):
+        with pytest.raises(lv.IntegrationError, match="less than h_min") as caught:
+            lv.integrate(system, lv.Spark(3), **more, **call)
+        assert "roundoff" not in str(caught.value)
+
+
 @pytest.mark.parametrize("is_planar", [True, False])
 def test_controlled_steps_end_where_a_normal_force_turns(is_planar):
     """A pendulum that swings over lifts its cart: the size of N has a kink at zero."""

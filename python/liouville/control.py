@@ -39,12 +39,15 @@ class Adaptive:
 
     A step is kept if its error :math:`\epsilon_n`, the root mean square over the coordinates of
     :math:`e_i / (\mathrm{atol}_i + \mathrm{rtol}\,|y_i|)` with the estimates :math:`e_i`, is at
-    most 1, and is made again shorter otherwise. A PI controller gives the next step,
-    :math:`h_{n+1} = 0.9\, \epsilon_n^{-0.7/k} \epsilon_{n-1}^{0.4/k}\, h_n` with the order k of the
-    estimate, within 0.2 to 4 times the last. Such steps suit forces that dissipate and short runs:
-    in a long run they lose what a symplectic method keeps. ``Spark``, ``LobattoPair`` and the alpha
-    family take it. With ``rtol`` alone, without this control, the alpha family makes reversible
-    steps on systems whose energy nothing changes: these keep the energy as equal steps do.
+    most 1, and is made again shorter otherwise. ``Spark`` on Gauss points asks the same of the
+    velocities, in units of rtol times the largest so far of each, with atol over the longest step
+    so far; other methods estimate errors of the coordinates alone. No unit is below a thousand
+    roundings. A PI controller gives the next step, :math:`h_{n+1} = 0.9\, \epsilon_n^{-0.7/k}
+    \epsilon_{n-1}^{0.4/k}\, h_n` with the order k of the estimate, within 0.2 to 4 times the last.
+    Such steps suit forces that dissipate and short runs: in a long run they lose what a symplectic
+    method keeps. ``Spark``, ``LobattoPair`` and the alpha family take it. With ``rtol`` alone,
+    without this control, the alpha family makes reversible steps on systems whose energy nothing
+    changes: these keep the energy as equal steps do.
 
     Parameters
     ----------

@@ -312,10 +312,16 @@ def _step_too_large(name: str, error: dict[str, Any]) -> Description:
 
 def _step_too_small(error: dict[str, Any]) -> Description:
     if math.isfinite(error["error"]):
+        fine = ""
+        if "atol" in error:
+            fine = (
+                f": coordinates near zero are held to atol = rtol / 1000 = {error['atol']:.2g}, "
+                "which is near the roundoff of others"
+            )
         return (
             f"the error asks for a step of {error['h']:.1e}, less than h_min",
             "look for a force that jumps or grows without bound there; else a larger rtol, atol or "
-            "a smaller h_min may help",
+            f"a smaller h_min may help{fine}",
             "step",
         )
     return (

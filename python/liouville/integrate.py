@@ -66,10 +66,11 @@ def integrate(
         Number of steps, instead of `h`.
     rtol : float, optional
         Relative tolerance, which makes the steps controlled: the estimated error that a step adds
-        to the coordinates is at most ``atol + rtol * |y|``, in the root mean square over them; see
-        :class:`Adaptive`. A polynomial field takes equal steps all the same, as many as keep the
-        error of x within this until the end by trial runs of the whole time; `h` is the first step
-        tried. A wave function's tolerance is its method's, ``tol``.
+        to the coordinates is at most ``atol + rtol * |y|``, in the root mean square over them, and
+        with ``Spark`` on Gauss points what it adds to the velocities ``rtol`` of their largest
+        values; see :class:`Adaptive`. A polynomial field takes equal steps all the same, as many as
+        keep the error of x within this until the end by trial runs of the whole time; `h` is the
+        first step tried. A wave function's tolerance is its method's, ``tol``.
     atol : float or array_like, shape (n,), optional
         Absolute tolerance, for all coordinates or for each, in their own unit; ``rtol / 1000`` by
         default. ``solution.message`` says where that outweighs ``rtol`` times all coordinates.

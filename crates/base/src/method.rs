@@ -94,7 +94,13 @@ pub trait Stepper: Checkpoint {
 /// A method whose step of −h undoes its step of h.
 pub trait Symmetric: Stepper {}
 
-/// Errors of coordinates are measured by `atol + rtol |y|`, in the mean over them.
+/// The absolute tolerance by default, in units of the relative one.
+const SMALL: f64 = 1e-3;
+
+/// A tolerance is not below so many roundings of a coordinate: solutions of stage equations are off by hundreds.
+const LEAST_ROUNDINGS: f64 = 1024.0;
+
+/// Errors of coordinates are measured by `atol + rtol |y|`, but no less than a thousand roundings, in the mean over them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Tolerance {
     /// Part of the coordinate.
@@ -107,14 +113,23 @@ impl Tolerance {
     /// The root mean square of x in units of the tolerance, at the larger of two values of each
     /// coordinate.
     pub fn weigh(&self, [y0, y1]: [&[f64]; 2], x: impl Iterator<Item = f64>) -> f64 {
+        let largest = largest(y1);
         let sum: f64 = x
             .enumerate()
             .map(|(k, x)| {
                 let size = y0[k].abs().max(y1[k].abs());
-                (x / (self.atol[k] + self.rtol * size)).powi(2)
+                let least = LEAST_ROUNDINGS * self.roundoff([y0, y1], k, largest);
+                (x / (self.atol[k] + self.rtol * size).max(least)).powi(2)
             })
             .sum();
         (sum / y0.len() as f64).sqrt()
+    }
+
+    /// What roundoff leaves of a coordinate k, up to a factor: of numbers as large as it, and as those that an absolute
+    /// tolerance by default is for, but no larger than the largest coordinate.
+    pub fn roundoff(&self, [y0, y1]: [&[f64]; 2], k: usize, largest: f64) -> f64 {
+        let size = y0[k].abs().max(y1[k].abs());
+        f64::EPSILON * (size + (self.atol[k] / (SMALL * self.rtol)).min(largest))
     }
 
     /// A first step whose acceleration moves the coordinates by about the tolerance.
@@ -123,6 +138,11 @@ impl Tolerance {
         let h = (2.0 / a.max(b).max(f64::MIN_POSITIVE)).sqrt();
         h.min(span.abs() / 100.0)
     }
+}
+
+/// The size of the largest coordinate.
+pub fn largest(y: &[f64]) -> f64 {
+    y.iter().fold(0.0, |largest, y| y.abs().max(largest))
 }
 
 /// A method with an error estimate.

@@ -107,6 +107,12 @@ impl<S: Carried + Clone> Estimate<S> {
         }
     }
 
+    /// What the polynomial of the stages misses of a velocity at the start, 0, or at the end, 1.
+    pub fn defect(&self, velocities: &Matrix, end: usize, k: usize) -> f64 {
+        let weights = self.weights[end].iter().enumerate();
+        weights.map(|(i, weight)| weight * velocities[(i, k)]).sum()
+    }
+
     /// The error, in units of the tolerance.
     pub fn error(&self) -> f64 {
         self.error

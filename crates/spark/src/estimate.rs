@@ -2,6 +2,7 @@
 
 use super::Spark;
 use super::kinks::{self, Kinks};
+use super::velocity_error::VelocityError;
 use liouville_base::error::StepError;
 use liouville_base::method::{Estimating, Tolerance};
 use liouville_problem::{Estimate, State};
@@ -13,6 +14,7 @@ impl Spark {
         let estimate = Estimate::new(&self.tableau, tolerance);
         self.estimate = Some(Box::new(estimate));
         self.kinks = Kinks::new(&self.model, &self.tableau);
+        self.velocity_error = VelocityError::new(self.model.problem.n);
         self
     }
 
@@ -30,18 +32,34 @@ impl Spark {
         };
         estimate.measure(self.predictor.velocities(), h, state);
         self.kinks.begin();
+        self.velocity_error.begin();
         if estimate.error() > 1.0 {
             return;
         }
-        let (ends, off) = ([estimate.before(state), state], estimate.off());
+        let ends = [estimate.before(state), state];
         let solved_by = (&mut self.model, &mut self.predictor);
-        let unseen = self
-            .kinks
-            .error(solved_by, (t, h), ends, (off, &estimate.tolerance));
+        let unseen = self.kinks.error(solved_by, (t, h), ends, estimate);
+        let (velocities, kinks, tolerance) = (
+            self.predictor.velocities(),
+            &self.kinks,
+            &estimate.tolerance,
+        );
+        let (of_velocity, order) = if kinks.are_known() {
+            let both = |end, k| {
+                let of_v = estimate.defect(velocities, end, k);
+                [of_v, kinks.defect(velocities, h, end, k)]
+            };
+            let y = ends.map(|state| &state.y[..]);
+            self.velocity_error
+                .measure(velocities, h, (y, tolerance), both)
+        } else {
+            (0.0, 1.0)
+        };
         // below the tolerance a kink leaves the steps as they are
         if unseen > 1.0 {
             estimate.raise(unseen, kinks::ORDER);
         }
+        estimate.raise(of_velocity, order);
     }
 
     /// A first step whose acceleration moves the coordinates by about the tolerance.
@@ -74,6 +92,7 @@ impl Estimating for Spark {
             estimate.undo(state);
             self.predictor.undo();
             self.kinks.undo();
+            self.velocity_error.undo();
         }
     }
 }

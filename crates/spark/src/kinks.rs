@@ -12,14 +12,17 @@
 use super::predictor::Predictor;
 use liouville_base::checkpoint;
 use liouville_base::linalg::{Matrix, copy};
-use liouville_base::method::Tolerance;
+use liouville_base::method::largest;
 use liouville_base::tableau;
-use liouville_problem::{Model, State};
+use liouville_problem::{Estimate, Model, State};
 
 /// D of a smooth motion is at most so many times what e and the step before let expect.
 const SMOOTH: f64 = 20.0;
 /// An error of the velocity is held against the positions for at most so many steps.
 const LONGEST: f64 = 1000.0;
+/// Defects count by how much they are above so many roundings of the positions in a step, those of the accelerations
+/// above s² times as many.
+const ROUNDINGS: f64 = 1024.0;
 /// The power of h with which the error of a bend falls.
 pub(super) const ORDER: f64 = 2.0;
 
@@ -88,14 +91,14 @@ impl Kinks {
         }
     }
 
-    /// The error of the step from `before` at t to `after` that the defect `off` of the velocities does not show, in
-    /// units of the tolerance; zero where the motion is smooth or the accelerations cannot be solved for.
+    /// The error of the step from `before` at t to `after` that the defect of the velocities does not show, in units of
+    /// the tolerance; zero where the motion is smooth or the accelerations cannot be solved for.
     pub(super) fn error(
         &mut self,
         (model, predictor): (&mut Model, &mut Predictor),
         (t, h): (f64, f64),
         [before, after]: [&State; 2],
-        (off, tolerance): (f64, &Tolerance),
+        estimate: &Estimate,
     ) -> f64 {
         let Some(held) = self.memory.first().copied() else {
             return 0.0;
@@ -116,30 +119,27 @@ impl Kinks {
             return 0.0;
         }
         (self.memory[0], self.is_judged) = (END, true);
-        self.judge(
-            predictor.velocities(),
-            h,
-            [&before.y, &after.y],
-            (off, tolerance),
-        )
+        self.judge(predictor.velocities(), h, [&before.y, &after.y], estimate)
+    }
+
+    /// What the accelerations at the start, 0, or at the end, 1, of the step last looked at are off, times h.
+    pub(super) fn defect(&self, velocities: &Matrix, h: f64, end: usize, k: usize) -> f64 {
+        let weights = self.slopes[end].iter().enumerate();
+        let slope: f64 = weights.map(|(i, weight)| weight * velocities[(i, k)]).sum();
+        slope - h * self.ends[end][k]
+    }
+
+    /// Whether the accelerations at both ends of the last step are known.
+    pub(super) fn are_known(&self) -> bool {
+        self.memory.first() == Some(&END)
     }
 
     /// The error from what the accelerations are off.
-    fn judge(
-        &mut self,
-        velocities: &Matrix,
-        h: f64,
-        y: [&[f64]; 2],
-        (off, tolerance): (f64, &Tolerance),
-    ) -> f64 {
+    fn judge(&mut self, velocities: &Matrix, h: f64, y: [&[f64]; 2], estimate: &Estimate) -> f64 {
+        let (off, tolerance) = (estimate.off(), &estimate.tolerance);
         let (rows, n) = (velocities.rows(), velocities.cols());
         let defect = |end: usize| {
-            let of = |k: usize| {
-                let slope: f64 = (0..rows)
-                    .map(|i| self.slopes[end][i] * velocities[(i, k)])
-                    .sum();
-                slope - h * self.ends[end][k]
-            };
+            let of = |k: usize| self.defect(velocities, h, end, k);
             tolerance.weigh(y, (0..n).map(of))
         };
         let defect = defect(0).max(defect(1));
@@ -161,7 +161,18 @@ impl Kinks {
         let speeds = (0..rows).map(|i| tolerance.weigh(y, velocities.row(i).iter().copied()));
         let speed = speeds.fold(f64::MIN_POSITIVE, f64::max);
         let time_scale = tolerance.weigh(y, y[1].iter().copied()) / speed;
-        self.part * defect.max(off) * time_scale.clamp(h.abs(), LONGEST * h.abs())
+        let largest = largest(y[1]);
+        let above = |roundings: f64, of: &dyn Fn(usize) -> f64| {
+            let roundoff = |k| roundings * tolerance.roundoff(y, k, largest) / h.abs();
+            tolerance.weigh(y, (0..n).map(|k| (of(k).abs() - roundoff(k)).max(0.0)))
+        };
+        let misses = [0, 1].map(|end| {
+            let of_e = above(ROUNDINGS, &|k| estimate.defect(velocities, end, k));
+            let most = ROUNDINGS * order.powi(2);
+            of_e.max(above(most, &|k| self.defect(velocities, h, end, k)))
+        });
+        let missed = misses[0].max(misses[1]);
+        self.part * missed * time_scale.clamp(h.abs(), LONGEST * h.abs())
     }
 }
 

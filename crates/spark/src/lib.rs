@@ -32,6 +32,7 @@ mod sparse_schur;
 mod stages;
 mod tangent;
 mod update;
+mod velocity_error;
 mod yardstick;
 
 use general::General;
@@ -46,6 +47,7 @@ use liouville_problem::{Estimate, Mechanical, Model, State, Step};
 use liouville_small::{Matrices, Small};
 use predictor::Predictor;
 pub use tangent::{SparkAdjoint, SparkTangents};
+use velocity_error::VelocityError;
 
 /// The solver of the stage equations; all have the same solution, to roundoff.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -112,6 +114,7 @@ pub struct Spark {
     /// Whether steps are refused that only continuation might solve, as shorter ones are made in their place.
     is_shortened: bool,
     kinks: Kinks,
+    velocity_error: VelocityError,
     /// The back-off of node Schur, and of the modified iteration.
     schur_backoff: Backoff,
     backoff: Backoff,
@@ -141,6 +144,7 @@ impl Spark {
             estimate: None,
             is_shortened: false,
             kinks: Kinks::default(),
+            velocity_error: VelocityError::default(),
             schur_backoff: Backoff::default(),
             backoff: Backoff::default(),
             stats: Stats::default(),
@@ -166,6 +170,7 @@ impl Spark {
     pub fn reset(&mut self) {
         self.predictor.reset();
         self.kinks = Kinks::default();
+        self.velocity_error = VelocityError::default();
         self.estimate = None;
         self.is_shortened = false;
         (self.schur_backoff, self.backoff) = Default::default();
@@ -279,6 +284,7 @@ impl Stepper for Spark {
     fn forget(&mut self) {
         self.predictor.forget();
         self.kinks.forget();
+        self.velocity_error.forget();
     }
 
     fn stats(&self) -> Stats {
@@ -298,6 +304,7 @@ impl Symmetric for Spark {}
 liouville_base::checkpoint!(Spark {
     predictor,
     kinks,
+    velocity_error,
     schur_backoff,
     backoff
 });

@@ -36,6 +36,10 @@ NOISE = 1e-12
 EPS = float(np.finfo(float).eps)
 ROUNDINGS, PATTERNS, SHORTEST = 64, 9, 1000
 
+#: An absolute tolerance below so many units in the last digit of the largest coordinate is hard to
+#: meet by those near zero.
+FINE = 1e4
+
 #: The method that is stepped as RATTLE.
 RATTLE = LobattoPair(2)
 
@@ -324,7 +328,13 @@ class MechanicalRunner(TracedRunner):
         return good, {"kind": "contradiction", "index": self._left_out[which], "part": "constraint"}
 
     def add_cause(self, error: dict[str, Any], t: np.ndarray, rows: np.ndarray) -> None:
-        """Name the constraints that are nearly dependent where a step has failed."""
+        """Name constraints nearly dependent where a step fails, or a tolerance near roundoff."""
+        control = self.steps.control
+        if error["kind"] == "step too small" and control and control[0] == "error":
+            atol = float(control[2][0])
+            largest = np.abs(self._begin[0]).max(initial=0.0)
+            if self._is_atol_default and atol < FINE * EPS * largest:
+                error["atol"] = atol
         if error["kind"] in UNSOLVED and self._states and rows.ndim == 2 and len(rows):
             y, params = rows[-2:, : len(self.system.coordinates)], self.system.values(self.params)
             # where the last step began, and where it went
