@@ -45,6 +45,13 @@ CONTROLS = {
 }
 
 
+def test_a_run_has_states_one_rounding_before_its_events():
+    """A part whose start and length add up to less than its end made no record, an IndexError."""
+    for k in range(60):
+        run = drop(lv.Spark(2), (0, 3.0), ground(0.8), h=None, rtol=10 ** (-6 - k / 20))
+        assert run(np.nextafter(run.events["ground"].t, 0)).v.max() < 0
+
+
 @pytest.mark.parametrize("kind", CONTROLS)
 def test_a_ball_bounces_as_its_closed_form_says(kind):
     method, more = CONTROLS[kind]

@@ -55,6 +55,8 @@ def between(
             t0, end = float(t[k]), float(some[first + count - 1])
             if end == t0:
                 end += way * SHORT * max(abs(t0), 1.0)
+            elif way * (t0 + (end - t0)) < way * end:  # the sum of start and length is rounded
+                end = float(np.nextafter(end, way * np.inf))
             more = [values[t0] for values in carried.values() if t0 in values]
             starts.append((y[k], z[k], *more))
             parts.append((t0, end, int(count)))
