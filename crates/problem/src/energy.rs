@@ -83,10 +83,11 @@ pub enum EnergyChange {
 /// Follows the energy of one motion, record by record, in memory that does not grow with their number.
 ///
 /// The size of an energy that is E at the start is |E| and the mean so far of the kinetic energy, but not below a
-/// tenth of the present one, nor below what roundings make. A change by more than that is a large one. A jump parts all energies before from all
+/// tenth of the present one. A change by more than that is a large one. A jump parts all energies before from all
 /// after it by a thousandth of the size, and by a thousand times the median change, as a change that the others are
 /// like is no jump. An error that comes and goes, as that of a symplectic method, parts no energies. An energy that
-/// can only fall rises where it is above the lowest before by a fifth of the size, in however many records.
+/// can only fall rises where it is above the lowest before by a fifth of the size, in however many records. Changes
+/// that roundings make are none of these.
 #[derive(Clone, Debug)]
 pub struct EnergyWatch {
     at: EnergyColumns,
