@@ -2,6 +2,7 @@
 
 use crate::checkpoint::Checkpoint;
 use crate::error::StepError;
+use crate::linalg::max_norm;
 
 /// The work of a stepper so far.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -100,7 +101,8 @@ const SMALL: f64 = 1e-3;
 /// A tolerance is not below so many roundings of a coordinate: solutions of stage equations are off by hundreds.
 const LEAST_ROUNDINGS: f64 = 1024.0;
 
-/// Errors of coordinates are measured by `atol + rtol |y|`, but no less than a thousand roundings, in the mean over them.
+/// Errors of coordinates are measured by `atol + rtol |y|`, but no less than a thousand roundings, in the mean over
+/// them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Tolerance {
     /// Part of the coordinate.
@@ -113,7 +115,7 @@ impl Tolerance {
     /// The root mean square of x in units of the tolerance, at the larger of two values of each
     /// coordinate.
     pub fn weigh(&self, [y0, y1]: [&[f64]; 2], x: impl Iterator<Item = f64>) -> f64 {
-        let largest = largest(y1);
+        let largest = max_norm(y1);
         let sum: f64 = x
             .enumerate()
             .map(|(k, x)| {
@@ -138,11 +140,6 @@ impl Tolerance {
         let h = (2.0 / a.max(b).max(f64::MIN_POSITIVE)).sqrt();
         h.min(span.abs() / 100.0)
     }
-}
-
-/// The size of the largest coordinate.
-pub fn largest(y: &[f64]) -> f64 {
-    y.iter().fold(0.0, |largest, y| y.abs().max(largest))
 }
 
 /// A method with an error estimate.

@@ -9,7 +9,8 @@ use std::collections::BTreeMap;
 
 /// Follows the energy of a motion through its records, in memory that does not grow with their number. `kinetic` is the
 /// column of the kinetic energy, or those of the first of n velocities and momenta with n. `start` is the energy at
-/// the start, that of the first record if None; changes up to `roundoff` do not count; with `falls` it can only fall, and only a gain counts.
+/// the start, that of the first record if None; changes up to `roundoff` do not count; with `falls` it can only fall,
+/// and only a gain counts.
 #[pyclass(name = "EnergyWatch", module = "liouville._core")]
 pub(crate) struct PyEnergyWatch {
     inner: EnergyWatch,

@@ -11,8 +11,7 @@
 
 use super::predictor::Predictor;
 use liouville_base::checkpoint;
-use liouville_base::linalg::{Matrix, copy};
-use liouville_base::method::largest;
+use liouville_base::linalg::{Matrix, copy, max_norm};
 use liouville_base::tableau;
 use liouville_problem::{Estimate, Model, State};
 
@@ -161,7 +160,7 @@ impl Kinks {
         let speeds = (0..rows).map(|i| tolerance.weigh(y, velocities.row(i).iter().copied()));
         let speed = speeds.fold(f64::MIN_POSITIVE, f64::max);
         let time_scale = tolerance.weigh(y, y[1].iter().copied()) / speed;
-        let largest = largest(y[1]);
+        let largest = max_norm(y[1]);
         let above = |roundings: f64, of: &dyn Fn(usize) -> f64| {
             let roundoff = |k| roundings * tolerance.roundoff(y, k, largest) / h.abs();
             tolerance.weigh(y, (0..n).map(|k| (of(k).abs() - roundoff(k)).max(0.0)))

@@ -11,8 +11,8 @@
 //! so far, and the roundoff of positions in this step.
 
 use liouville_base::checkpoint;
-use liouville_base::linalg::Matrix;
-use liouville_base::method::{Tolerance, largest};
+use liouville_base::linalg::{Matrix, max_norm};
+use liouville_base::method::Tolerance;
 
 /// The part of the defect of a step that the next one counts as its own at least.
 const KEPT: f64 = 0.9;
@@ -93,7 +93,7 @@ impl VelocityError {
     ) -> (f64, f64) {
         let (rows, n, h) = (velocities.rows(), velocities.cols(), h.abs());
         let longest = self.memory[LONGEST].max(h);
-        let largest = largest(y[1]);
+        let largest = max_norm(y[1]);
         let mut sums = [[0.0; 2]; 2];
         for k in 0..n {
             let speeds = (0..rows).map(|i| velocities[(i, k)].abs());
