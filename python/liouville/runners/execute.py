@@ -21,7 +21,6 @@ from liouville.points import STATES, Points
 from liouville.progress import Progress, Report, reported
 from liouville.runners.runner import Request, Runner
 from liouville.solution import RESIDUALS, Solution
-from liouville.systems import SemiExplicit
 
 #: Seconds between two looks at the signals and the progress bar.
 SLICE = 0.05
@@ -339,9 +338,8 @@ def explain(error: dict[str, Any], runner: Runner) -> tuple[str, str]:
 
 def _names(runner: Runner) -> dict[str, tuple[str, ...]]:
     names = {"coordinates": runner.system.coordinates, "constraints": runner.constraints}
-    if isinstance(runner.system, SemiExplicit):
-        names["unknowns"] = runner.system.unknowns
-    return names
+    unknowns = getattr(runner.system, "unknowns", None)
+    return names if unknowns is None else names | {"unknowns": unknowns}
 
 
 def _named(parts: Mapping[str, np.ndarray]) -> dict[str, dict[str, np.ndarray]]:

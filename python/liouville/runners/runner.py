@@ -7,7 +7,6 @@ import os
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -35,6 +34,9 @@ STORE = "; store= keeps all of them in a folder"
 
 #: Numbers that the core looks at in one call: Ctrl-C is answered in between.
 SLICE = 1 << 22
+
+#: The energies at starts that are in the records.
+NONE = np.empty(0)
 
 #: Names of some columns of a record in messages.
 QUANTITIES = {
@@ -246,9 +248,10 @@ class Runner(ABC):
             return {}
         found: dict[int, Found] = {}
         resets = {k: self.resets(events, k) for k in self._members_with_resets(events)}
-        starts = np.ravel(np.asarray(self.initial.get("energy", []), dtype=float))
-        slices = range(0, all_of, max(1, SLICE * all_of // max(1, rows.size)))
-        for first, last in pairwise([*slices, all_of]):
+        starts = np.ravel(self.initial.get("energy", NONE))
+        wide = max(1, SLICE * all_of // max(1, rows.size))
+        for first in range(0, all_of, wide):
+            last = min(first + wide, all_of)
             found |= watch.found_of_each(t, rows, starts, resets, (first, last))
         for k in [*found]:  # few are
             del found[k]

@@ -242,12 +242,15 @@ class TracedRunner(Runner):
         is_whole = self.every == 1 and self._watch.times is None and self._states
         return self._order if is_whole else 0
 
-    @cached_property
+    @property
     def initial(self) -> dict[str, Any]:
         """The invariants at the start, where no record is kept of it; see :class:`Solution`."""
-        times, t0 = self._watch.times, self.steps.t0
-        if times is None or times[0] == t0:
-            return {}
+        times = self._watch.times
+        return {} if times is None or times[0] == self.steps.t0 else self._initial
+
+    @cached_property
+    def _initial(self) -> dict[str, Any]:
+        t0 = self.steps.t0
         each, rows = np.atleast_2d(self._each_values), []
         starts = zip(*(np.atleast_2d(x) for x in self._begin[:2]), strict=True)
         for k, (y, z) in enumerate(starts):

@@ -146,6 +146,8 @@ def numbers(value: Any) -> np.ndarray | None:
         array = np.array(value)
     except (TypeError, ValueError):  # symbols, or rows of different lengths
         return None
+    if array.dtype == float:
+        return array
     array = large_integers(array)
     with np.errstate(over="ignore"):  # of longer types, which are infinite then
         return array.astype(float, copy=False) if array.dtype.kind in "iuf" else None
