@@ -326,6 +326,10 @@ WRONG = {
         {"q": np.tile([0.6, 0, -0.8], (3, 1)), "v": [0, 0, 0]}, {"g": [1.0, 2.0]},
         "parameter 'g' has 2 members along its first axis, q has 3",
     ),
+    "a parameter of one": (
+        {"q": [0.6, 0, -0.8], "v": [0, 1, 0]}, {"g": [1.0, 2.0, np.inf]},
+        "member 2: parameter 'g' is not finite: inf",
+    ),
     "last axis": ({"q": np.zeros((3, 2)), "v": np.zeros((3, 3))}, {}, r"q has shape \(3, 2\)"),
     "violated": (
         {"q": [[0.6, 0, -0.8], [0.6, 0.1, -0.8]], "v": [0, 1, 0]}, {},
@@ -343,6 +347,17 @@ def test_a_wrong_ensemble_is_refused(name):
     start, params, message = WRONG[name]
     with pytest.raises(ValueError, match=message):
         lv.ensemble(POLAR, lv.Spark(2), t=(0, 1), h=0.05, params=params, **start)
+
+
+def test_a_member_that_cannot_be_observed_is_named():
+    g = np.where(np.arange(20) == 5, 1.0, 2.0)
+    root = {"root": lambda t, q, v, params: ca.sqrt(params.g - 1.5)}
+    run = {"t": (0, 1), "h": 0.1, "q": [0.6, 0, -0.8], "v": [0, 1, 0], "observe": root}
+    found = lv.ensemble(POLAR, lv.Spark(2), params={"g": g}, **run)
+    assert [*found.failures] == [5]
+    assert "observed 'root' is not finite" in found.failures[5].message
+    np.testing.assert_array_equal(found.observed["root"][:, g == 2], np.sqrt(0.5))
+    assert np.isnan(found.observed["root"][:, 5]).all()
 
 
 def test_coordinates_by_name_and_starts_for_all():

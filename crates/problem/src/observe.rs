@@ -1,6 +1,6 @@
 //! Records of a mechanical or semi-explicit system at an output point.
 
-use super::{Dynamics, Model, State, TangentView, model::finite};
+use super::{Acceleration, Dynamics, Mechanical, Model, State, TangentView, model::finite};
 use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch, Numbers};
 use liouville_base::error::{Quantity, StepError};
 use liouville_base::observe::Observe;
@@ -153,42 +153,105 @@ impl<M: Dynamics> Checkpoint for Observer<M> {
     }
 }
 
-/// Records what [`Observer`] does of several members in lock-step, one after another.
+/// Records what [`Observer`] does of several members in lock-step, a row of each one after another.
 #[derive(Clone, Debug)]
-pub struct Observers {
-    /// One for each member, or one for all of them.
-    each: Vec<Observer>,
+pub struct Observers<R> {
+    problem: Arc<Mechanical>,
+    params: Vec<R>,
+    tape: Arc<Tape>,
+    has_states: bool,
     members: usize,
-    state: Option<State>,
+    /// All members at once, unless redundant constraints share their multipliers.
+    together: Option<Together<R>>,
+    /// Observers of one member, made where that fails, and its state.
+    alone: Vec<Option<Observer>>,
+    single: State,
 }
 
-impl Observers {
-    /// Observers of the first `members` in lock-step: one for each, or one for all where they have the same
-    /// parameters.
-    pub fn new(each: Vec<Observer>, members: usize) -> Self {
+/// The model of all members, the solver of its multipliers where states are recorded, and the tape of the quantities.
+#[derive(Clone, Debug)]
+struct Together<R> {
+    model: Model<R>,
+    states: Option<Acceleration<R>>,
+    registers: Registers<R>,
+}
+
+impl<R: Real> Observers<R> {
+    /// Observers of the first `members` in lock-step, with or without their states.
+    ///
+    /// # Panics
+    /// When the tape's inputs are not (t, y, z, params).
+    pub fn new(
+        problem: &Arc<Mechanical>,
+        (params, members): (&[R], usize),
+        (tape, has_states): (Arc<Tape>, bool),
+    ) -> Self {
+        let together = problem.redundant.is_none().then(|| {
+            let model = Model::new(problem.clone(), params);
+            Together {
+                states: has_states.then(|| Acceleration::new(&model)),
+                registers: tape.bind(params),
+                model,
+            }
+        });
         Self {
-            each,
+            problem: problem.clone(),
+            params: params.to_vec(),
+            tape,
+            has_states,
             members,
-            state: None,
+            together,
+            alone: vec![None; members],
+            single: State::zeros(problem.n),
         }
     }
 }
 
-impl<R: Real> Observe<State<R>> for Observers {
+impl<R: Real> Together<R> {
+    /// Appends the rows of the first `members`; an error does not say which of them it is.
+    fn append(
+        &mut self,
+        tape: &Tape,
+        (t, state): (f64, &State<R>),
+        members: usize,
+        row: &mut Vec<f64>,
+    ) -> Result<(), StepError> {
+        if let Some(states) = &mut self.states {
+            states.solve(&mut self.model, t, &state.y, &state.z)?;
+        }
+        let args: [&[R]; 3] = [&[R::splat(t)], &state.y, &state.z];
+        let values = tape.eval(&mut self.registers, args);
+        finite(values, Quantity::Observable, t)?;
+        let parts = (self.states.as_ref()).map(|states| [&state.y[..], &state.z, &states.lam]);
+        for member in 0..members {
+            let own = parts.iter().flatten().copied().chain([values]).flatten();
+            row.extend(own.map(|x| x.member(member)));
+        }
+        Ok(())
+    }
+}
+
+impl<R: Real> Observe<State<R>> for Observers<R> {
     fn width(&self, state: &State<R>) -> usize {
-        let single = State::<f64>::zeros(state.y.len());
-        self.members * self.each[0].width(&single)
+        let states = 2 * state.y.len() + self.problem.recorded_multipliers();
+        self.members * (usize::from(self.has_states) * states + self.tape.outputs())
     }
 
     fn observe(&mut self, t: f64, state: &State<R>, row: &mut Vec<f64>) -> Result<(), StepError> {
+        if let Some(together) = &mut self.together
+            && (together.append(&self.tape, (t, state), self.members, row)).is_ok()
+        {
+            return Ok(());
+        }
         let start = row.len();
-        let single = self
-            .state
-            .get_or_insert_with(|| State::zeros(state.y.len()));
         for member in 0..self.members {
-            single.copy_member(0, state, member);
-            let place = member.min(self.each.len() - 1);
-            if let Err(error) = self.each[place].observe(t, single, row) {
+            self.single.copy_member(0, state, member);
+            let alone = self.alone[member].get_or_insert_with(|| {
+                let params: Vec<f64> = self.params.iter().map(|x| x.member(member)).collect();
+                let model = Model::new(self.problem.clone(), &params);
+                Observer::new(model, &params, self.tape.clone(), self.has_states)
+            });
+            if let Err(error) = alone.observe(t, &self.single, row) {
                 row.truncate(start);
                 return Err(error.of_member(member));
             }
@@ -197,13 +260,11 @@ impl<R: Real> Observe<State<R>> for Observers {
     }
 }
 
-impl Checkpoint for Observers {
-    fn save(&self, member: usize, out: &mut dyn Numbers) {
-        self.each[member.min(self.each.len() - 1)].save(0, out);
-    }
+// Members in lock-step have reactions linear in λ: no solve starts from the last.
+impl<R: Real> Checkpoint for Observers<R> {
+    fn save(&self, _: usize, _: &mut dyn Numbers) {}
 
-    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
-        let place = member.min(self.each.len() - 1);
-        self.each[place].restore(0, saved)
+    fn restore(&mut self, _: usize, _: &mut &[f64]) -> Result<(), CheckpointMismatch> {
+        Ok(())
     }
 }

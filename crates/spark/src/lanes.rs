@@ -40,8 +40,10 @@ pub struct SparkBatch {
     schur: NodeSchur<MemberLanes>,
     predictor: Predictor<MemberLanes>,
     update: Update<MemberLanes>,
-    /// Steppers of one member: one for each, or a single one where all have the same parameters.
-    alone: Vec<Spark>,
+    /// Parameters, and steppers of one member from its first step alone on: one for each, or a single one where all have
+    /// the same parameters.
+    params: Vec<MemberLanes>,
+    alone: Vec<Option<Spark>>,
     state: State,
     /// Rests of node Schur and of the modified iteration, of each.
     backoffs: [[Backoff; 2]; BATCH],
@@ -70,44 +72,36 @@ impl SparkBatch {
         } else {
             BATCH
         };
-        let single = |member: usize| {
-            let params: Vec<f64> = params.iter().map(|x| x.member(member)).collect();
-            Spark::of(
-                Model::new(problem.clone(), &params),
-                tableau.clone(),
-                solver,
-            )
-        };
-        let alone: Vec<Spark> = (0..count).map(single).collect();
         let stages = Stages::new(&model, tableau);
-        let mut saved = Vec::new();
-        alone[0].save(0, &mut saved);
-        saved.reserve_exact(BATCH * (saved.len() + 5 * problem.n));
-        Self {
+        let mut batch = Self {
             solver,
             small,
             schur: NodeSchur::new(&model, &stages),
             predictor: Predictor::new(&model, &stages.tableau),
             update: Update::new(&model),
-            alone,
+            params: params.to_vec(),
+            alone: vec![None; count],
             state: State::zeros(problem.n),
             backoffs: Default::default(),
             members: [Member::Inactive; BATCH],
             count: members.clamp(1, BATCH),
-            saved,
+            saved: Vec::new(),
             stats: Stats::default(),
             stages,
             model,
             problem: problem.clone(),
-        }
+        };
+        let mut saved = Vec::new();
+        batch.save(0, &mut saved);
+        saved.reserve_exact(BATCH * (saved.len() + 5 * problem.n));
+        batch.saved = saved;
+        batch
     }
 
     /// The same, with stage equations solved to this fraction of the velocities instead of to roundoff.
     #[must_use]
     pub fn to_tolerance(mut self, tolerance: f64) -> Self {
         self.stages.stop.tolerance = tolerance;
-        let alone = self.alone.into_iter();
-        self.alone = alone.map(|one| one.to_tolerance(tolerance)).collect();
         self
     }
 
@@ -176,7 +170,14 @@ impl SparkBatch {
         let start = saved.len();
         self.save(member, &mut saved);
         let place = member.min(self.alone.len() - 1);
-        let alone = &mut self.alone[place];
+        let alone = self.alone[place].get_or_insert_with(|| {
+            let params: Vec<f64> = self.params.iter().map(|x| x.member(place)).collect();
+            let (model, tableau) = (
+                Model::new(self.problem.clone(), &params),
+                self.stages.tableau.clone(),
+            );
+            Spark::of(model, tableau, self.solver).to_tolerance(self.stages.stop.tolerance)
+        });
         let is_own = alone.restore(0, &mut &saved[start..]).is_ok();
         debug_assert!(is_own, "it is of the same problem");
         saved.truncate(start);
@@ -263,7 +264,7 @@ impl Stepper for SparkBatch {
     }
 
     fn stats(&self) -> Stats {
-        let alone = self.alone.iter().map(Stepper::stats);
+        let alone = self.alone.iter().flatten().map(Stepper::stats);
         alone.fold(self.stats, |sum, stats| sum + stats)
     }
 }

@@ -76,6 +76,7 @@ class Mechanism(Lagrangian):
         )
         self._limited = tuple((what, name) for what, name, _ in model.limited)
         self._matrices = tuple((what, name) for what, name, _ in matrix_functions(elements))
+        self.checks_values = bool(self._limited or self._matrices or self._varying)
         self._wheels = tuple(joint.name for joint in joints if joint.kind == "rolling wheel")
         self.rubbing = tuple(joint.name for joint in joints if joint.friction)
 

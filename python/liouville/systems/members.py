@@ -13,7 +13,7 @@ from liouville.systems._field import Field
 from liouville.systems.mechanics import ONTO, Mechanics
 from liouville.systems.schrodinger.equation import Schrodinger
 from liouville.systems.semi_explicit import SemiExplicit
-from liouville.systems.traced import shown
+from liouville.systems.traced import TracedSystem, shown
 
 
 def are_given(
@@ -77,14 +77,28 @@ def parameters(
     shared = {name: value for name, value in given.items() if name not in own}
     if not own:
         return values(shared)[None], {}
-    rows = []
-    for member in range(min(len(x) for x in own.values())):
+    counts = {name: len(x) for name, x in own.items()}
+    many = min(counts.values())
+    if not many:
+        return np.empty((0, values(shared).size)), counts
+
+    def of_member(member: int) -> np.ndarray:
         try:
-            rows.append(values({**shared, **{name: x[member] for name, x in own.items()}}))
+            return values({**shared, **{name: x[member] for name, x in own.items()}})
         except ValueError as error:
             raise ValueError(f"member {member}: {error}") from None
-    width = values(shared).size
-    return np.array(rows).reshape(-1, width), {name: len(x) for name, x in own.items()}
+
+    rows, end = np.tile(of_member(0), (many, 1)), 0
+    for name, x in defaults.items():
+        begin, end = end, end + np.size(x)
+        if name in own:
+            rows[:, begin:end] = own[name][:many].reshape(many, -1)
+    # all have the shape of the first; a look at each takes as long as twenty steps
+    each = isinstance(system, TracedSystem) and system.checks_values
+    refused = np.flatnonzero(~np.isfinite(rows).all(axis=1)).tolist()
+    for member in range(many) if each else refused:
+        of_member(member)
+    return rows, counts
 
 
 def common(counts: Mapping[str, int]) -> int:

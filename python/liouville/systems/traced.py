@@ -71,6 +71,8 @@ class TracedSystem(Pickled, ABC):
     invariants: tuple[str, ...]
     #: Tapes of the functions at whose zeros controlled steps end, by name.
     switch_tapes: Mapping[str, _core.Tape] = MappingProxyType({})
+    #: Whether `values` refuses finite parameters.
+    checks_values = False
 
     problem: _core.Mechanical | _core.SemiExplicit
     _tapes: dict[str, _core.Tape]

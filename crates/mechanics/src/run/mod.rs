@@ -203,15 +203,7 @@ impl Starter {
         let mut stepper = SparkBatch::of(problem, filled, tableau, spark.solver)
             .to_tolerance(self.newton_tol(spark));
         let state = stepper.state(self.job.span.t0, &y, &z);
-        let each = if self.is_common() {
-            &members[..1]
-        } else {
-            members
-        };
-        let observers = each.iter();
-        let observers = observers.map(|member| self.observer(self.model(*member), *member));
-        let observers = observers.collect();
-        let observer = Box::new(Observers::new(observers, members.len()));
+        let observer = Box::new(Observers::new(problem, filled, self.observed()));
         self.fixed(composed(stepper, stages), observer, state)
     }
 

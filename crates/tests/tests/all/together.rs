@@ -6,6 +6,7 @@ use liouville_base::error::StepError;
 use liouville_base::real::{BATCH, Lanes, Scalar};
 use liouville_base::run::{Advance, Fixed, Run, Span, Status};
 use liouville_base::tableau;
+use liouville_base::tape::Tape;
 use liouville_problem::{Mechanical, Model, Observer, Observers};
 use liouville_spark::{Solver, Spark, SparkBatch};
 use liouville_tests::properties::properties;
@@ -19,8 +20,8 @@ const N: usize = 3;
 const H: f64 = 0.05;
 const STEPS: usize = 20;
 const EVERY: usize = 3;
-/// y, z and λ.
-const WIDTH: usize = 7;
+/// y, z, λ and a quantity.
+const WIDTH: usize = 8;
 
 /// A bob on a rod of length 1, held by a spring beside it; its parameters are gravity and the spring's stiffness.
 fn held() -> Functions {
@@ -86,9 +87,15 @@ fn members() -> impl Strategy<Value = Vec<Member>> {
 
 type Begun = Result<Box<dyn Advance>, StepError>;
 
+/// A quantity that is recorded beside the states.
+fn observed() -> Arc<Tape> {
+    let quantity = (input(Y, 0) * input(Z, 1) * input(PARAMS, 0)).sin();
+    tape([1, N, N, 2], &[quantity]).into()
+}
+
 fn observer(problem: &Arc<Mechanical>, params: &[f64]) -> Observer {
     let model = Model::new(problem.clone(), params);
-    Observer::new(model, params, tape([1, N, N, 2], &[]).into(), true)
+    Observer::new(model, params, observed(), true)
 }
 
 fn alone(problem: &Arc<Mechanical>, s: usize, member: &Member) -> Begun {
@@ -115,8 +122,7 @@ fn together(problem: &Arc<Mechanical>, s: usize, members: &[Member]) -> Begun {
     let (tableau, filled) = (tableau::Spark::gauss(s), (&params[..], members.len()));
     let mut stepper = SparkBatch::of(problem, filled, tableau, Solver::Auto);
     let state = stepper.state(0.0, &y, &z);
-    let each = members.iter().map(|own| observer(problem, &own.params));
-    let observers = Box::new(Observers::new(each.collect(), members.len()));
+    let observers = Box::new(Observers::new(problem, filled, (observed(), true)));
     let control = Box::new(Fixed::new(Box::new(stepper), 0.0, H, STEPS));
     Ok(Box::new(Run::new(control, observers, state, (EVERY, 0))?))
 }
