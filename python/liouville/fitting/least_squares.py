@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from liouville._scipy import scipy
 from liouville.analysis.point import Array
 from liouville.errors import IntegrationError, hinted, quoted
-from liouville.fitting.freedoms import free_directions, movable
+from liouville.fitting.freedoms import FreeStart, movable
 from liouville.fitting.measurements import Measurements, System
 from liouville.fitting.result import Fit
 from liouville.fitting.unknowns import Unknowns
@@ -22,15 +22,14 @@ from liouville.runners.execute import finished
 from liouville.solution import Solution
 from liouville.systems import Mechanics, SemiExplicit
 
-#: Fits from the start that the last one found, until it moves by less than this part of its error.
+#: Fits from where the last one ended, until no unknown can lessen the residuals by more than this
+#: part of them.
 MOST, SETTLED = 10, 1e-3
 #: Residuals below this part of the states, or of the start of the guess, are roundoff.
 ROUNDED = 1e-8
 #: A singular value of the scaled Jacobian below this part of the largest determines nothing, of
 #: unknowns that have more than the second part in it.
 RANK, APART = 1e-10, 0.1
-#: A start that is held has settled where it moves by no more than this part of its size.
-SAME = 1e-9
 #: Nor does an unknown that as large a change of its own moves states by less than this part.
 NOTHING = 1e-11
 
@@ -157,13 +156,14 @@ class _Problem:
         self.evaluations = 0
 
     def solve(self) -> Fit:
-        """Fit, from the start that the last fit found until it stays there."""
+        """Fit, from where the last fit ended until squares are least there."""
         least_squares = scipy("optimize", "a fit").least_squares
-        given = self.start
-        self.start = self._on_constraints(given, self.params)
+        system, t, given = self.system, self.data.t0, self.start
+        self.start = dict(system.consistent(t=t, params=self.params, **given))
         for _ in range(MOST):
-            self.basis = self._basis()
-            x = np.concatenate([self.unknowns.theta(self.params), np.zeros(self.basis.shape[1])])
+            self.place = FreeStart.of(system, t, given, self.start, self.params, self.free)
+            along = self.place.basis.shape[1]
+            x = np.concatenate([self.unknowns.theta(self.params), np.zeros(along)])
             there = int(np.count_nonzero(self.data.is_there))
             if there < x.size:
                 raise ValueError(f"{there} measurements do not determine {x.size} unknowns")
@@ -182,21 +182,11 @@ class _Problem:
             residuals = self._residuals(at)
             jacobian = self._jacobian(at)
             covariance = self._covariance(jacobian)
-            moved = at[len(self.bounds) :]
             self.params, self.start = self.last.params, self.last.start
             # SciPy's units are those of the first guess, beside whose slopes all others may vanish
             is_least = self._is_least(at, residuals, jacobian, covariance)
-            # a step from the start last taken is exact to its first order only
-            errors = np.sqrt(np.diagonal(covariance))[len(self.bounds) :]
-            if not is_least or (np.abs(moved) > SETTLED * errors).any():
-                continue
-            # what is held is as it was given, moved onto the constraints of what was found
-            held = [name for name in movable(self.system) if name not in self.free]
-            again = self._on_constraints(self.start | {x: given[x] for x in held}, self.params)
-            moves = {x: np.abs(again[x] - self.start[x]).max() for x in held}
-            if all(moves[x] <= SAME * np.abs(self.start[x]).max() for x in held):
+            if is_least:
                 break
-            self.start = again
         if not is_least:
             raise self._unfound()
         return self._fit(covariance, residuals)
@@ -239,30 +229,17 @@ class _Problem:
         )  # fmt: skip
         return found, own(found.x)
 
-    def _on_constraints(self, start: dict[str, Any], params: dict[str, Any]) -> dict[str, Any]:
-        return dict(self.system.consistent(t=self.data.t0, params=params, **start))
-
-    def _basis(self) -> Array:
-        """Return directions of the start that are free and on the constraints, as columns."""
-        values = self.system.values(self.params)
-        return free_directions(self.system, self.data.t0, self.start, values, self.free)
-
     def _run(self, x: Array) -> _Tried:
         """Run with these values, and their tangents."""
         self.evaluations += 1
         theta, along = np.split(x, [len(self.bounds)])
         params = self.unknowns.taken(self.params, theta)
-        parts = np.split(self.basis, np.cumsum([len(x) for x in self.start.values()])[:-1])
-        bases = dict(zip(self.start, parts, strict=True))
-        start: dict[str, Any] = {name: x + bases[name] @ along for name, x in self.start.items()}
-        start = self._on_constraints(start, params)
+        start: dict[str, Any] = {**self.place.moved(along, params)}
         tangents: dict[str, Any] = {
             f"params.{name}": 1.0 if np.ndim(params[name]) == 0 else np.eye(np.size(params[name]))
             for name in self.unknowns.fitted
         }
-        if along.size:
-            for name in movable(self.system):
-                tangents[name] = np.ascontiguousarray(bases[name].T)
+        tangents |= self.place.tangents(along, params, self.unknowns.fitted, start)
         run = integrate(
             self.system, self.method, params=params, tangents=tangents, **self.data.run, **start
         )
@@ -288,16 +265,16 @@ class _Problem:
 
     def _slopes(self, run: Solution) -> Array:
         """Return derivatives of all records by the unknowns, shape (k, K, w)."""
-        columns: list[Array] = []
+        columns: dict[str, Array] = {}
         for name, tangent in run.tangents.items():
             rows = self._of(tangent.states)
-            rows = rows if rows.ndim == 3 else rows[:, None]
-            if name in movable(self.system)[1:]:
-                # a direction of both states is the sum of its parts
-                columns[-1] = columns[-1] + rows
-            else:
-                columns.append(rows)
-        return np.concatenate(columns, axis=1)
+            columns[name] = rows if rows.ndim == 3 else rows[:, None]
+        # a direction of both states is the sum of its parts, as is what parameters do to a start
+        found: Any = sum(columns.pop(name) for name in movable(self.system))
+        if columns:
+            found[:, : len(self.bounds)] += np.concatenate([*columns.values()], axis=1)
+        slopes: Array = found
+        return slopes
 
     def _slopes_of_start(self) -> Array:
         """Return derivatives of both states of the start, shape (w, K).
@@ -342,9 +319,8 @@ class _Problem:
 
         Positions and velocities have units of their own, and one may begin at zero.
         """
-        parts = np.split(self.basis, np.cumsum([len(x) for x in self.start.values()])[:-1])
-        found = np.zeros(self.basis.shape[1])
-        for name, part in zip(self.start, parts, strict=True):
+        found = np.zeros(self.place.basis.shape[1])
+        for name, part in self.place.bases.items():
             largest = np.abs(self.last.run.states[name]).max()
             if part.size and largest > 0:
                 found += np.linalg.norm(part, axis=0) / largest
