@@ -92,7 +92,7 @@ CRATE_ROOMS = {
     "faer": ("base/src/linalg/sparse.rs",),
     "libm": ("base/src/tape/execute.rs",),
     "pulp": ("base/src/simd/",),
-    "rayon": ("base/src/ensemble/", "base/src/parallel.rs"),
+    "rayon": ("base/src/cancel.rs", "base/src/ensemble/", "base/src/parallel.rs"),
     "realfft": ("fourier/",),
     "rustfft": ("fourier/",),
     "twofloat": ("base/src/tableau/",),

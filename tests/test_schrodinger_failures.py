@@ -202,6 +202,38 @@ def test_ctrl_c_is_answered_in_the_middle_of_a_step(method):
     assert np.isfinite(solution.invariants["norm"]).all()
 
 
+#: Methods whose members are in lock-step, or each alone, for H with a drive or without.
+LONG = {
+    "Chebyshev": (lv.Chebyshev(), False), "stable": (Splitting(mode="stable"), False),
+    "Lanczos": (lv.Lanczos(), False), "windows": (lv.Chebyshev(), True),
+    "Magnus": (lv.Magnus(), True),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+@pytest.mark.parametrize("name", LONG)
+def test_ctrl_c_is_answered_in_the_middle_of_a_step_of_an_ensemble(name, threads):
+    """It waited for the end of the step, 40 s and more, whichever thread made it."""
+    method, is_driven = LONG[name]
+    drive = [(lambda t, params: ca.sin(t), np.arange(40_000) / 4e4)] if is_driven else []
+    system = lv.Schrodinger(lv.Lattice((200, 200)), drive=drive)
+    more = {"psi": np.eye(4, 40_000) + 0j, "states": False, "threads": threads}
+    run(system, method, function=lv.ensemble, t=(0.0, 0.1), **more)
+    plan, pressed = lv.plan(system, method, t=(0.0, 1e3)), []
+
+    def press():
+        pressed.append(time.perf_counter())
+        os.kill(os.getpid(), signal.SIGINT)
+
+    timer = threading.Timer(0.5, press)
+    timer.start()
+    solution = run(system, plan, function=lv.ensemble, t=(0.0, 1e3), **more)
+    assert time.perf_counter() - pressed[0] < 0.5
+    assert solution.status == "interrupted"
+    assert not solution.failures
+    assert solution.message == "interrupted when 0 of 4 members were over"
+
+
 def interrupted(system, method, psi=(1.0, 0.0), **more):
     """Return a run in which Ctrl-C is pressed."""
     run(system, method, psi=psi, t=(0.0, 0.1), steps=2 if "h" in more else None)

@@ -314,6 +314,27 @@ def test_ctrl_c_ends_a_plan_that_takes_long(method):
     assert lv.plan(system, method, t=(0.0, 1e-9)).products > 0
 
 
+@pytest.mark.parametrize("method", [lv.Chebyshev(1e-5), lv.Magnus(tol=1e-5)], ids=str)
+@pytest.mark.parametrize("function", [lv.plan, lv.integrate, lv.ensemble])
+def test_ctrl_c_ends_the_look_at_functions_of_time_before_a_run(function, method):
+    """They are looked at a million times: 16 s went by before it was answered."""
+    drive = [(lambda t, _: sum(ca.sin((1 + k / 99) * t) for k in range(200)), np.ones((2, 2)))]
+    system = lv.Schrodinger(np.diag([0.0, 1.0]), drive=drive)
+    starts = {lv.plan: {}, lv.integrate: {"psi": [1, 0]}, lv.ensemble: {"psi": np.eye(2)}}
+    function(system, method, t=(0.0, 1e-3), **starts[function])
+    pressed = []
+
+    def press():
+        pressed.append(time.perf_counter())
+        _thread.interrupt_main()
+
+    timer = threading.Timer(0.3, press)
+    timer.start()
+    with pytest.raises(KeyboardInterrupt):
+        function(system, method, t=(0.0, 1e6), **starts[function])
+    assert time.perf_counter() - pressed[0] < 0.5
+
+
 #: Functions of time over a run of some length, with steps that differ much or are many.
 DRIVES = {
     "wave": lambda t, end: ca.sin(t),

@@ -84,14 +84,26 @@ impl AxisTransform {
         })
     }
 
-    /// Calls `each` with the place of the first line for one tile after another.
-    fn for_tiles<F>(&self, data: &mut [Complex], tiles: &mut FourierTiles, mut each: F)
+    /// Calls `each` with the place of the first line for one tile after another, as long as `go_on` says so; returns
+    /// whether all were made.
+    fn for_tiles<F>(
+        &self,
+        data: &mut [Complex],
+        tiles: &mut FourierTiles,
+        go_on: &mut impl FnMut() -> bool,
+        mut each: F,
+    ) -> bool
     where
         F: FnMut(usize, &mut [Complex], &mut FourierTiles),
     {
         let (length, stride) = (self.length, self.stride);
         let mut tile = std::mem::take(&mut tiles.tile);
+        let mut is_whole = true;
         for first in (0..stride).step_by(LINES) {
+            is_whole = go_on();
+            if !is_whole {
+                break;
+            }
             let lines = LINES.min(stride - first);
             tile.resize(lines * length, Complex::default());
             for (k, row) in data.chunks_exact(stride).enumerate() {
@@ -107,24 +119,28 @@ impl AxisTransform {
             }
         }
         tiles.tile = tile;
+        is_whole
     }
 
     fn run(&self, is_inverse: bool, data: &mut [Complex], tiles: &mut FourierTiles) {
-        self.for_tiles(data, tiles, |_, tile, tiles| {
+        self.for_tiles(data, tiles, &mut || true, |_, tile, tiles| {
             self.line.run(is_inverse, tile, tiles);
         });
     }
 
-    /// Transforms, multiplies by `factor(place in the axis, place of the line)`, and transforms back.
+    /// Transforms, multiplies by `factor(place in the axis, place of the line)`, and transforms back, as long as `go_on`
+    /// says so.
     fn multiply<T: Copy>(
         &self,
         data: &mut [Complex],
         tiles: &mut FourierTiles,
         factor: impl Fn(usize, usize) -> T,
-    ) where
+        go_on: &mut impl FnMut() -> bool,
+    ) -> bool
+    where
         Complex: std::ops::Mul<T, Output = Complex>,
     {
-        self.for_tiles(data, tiles, |first, tile, tiles| {
+        self.for_tiles(data, tiles, go_on, |first, tile, tiles| {
             self.line.run(false, tile, tiles);
             for (j, line) in tile.chunks_exact_mut(self.length).enumerate() {
                 for (k, value) in line.iter_mut().enumerate() {
@@ -132,7 +148,7 @@ impl AxisTransform {
                 }
             }
             self.line.run(true, tile, tiles);
-        });
+        })
     }
 }
 
@@ -176,7 +192,8 @@ impl RealGrid {
     }
 
     /// Transforms lines that `read` writes, given their place, multiplies by `factor` of the places along the outermost
-    /// axis and in a plane, transforms back, and gives each line to `write`.
+    /// axis and in a plane, transforms back, and gives each line to `write`, as long as `go_on` says so; returns whether
+    /// all was made.
     pub fn multiply(
         &self,
         memory: &mut FourierScratch,
@@ -184,7 +201,8 @@ impl RealGrid {
         read: impl Fn(usize, &mut [f64]),
         factor: impl Fn(usize, usize) -> f64,
         mut write: impl FnMut(usize, &[f64]),
-    ) {
+        mut go_on: impl FnMut() -> bool,
+    ) -> bool {
         let FourierScratch {
             spectrum,
             line,
@@ -195,6 +213,9 @@ impl RealGrid {
         line.resize(self.length, 0.0);
         let plane = lines / self.planes * half;
         for (k, row) in spectrum.chunks_exact_mut(half).enumerate() {
+            if !go_on() {
+                return false;
+            }
             read(k, line);
             let scratch = tiles.scratch(self.forward.get_scratch_len());
             let done = self.forward.process_with_scratch(line, row, scratch);
@@ -202,11 +223,18 @@ impl RealGrid {
         }
         if let Some(middle) = &self.middle {
             for plane in spectrum.chunks_exact_mut(plane) {
+                if !go_on() {
+                    return false;
+                }
                 middle.run(false, plane, tiles);
             }
         }
         match &self.outer {
-            Some(outer) => outer.multiply(spectrum, tiles, factor),
+            Some(outer) => {
+                if !outer.multiply(spectrum, tiles, factor, &mut go_on) {
+                    return false;
+                }
+            }
             None => {
                 for (place, value) in spectrum.iter_mut().enumerate() {
                     *value *= factor(0, place);
@@ -215,10 +243,16 @@ impl RealGrid {
         }
         if let Some(middle) = &self.middle {
             for plane in spectrum.chunks_exact_mut(plane) {
+                if !go_on() {
+                    return false;
+                }
                 middle.run(true, plane, tiles);
             }
         }
         for (k, row) in spectrum.chunks_exact_mut(half).enumerate() {
+            if !go_on() {
+                return false;
+            }
             // the imaginary parts of these are rounding errors
             row[0].im = 0.0;
             if self.length.is_multiple_of(2) {
@@ -229,6 +263,7 @@ impl RealGrid {
             debug_assert!(done.is_ok(), "lengths of a real transform");
             write(k, line);
         }
+        true
     }
 }
 
@@ -274,22 +309,25 @@ impl Grid {
         self.last.run(true, plane, &mut memory.tiles);
     }
 
-    /// With all planes transformed, multiplies by a product of factors along the outermost axis and in a plane.
+    /// With all planes transformed, multiplies by a product of factors along the outermost axis and in a plane, as long as
+    /// `go_on` says so; returns whether all was made.
     pub fn multiply(
         &self,
         data: &mut [Complex],
         memory: &mut FourierScratch,
-        along: &[Complex],
-        within: &[Complex],
-    ) {
+        (along, within): (&[Complex], &[Complex]),
+        mut go_on: impl FnMut() -> bool,
+    ) -> bool {
         match &self.outer {
             Some(outer) => {
-                outer.multiply(data, &mut memory.tiles, |k, place| along[k] * within[place]);
+                let factor = |k: usize, place: usize| along[k] * within[place];
+                outer.multiply(data, &mut memory.tiles, factor, &mut go_on)
             }
             None => {
                 for (value, factor) in data.iter_mut().zip(within) {
                     *value *= factor * along[0];
                 }
+                true
             }
         }
     }

@@ -1,6 +1,6 @@
 //! Terms of a Hamiltonian in, products out.
 
-use crate::caught::Caught;
+use crate::caught::{Caught, attending};
 use crate::convert::{Rows, Tape};
 use crate::errors::refused;
 use liouville_base::error::StepError;
@@ -294,7 +294,9 @@ impl Hamiltonian {
             let wrong = || refused("there is a weight for each term");
             sweeper.current = Some(current.ok_or_else(wrong)?);
         }
-        let found = py.detach(|| liouville_waves::method::ritz(&mut sweeper, steps.max(1), seed));
+        let found = attending(py, || {
+            liouville_waves::method::ritz(&mut sweeper, steps.max(1), seed)
+        })?;
         let found = found.map_err(|error| self.explained(error))?;
         Ok((found.low.0, found.high.0, found.outer.0, found.outer.1))
     }
@@ -302,7 +304,9 @@ impl Hamiltonian {
     /// |x H y − y H x| / (|x| |H y|) of two random vectors, which is nothing where H is symmetric.
     fn asymmetry(&self, py: Python<'_>, seed: u64) -> PyResult<f64> {
         let mut sweeper = Sweeper::new(self.inner.clone());
-        let found = py.detach(|| liouville_waves::method::asymmetry(&mut sweeper, seed));
+        let found = attending(py, || {
+            liouville_waves::method::asymmetry(&mut sweeper, seed)
+        })?;
         found.map_err(|error| self.explained(error))
     }
 }

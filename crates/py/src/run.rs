@@ -47,7 +47,7 @@ pub(crate) fn run<'py>(
             return Run::started(py, run, Vec::new());
         }
         System::Hamiltonian(hamiltonian) => {
-            let (run, caught) = schrodinger::start(&hamiltonian, method, job)?;
+            let (run, caught) = schrodinger::start(py, &hamiltonian, method, job)?;
             return Run::started(py, run, caught);
         }
     };
@@ -61,7 +61,7 @@ pub(crate) fn run_each<'py>(
     members: Vec<schrodinger::Member<'py>>,
     threads: usize,
 ) -> PyResult<Bound<'py, PyAny>> {
-    let (run, caught) = schrodinger::start_each(&members, threads)?;
+    let (run, caught) = schrodinger::start_each(py, &members, threads)?;
     Run::started(py, run, caught)
 }
 

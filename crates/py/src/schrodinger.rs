@@ -266,6 +266,7 @@ type Started = Result<Box<dyn Advance>, StartError>;
 
 /// A run of a Schrödinger equation, and where exceptions that Python raises inside its steps wait.
 pub(crate) fn start(
+    py: Python<'_>,
     hamiltonian: &Hamiltonian,
     method: &Bound<'_, PyAny>,
     job: &Bound<'_, PyAny>,
@@ -273,12 +274,8 @@ pub(crate) fn start(
     let method = method.extract::<WaveMethod<'_>>()?.read()?;
     let job = job.extract::<WaveJob<'_>>()?.read()?;
     let (signals, mut caught) = (Caught::default(), hamiltonian.caught.clone());
-    let run = run::start(
-        hamiltonian.inner.clone(),
-        method,
-        job,
-        signals.cancel_step(),
-    );
+    let (inner, cancel) = (hamiltonian.inner.clone(), signals.cancel_step());
+    let run = attending(py, || run::start(inner, method, job, cancel))?;
     caught.push(signals);
     Ok((run, caught))
 }
@@ -292,6 +289,7 @@ pub(crate) type Member<'py> = (
 
 /// Runs of Schrödinger equations, each by a method of its own, and where exceptions raised inside their steps wait.
 pub(crate) fn start_each(
+    py: Python<'_>,
     members: &[Member<'_>],
     threads: usize,
 ) -> PyResult<(Started, Vec<Caught>)> {
@@ -302,7 +300,8 @@ pub(crate) fn start_each(
         caught.extend(hamiltonian.caught.iter().cloned());
         runs.push((hamiltonian.inner.clone(), method, job));
     }
-    Ok((run::start_each(runs, threads), caught))
+    let run = attending(py, || run::start_each(runs, threads))?;
+    Ok((run, caught))
 }
 
 /// The products that a processor takes, or none if it takes too many.

@@ -8,6 +8,7 @@ mod records;
 
 pub use records::RecordLayout;
 
+use crate::cancel;
 use crate::error::StepError;
 use crate::method::Stats;
 use crate::run::{Advance, Events, Failure, Status};
@@ -148,6 +149,10 @@ impl Ensemble {
                     self.queue().stop(block);
                     return;
                 }
+                Err(StepError::Interrupted) if cancel::is_cancelled() => {
+                    self.queue().waiting.push_front(block);
+                    return;
+                }
                 Err(error) => {
                     self.queue().fail(block, None, error);
                     continue;
@@ -170,16 +175,19 @@ impl Ensemble {
                     queue.end = run.time();
                     queue.close(&block.members, run, None);
                 }
-                Status::Failed {
-                    error: StepError::NoMemory,
-                    ..
-                } => {
-                    block.run = Some(run);
-                    queue.stop(block);
-                }
-                Status::Failed { n, t, error } => {
-                    queue.fail(block, Some((run, (n, t))), error);
-                }
+                Status::Failed { n, t, error } => match error {
+                    StepError::NoMemory => {
+                        block.run = Some(run);
+                        queue.stop(block);
+                    }
+                    // no member failed
+                    StepError::Interrupted if cancel::is_cancelled() => {
+                        block.run = Some(run);
+                        queue.waiting.push_front(block);
+                        return;
+                    }
+                    error => queue.fail(block, Some((run, (n, t))), error),
+                },
             }
             if spent > 2.0 * wanted {
                 queue.turn = made.div_ceil(2).max(1);
@@ -293,9 +301,7 @@ impl Advance for Ensemble {
         let (start, wanted) = (Instant::now(), self.turn());
         self.queue().most = steps;
         match &self.pool {
-            Some(pool) => {
-                pool.broadcast(|_| self.work(start, budget, wanted));
-            }
+            Some(pool) => cancel::on_threads(pool, || self.work(start, budget, wanted)),
             None => self.work(start, budget, wanted),
         }
         let (n, t) = (self.done(), self.time());

@@ -1,11 +1,13 @@
 //! An ensemble is its members, bit for bit, for any grouping and any failures.
 
+use liouville_base::cancel::{self, CancelToken};
 use liouville_base::checkpoint::Checkpoint;
 use liouville_base::ensemble::{Ensemble, RecordLayout};
 use liouville_base::error::StepError;
 use liouville_base::method::{Stats, Stepper};
 use liouville_base::observe::Observe;
 use liouville_base::run::{Advance, Fixed, Run, Span, Status};
+use std::thread;
 use std::time::Duration;
 
 const ALL_DAY: Duration = Duration::from_secs(86400);
@@ -291,6 +293,56 @@ fn rows_of_their_own_come_one_run_after_another() {
     assert_eq!(finish(&mut ensemble, ALL_DAY), Status::Done);
     assert!(wanted.0.len() > 50 && wanted.0.len() != RUNS * KEPT);
     assert_eq!(ensemble.take(), wanted);
+}
+
+/// A run whose only step goes on until it is cancelled.
+struct Endless;
+
+impl Advance for Endless {
+    fn advance_to(&mut self, _: usize, _: Duration) -> Status {
+        while !cancel::is_cancelled() {
+            thread::yield_now();
+        }
+        let (n, t, error) = (0, 0.5, StepError::Interrupted);
+        Status::Failed { n, t, error }
+    }
+
+    fn done(&self) -> usize {
+        0
+    }
+
+    fn time(&self) -> f64 {
+        0.5
+    }
+
+    fn stats(&self) -> (Stats, usize) {
+        Default::default()
+    }
+
+    fn shape(&self) -> Vec<usize> {
+        vec![2]
+    }
+
+    fn take(&mut self) -> (Vec<f64>, Vec<f64>) {
+        Default::default()
+    }
+}
+
+/// One thread alone may be asked, as signals reach the main one.
+#[test]
+fn steps_of_members_are_cancelled_on_all_threads_and_no_member_fails() {
+    for threads in [1, 3] {
+        let begin = |_: &[usize]| -> Result<Box<dyn Advance>, StepError> { Ok(Box::new(Endless)) };
+        let (times, width) = (vec![0.5, 0.8], 2);
+        let layout = RecordLayout::Aligned { times, width };
+        let mut ensemble = Ensemble::new(Box::new(begin), (RUNS, 1), threads, layout, 0.5);
+        let here = thread::current().id();
+        let token = CancelToken::new(move || thread::current().id() == here);
+        let status = cancel::within(token, || ensemble.advance(ALL_DAY));
+        assert_eq!(status, Status::Paused);
+        assert!(ensemble.failures().is_empty());
+        assert_eq!(ensemble.over(), 0);
+    }
 }
 
 #[test]

@@ -80,7 +80,7 @@ fn reference() -> Wave<f64> {
     let mut present = hamiltonian.current().expect("a driven Hamiltonian");
     let mut scratch = ProductScratch::default();
     let mut field = |t: f64, psi: &Wave<f64>| {
-        present.set(&hamiltonian, &[(1.0, t)]);
+        present.set(&hamiltonian, &[(1.0, t)]).expect("H");
         let h = hamiltonian.at(Some(&present));
         let (mut q, mut p) = (psi.p.clone(), psi.q.clone());
         let machine = InstructionSet::default();

@@ -344,7 +344,8 @@ fn magnus_steps(sweeper: Sweeper<f64>, bounds: TermBounds) -> MagnusSteps {
         norm: 1e-5,
     };
     let nodes = Nodes::find(6, 5).expect("a method");
-    MagnusSteps::new(sweeper, nodes, bounds, tolerance).expect("parts of the grid")
+    let steps = MagnusSteps::new(sweeper, nodes, bounds, tolerance);
+    steps.expect("parts of the grid").expect("steps")
 }
 
 #[test]

@@ -576,7 +576,7 @@ fn steps_of_wave_functions_allocate_nothing() {
     let nodes = Nodes::find(6, 5).expect("a method");
     let steps = MagnusSteps::new(sweeper(), nodes, bounds.clone(), tolerance);
     let mut steppers: [Box<dyn Stepper<State = Wave<f64>>>; 5] = [
-        Box::new(steps.expect("one part")),
+        Box::new(steps.expect("one part").expect("steps")),
         Box::new(Chebyshev::new(plain(), (-2.0, 2.0), 1e-9, 1e-6)),
         Box::new(Chebyshev::new(sweeper(), (-2.0, 2.0), 1e-9, 1e-6)),
         Box::new(Lanczos::new(sweeper(), 12, 1e-9, 1e-6)),

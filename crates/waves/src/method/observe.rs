@@ -37,13 +37,15 @@ impl Observable {
     }
 
     /// H at a time.
-    fn current(&self, t: f64) -> Option<HamiltonianAt> {
+    fn current(&self, t: f64) -> Result<Option<HamiltonianAt>, StepError> {
         let Self::Symmetric(hamiltonian) = self else {
-            return None;
+            return Ok(None);
         };
-        let mut current = hamiltonian.current()?;
-        current.set(hamiltonian, &[(1.0, t)]);
-        Some(current)
+        let mut current = hamiltonian.current();
+        if let Some(current) = &mut current {
+            current.set(hamiltonian, &[(1.0, t)])?;
+        }
+        Ok(current)
     }
 }
 
@@ -111,7 +113,7 @@ impl Observer {
     }
 
     fn expectation(&mut self, k: usize, t: f64, [q, p]: [&[f64]; 2]) -> Result<f64, StepError> {
-        let current = self.observables[k].current(t);
+        let current = self.observables[k].current(t)?;
         let Observable::Symmetric(hamiltonian) = &self.observables[k] else {
             return Ok(0.0);
         };

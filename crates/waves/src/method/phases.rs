@@ -77,7 +77,7 @@ impl Phases {
             current: hamiltonian.current(),
             cos_sin: [0, 1].map(|_| vec![0.0; kinetic.grid().plane()]),
             psi: vec![Complex::default(); n],
-            cancel: CancelToken::default(),
+            cancel: CancelToken::of_thread(),
             of_kinetic: Vec::with_capacity(KEPT),
             of_potential: Vec::new(),
             memory: FourierScratch::default(),
@@ -91,16 +91,16 @@ impl Phases {
         })
     }
 
-    /// The same, stopping where `cancel` is set.
+    /// The same, stopping where `cancel` is set, not that of the thread.
     #[must_use]
     pub fn with_cancel(self, cancel: CancelToken) -> Self {
         Self { cancel, ..self }
     }
 
     /// Sets the potential to that at `t`, if it depends on time.
-    fn take_potential(&mut self, t: f64) {
+    fn take_potential(&mut self, t: f64) -> Result<(), StepError> {
         if let Some(current) = &mut self.current {
-            current.set(&self.hamiltonian, &[(1.0, t)]);
+            current.set(&self.hamiltonian, &[(1.0, t)])?;
             if current.potential().is_empty() {
                 self.potential.fill(0.0);
             } else {
@@ -109,6 +109,7 @@ impl Phases {
             let weights = current.weights();
             sum(&self.diagonals, |k| weights[k], &mut self.potential);
         }
+        Ok(())
     }
 
     /// The place of the table for a flow of T.
@@ -143,11 +144,14 @@ impl Phases {
     }
 
     /// All planes, transformed first or last or both, with V between if `s` says how long.
-    fn planes(&mut self, from: bool, s: Option<f64>, to: bool) {
+    fn planes(&mut self, from: bool, s: Option<f64>, to: bool) -> Result<(), StepError> {
         let potential_phase = s.and_then(|s| self.potential_phase(s));
         let grid = self.kinetic.grid();
         let size = grid.plane();
         for (k, plane) in self.psi.chunks_exact_mut(size).enumerate() {
+            if self.cancel.is_cancelled() {
+                return Err(StepError::Interrupted);
+            }
             let within = k * size..(k + 1) * size;
             if from {
                 grid.inverse(plane, &mut self.memory);
@@ -163,6 +167,7 @@ impl Phases {
                 grid.forward(plane, &mut self.memory);
             }
         }
+        Ok(())
     }
 
     /// Flows one after another: (part, time, length of time).
@@ -177,28 +182,29 @@ impl Phases {
         let mut flows = flows.peekable();
         let mut is_transformed = false;
         while let Some((part, t, s)) = flows.next() {
-            if self.cancel.is_cancelled() {
-                return Err(StepError::Interrupted);
-            }
             let next_is_kinetic = flows.peek().is_some_and(|next| next.0 == 0);
             if part == 1 {
-                self.take_potential(t);
-                self.planes(is_transformed, Some(s), next_is_kinetic);
+                self.take_potential(t)?;
+                self.planes(is_transformed, Some(s), next_is_kinetic)?;
                 is_transformed = next_is_kinetic;
                 continue;
             }
             if !is_transformed {
-                self.planes(false, None, true);
+                self.planes(false, None, true)?;
                 is_transformed = true;
             }
             let kinetic_phase = self.kinetic_phase(s);
             let KineticPhases { along, within, .. } = &self.of_kinetic[kinetic_phase];
             let grid = self.kinetic.grid();
-            grid.multiply(&mut self.psi, &mut self.memory, along, within);
+            let cancel = &mut self.cancel;
+            let go_on = || !cancel.is_cancelled();
+            if !grid.multiply(&mut self.psi, &mut self.memory, (along, within), go_on) {
+                return Err(StepError::Interrupted);
+            }
             self.made += 1;
         }
         if is_transformed {
-            self.planes(true, None, false);
+            self.planes(true, None, false)?;
         }
         for (psi, (q, p)) in self.psi.iter().zip(state.q.iter_mut().zip(&mut state.p)) {
             (*q, *p) = (psi.re, psi.im);

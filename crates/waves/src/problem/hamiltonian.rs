@@ -300,7 +300,7 @@ fn update_all<S: Stored>(
     let (row, place) = (0, 0);
     match term {
         Operator::Product(product) => apply(&**product, (update, nodes), x, out, scratch)?,
-        Operator::Kinetic(kinetic) => kinetic.update(update, x, out, &mut scratch.memory),
+        Operator::Kinetic(kinetic) => kinetic.update(update, x, out, &mut scratch.memory)?,
         Operator::Twice(operator) => {
             let n = operator.size();
             for (x, out) in x.chunks(n).zip(out.chunks_mut(n)) {

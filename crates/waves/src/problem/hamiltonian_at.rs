@@ -1,6 +1,9 @@
 //! A Hamiltonian at a time, or averaged over several.
 
 use super::Hamiltonian;
+use super::potential::AT_ONCE;
+use liouville_base::cancel;
+use liouville_base::error::StepError;
 use liouville_base::real::Lanes;
 use liouville_base::tape::Registers;
 
@@ -36,7 +39,14 @@ impl HamiltonianAt {
     }
 
     /// Makes it Σ a H(t) over pairs (a, t), of the Hamiltonian it was made for.
-    pub fn set(&mut self, hamiltonian: &Hamiltonian, nodes: &[(f64, f64)]) {
+    ///
+    /// # Errors
+    /// It was interrupted.
+    pub fn set(
+        &mut self,
+        hamiltonian: &Hamiltonian,
+        nodes: &[(f64, f64)],
+    ) -> Result<(), StepError> {
         self.weights.fill(0.0);
         self.potential.fill(0.0);
         self.nodes.clear();
@@ -47,9 +57,16 @@ impl HamiltonianAt {
                 _ => self.weights.iter_mut().for_each(|weight| *weight += a),
             }
             if let (Some(potential), Some(registers)) = (&hamiltonian.potential, &mut self.points) {
-                potential.add(registers, a, t, &mut self.potential);
+                for (k, values) in self.potential.chunks_mut(AT_ONCE).enumerate() {
+                    // a step that fits in one of them is not long
+                    if k > 0 && cancel::is_cancelled() {
+                        return Err(StepError::Interrupted);
+                    }
+                    potential.add(registers, (a, t), k * AT_ONCE, values);
+                }
             }
         }
+        Ok(())
     }
 
     /// Weights of the terms.

@@ -10,21 +10,24 @@ pub(crate) struct Kept(Arc<Mutex<Option<Arc<dyn Any + Send + Sync>>>>);
 impl Kept {
     /// What is kept, where it is of this type and fits, or what is made instead, once for all who ask at a time; it is kept
     /// where it is worth that.
-    pub(crate) fn get<T: Any + Send + Sync>(
+    ///
+    /// # Errors
+    /// It cannot be made.
+    pub(crate) fn get<T: Any + Send + Sync, E>(
         &self,
         fits: impl Fn(&T) -> bool,
-        make: impl FnOnce() -> T,
+        make: impl FnOnce() -> Result<T, E>,
         is_worth: impl FnOnce(&T) -> bool,
-    ) -> Arc<T> {
+    ) -> Result<Arc<T>, E> {
         let mut kept = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         let known = kept.clone().and_then(|kept| kept.downcast::<T>().ok());
         if let Some(known) = known.filter(|known| fits(known)) {
-            return known;
+            return Ok(known);
         }
-        let made = Arc::new(make());
+        let made = Arc::new(make()?);
         if is_worth(&made) {
             *kept = Some(made.clone());
         }
-        made
+        Ok(made)
     }
 }

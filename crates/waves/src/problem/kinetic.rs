@@ -6,11 +6,16 @@
 //! the work of a complex one.
 
 use super::Update;
+use liouville_base::cancel;
+use liouville_base::error::StepError;
 use liouville_base::simd::Stored;
 use liouville_fourier::{Complex, FourierScratch, Grid, RealGrid, padded};
 
 /// Tolerance of differences between the energies of k and −k, relative to the largest.
 const EVEN: f64 = 1e-12;
+
+/// Points of which a product polls for cancellation.
+const LARGE: usize = 1 << 18;
 
 /// Energies along each axis of a grid, and its transforms.
 #[derive(Clone)]
@@ -94,13 +99,18 @@ impl Kinetic {
     }
 
     /// Updates all rows.
+    ///
+    /// # Errors
+    /// It was interrupted; `out` may be anything then.
     pub(super) fn update<S: Stored>(
         &self,
         update: Update,
         x: &[S],
         out: &mut [S],
         memory: &mut FourierScratch,
-    ) {
+    ) -> Result<(), StepError> {
+        // a product of fewer points does not take long
+        let go_on = || x.len() < LARGE || !cancel::is_cancelled();
         let (length, lines) = (self.shape[2], self.shape[0] * self.shape[1]);
         for member in 0..S::MEMBERS {
             let read = |k: usize, line: &mut [f64]| {
@@ -117,7 +127,10 @@ impl Kinetic {
                 }
             };
             let factor = |k: usize, place: usize| self.along[k] + self.within[place];
-            self.real.multiply(memory, lines, read, factor, write);
+            if !(self.real).multiply(memory, lines, read, factor, write, go_on) {
+                return Err(StepError::Interrupted);
+            }
         }
+        Ok(())
     }
 }

@@ -25,6 +25,7 @@ pub use drive::Drive;
 pub use hamiltonian::{Hamiltonian, ProductScratch, WeightedTerms};
 pub use hamiltonian_at::HamiltonianAt;
 pub use kinetic::Kinetic;
+pub(crate) use potential::AT_ONCE;
 pub use potential::Potential;
 pub use product::Product;
 pub use sparse::Sparse;

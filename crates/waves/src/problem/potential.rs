@@ -4,6 +4,9 @@ use liouville_base::real::{Lanes, Scalar, WIDTH};
 use liouville_base::tape::{Registers, Tape};
 use std::sync::Arc;
 
+/// Points between two polls for cancellation, a multiple of eight.
+pub(crate) const AT_ONCE: usize = 1 << 14;
+
 /// The function V and the points, eight of them side by side.
 #[derive(Clone, Debug)]
 pub struct Potential {
@@ -65,16 +68,16 @@ impl Potential {
         self.tape.bind(&params)
     }
 
-    /// Adds `factor` times the potential at `t`.
+    /// Adds `factor` times the potential at `t`, at the points from `first` on, a multiple of eight.
     pub(crate) fn add(
         &self,
         registers: &mut Registers<Lanes>,
-        factor: f64,
-        t: f64,
+        (factor, t): (f64, f64),
+        first: usize,
         values: &mut [f64],
     ) {
         let t = [Lanes::splat(t)];
-        let points = self.points.chunks_exact(self.axes);
+        let points = self.points[first / WIDTH * self.axes..].chunks_exact(self.axes);
         for (values, x) in values.chunks_mut(WIDTH).zip(points) {
             let Lanes(found) = self.tape.eval(registers, [&t, x])[0];
             for (value, found) in values.iter_mut().zip(found) {

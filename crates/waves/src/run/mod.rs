@@ -46,7 +46,7 @@ pub struct Job {
     pub threads: usize,
 }
 
-/// A run about to start; a single one stops within a step where `cancel` says so.
+/// A run about to start; a single one stops within a step where `cancel` says so, members where the token of the thread does.
 ///
 /// # Errors
 /// The method or the job does not fit the Hamiltonian, or the start of a single run failed.
@@ -88,7 +88,7 @@ pub fn start_each(
     let (layout, count, t0) = (layout.clone(), starters.len(), starters[0].job.t0);
     let begin = move |members: &[usize]| {
         let own = &starters[members[0]];
-        own.single(0, 1, CancelToken::default(), own.in_lanes(&[0]))
+        own.single(0, 1, CancelToken::of_thread(), own.in_lanes(&[0]))
     };
     let ensemble = Ensemble::new(Box::new(begin), (count, 1), threads, layout, t0);
     Ok(Box::new(ensemble))
@@ -152,7 +152,7 @@ impl Starter {
     ) -> Begun {
         let sweeper = self.sweeper(threads);
         let sweeper = sweeper.with_recorder(self.job.recorders.get(member).cloned());
-        let stepper = self.method.single(sweeper, cancel);
+        let stepper = self.method.single(sweeper, cancel)?;
         self.launch(stepper, 1, state)
     }
 
@@ -179,7 +179,7 @@ impl Starter {
         let begin = move |members: &[usize]| match members {
             [member] => {
                 let state = self.in_lanes(&[*member]);
-                self.single(*member, 1, CancelToken::default(), state)
+                self.single(*member, 1, CancelToken::of_thread(), state)
             }
             _ => self.block(members),
         };

@@ -9,6 +9,7 @@ use crate::method::{
 use crate::problem::Hamiltonian;
 use liouville_base::cancel::CancelToken;
 use liouville_base::composition::{Composed, Flow};
+use liouville_base::error::StepError;
 use liouville_base::method::Stepper;
 use liouville_base::run::StartError;
 use liouville_base::simd::Stored;
@@ -171,12 +172,15 @@ impl Prepared {
     }
 
     /// A stepper of one wave function.
+    ///
+    /// # Errors
+    /// It was interrupted.
     pub(super) fn single(
         &self,
         sweeper: Sweeper<f64>,
         cancel: CancelToken,
-    ) -> Box<dyn Stepper<State = Wave<f64>>> {
-        match self {
+    ) -> Result<Box<dyn Stepper<State = Wave<f64>>>, StepError> {
+        Ok(match self {
             Self::Single(Single::Splitting { program, phases }) => {
                 let phases = phases.as_ref().clone().with_cancel(cancel);
                 Box::new(Composed::following(phases, program.clone()))
@@ -196,7 +200,7 @@ impl Prepared {
                 let (nodes, bounds) = (nodes.clone(), bounds.clone());
                 let sweeper = sweeper.with_cancel(cancel);
                 match MagnusSteps::new(sweeper, nodes, bounds, *tolerance) {
-                    Some(steps) => Box::new(steps),
+                    Some(steps) => Box::new(steps?),
                     None => unreachable!("bounds that have been checked"),
                 }
             }
@@ -211,7 +215,7 @@ impl Prepared {
                 *tolerance,
             )),
             _ => self.lockstep(sweeper.with_cancel(cancel)),
-        }
+        })
     }
 
     /// A stepper of as many wave functions as `S` has members.

@@ -18,8 +18,8 @@ mod expand;
 
 use super::derivative::{Output, Piece, SeriesPiece, flat};
 use super::driven::choice::{Form, Window};
-use super::driven::fit::Fit;
 use super::driven::polynomials::NodeMap;
+use super::driven::whole::Fit;
 use super::sweep::{Outputs, TermBlock};
 use super::windows::{Place, Windows};
 use super::{Move, Sweeper, Wave, guard, squares};

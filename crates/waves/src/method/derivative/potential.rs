@@ -3,7 +3,7 @@
 use super::powers::TransposedPowers;
 use crate::method::blocks::{add_products, by_blocks};
 use crate::method::driven::choice::Window;
-use crate::method::driven::fit::Fit;
+use crate::method::driven::whole::Fit;
 
 /// The part of a potential in cotangents of the state, and the cotangents of the potential.
 #[derive(Default)]

@@ -15,9 +15,9 @@ use super::{AtNodes, Wanted, turn};
 use crate::method::blocks::Scaled;
 use crate::method::driven::choice::{Form, LARGEST, Window};
 use crate::method::driven::factors::Factors;
-use crate::method::driven::fit::Fit;
 use crate::method::driven::polynomials::{NodeMap, by_nodes};
 use crate::method::driven::terms::Terms;
+use crate::method::driven::whole::Fit;
 use liouville_base::error::StepError;
 use liouville_base::linalg::add_scaled;
 

@@ -28,7 +28,7 @@ impl DrivenSeries {
                 window.h /= parts;
                 let next = self.lay_out(self.start.t, end, window);
                 window.h = self.factors[self.factors.len() - 1].s;
-                let piece = self.piece(&window, share.tail(window.h), parts);
+                let piece = self.piece(&window, share.tail(window.h), parts)?;
                 // windows are planned by two levels, of which terms may be shorter than bounds for all states
                 if piece.ends() || parts >= MOST_PARTS {
                     pieces.push(Piece::Series(piece));
@@ -42,17 +42,17 @@ impl DrivenSeries {
     }
 
     /// A window as a piece, one in so many parts of what was planned.
-    fn piece(&mut self, window: &Window, tail: f64, parts: f64) -> SeriesPiece {
-        self.sampler
-            .fit(self.start.t, window.h, window.degree, &mut self.fit);
+    fn piece(&mut self, window: &Window, tail: f64, parts: f64) -> Result<SeriesPiece, StepError> {
+        let at = (self.start.t, window.h);
+        self.sampler.fit(at, window.degree, &mut self.fit)?;
         let is_by_bounds = window.form == Form::Bessel && self.fit.degree == 0;
         let count = if is_by_bounds { window.last + 1 } else { 0 };
-        let sizes = self.sampler.sizes(self.fit.degree).into_iter();
+        let sizes = self.sampler.sizes(&self.fit).into_iter();
         let output = |factors: &Factors| Output {
             s: factors.s,
             factors: (0..count).map(|n| factors.of(window, n)).collect(),
         };
-        SeriesPiece {
+        Ok(SeriesPiece {
             start: Vec::new(),
             phase: 0.0,
             window: *window,
@@ -65,6 +65,6 @@ impl DrivenSeries {
             steps: self.factors.len() - 1,
             parts,
             is_by_terms: false,
-        }
+        })
     }
 }

@@ -49,41 +49,38 @@ pub(super) struct Planned {
 /// The windows of a run.
 pub(super) struct Found {
     run: (Driven, (f64, f64)),
-    windows: Result<Vec<Planned>, StepError>,
+    windows: Vec<Planned>,
 }
 
 impl Found {
-    /// The window that a time is in, up to its end.
-    ///
-    /// # Errors
-    /// H is not finite.
-    pub(super) fn at(&self, t: f64) -> Result<Planned, StepError> {
-        let windows = self.windows.as_ref().map_err(Clone::clone)?;
+    /// The window that a time is in, up to its end; none outside the run.
+    pub(super) fn at(&self, t: f64) -> Option<Planned> {
         let (start, end) = self.run.1;
         let is_past = |planned: &Planned| (planned.next - t) * (end - start) <= 0.0;
-        let place = windows.partition_point(is_past);
-        let found = windows.get(place).copied();
-        found.ok_or(StepError::Interrupted)
+        let place = self.windows.partition_point(is_past);
+        self.windows.get(place).copied()
     }
 }
 
 impl Driven {
     /// The windows of a run, which are kept with its Hamiltonian; none where the parts do not fit.
+    ///
+    /// # Errors
+    /// H is not finite, or the choice was interrupted.
     pub(super) fn windows(
         &self,
         hamiltonian: &Arc<Hamiltonian>,
         span: (f64, f64),
-    ) -> Option<Arc<Found>> {
+    ) -> Option<Result<Arc<Found>, StepError>> {
         let sampler = self.sampler(hamiltonian)?;
         let run = (self.clone(), span);
         let fits = |found: &Found| found.run == run;
-        let make = || Found {
-            run: run.clone(),
-            windows: self.walk(sampler.with_scan(), span),
+        let make = || {
+            let windows = self.walk(sampler.with_scan()?, span)?;
+            let run = run.clone();
+            Ok(Found { run, windows })
         };
-        Some(hamiltonian.windows().get(fits, make, |found| {
-            !matches!(found.windows, Err(StepError::Interrupted))
-        }))
+        Some(hamiltonian.windows().get(fits, make, |_| true))
     }
 
     /// Chooses one window after another.
@@ -126,13 +123,12 @@ impl Driven {
         hamiltonian: &Arc<Hamiltonian>,
         (t, end): (f64, f64),
     ) -> Option<Result<DrivenCost, StepError>> {
-        let found = self.windows(hamiltonian, (t, end))?;
-        let windows = match &found.windows {
-            Ok(windows) => windows,
-            Err(error) => return Some(Err(error.clone())),
+        let found = match self.windows(hamiltonian, (t, end))? {
+            Ok(found) => found,
+            Err(error) => return Some(Err(error)),
         };
         let mut cost = DrivenCost::default();
-        for Planned { window, beyond, .. } in windows {
+        for Planned { window, beyond, .. } in &found.windows {
             cost.beyond += beyond;
             match window.form {
                 Form::Powers => cost.powers += 1,

@@ -3,11 +3,13 @@
 //! Functions of time are interpolated at Chebyshev's nodes, the ends among them, and their series are cut where the rest
 //! is below a tolerance: nothing but their values is needed.
 
-use super::choice::{TwoLevels, Window};
+use super::choice::TwoLevels;
 use super::polynomials::{DEGREE, NODES, chebyshev_node, coefficients, powers, settle};
 use super::scan::Scan;
 use crate::method::term_bounds::{Interval, TermBounds, range};
 use crate::problem::{Drive, Hamiltonian, Potential};
+use liouville_base::cancel;
+use liouville_base::error::StepError;
 use liouville_base::real::Lanes;
 use liouville_base::tape::Registers;
 use std::sync::Arc;
@@ -15,18 +17,11 @@ use std::sync::Arc;
 /// Points at which a potential is looked at before it is fitted at all of them.
 const LOOKS: usize = 8;
 
+/// Times that are looked at between two polls for cancellation.
+const POLL: usize = 64;
+
 /// Rounding errors of a fit, relative to what is fitted.
 const ROUNDING: f64 = 1e-14;
-
-/// The polynomials of a window in y = s/h: coefficients of each power, one power after another.
-#[derive(Clone, Debug, Default)]
-pub(in crate::method) struct Fit {
-    pub(in crate::method) degree: usize,
-    /// Of each group.
-    pub(in crate::method) weights: Vec<f64>,
-    /// At each point, empty without a potential.
-    pub(in crate::method) potential: Vec<f64>,
-}
 
 /// The part of a Hamiltonian that depends on time, and how large it is.
 #[derive(Clone)]
@@ -35,17 +30,17 @@ pub(in crate::method) struct Sampler {
     /// The first term of each group: terms of a group have their weight in common.
     firsts: Vec<usize>,
     bounds: TermBounds,
-    by_differences: bool,
+    pub(super) by_differences: bool,
     /// Values at many times of the run, and memory for what a series misses of them.
     scan: Option<Arc<Scan>>,
     apart: Vec<f64>,
     drive: Option<Registers<f64>>,
     /// The potential at all points, and at some of them.
-    potentials: [Option<(Potential, Registers<Lanes>)>; 2],
+    pub(super) potentials: [Option<(Potential, Registers<Lanes>)>; 2],
     weights: Vec<f64>,
     /// Values at the nodes, then coefficients of Chebyshev's polynomials.
-    samples: Vec<f64>,
-    series: Vec<f64>,
+    pub(super) samples: Vec<f64>,
+    pub(super) series: Vec<f64>,
     /// The length of a row of them.
     width: usize,
 }
@@ -115,14 +110,17 @@ impl Sampler {
     }
 
     /// The same with all functions of time looked at over the run, where there are any.
-    pub(in crate::method) fn with_scan(self) -> Self {
+    ///
+    /// # Errors
+    /// It was interrupted.
+    pub(in crate::method) fn with_scan(self) -> Result<Self, StepError> {
         let (start, end) = self.bounds.span;
         if self.drive.is_none() && self.potentials[1].is_none() || start.to_bits() == end.to_bits()
         {
-            return self;
+            return Ok(self);
         }
-        let scan = Some(Scan::of(&self));
-        Self { scan, ..self }
+        let scan = Some(Scan::of(&self)?);
+        Ok(Self { scan, ..self })
     }
 
     /// Bounds of the parts.
@@ -136,12 +134,18 @@ impl Sampler {
     }
 
     /// Rows of values at times: weights of the groups, then the potential at some points.
-    pub(super) fn rows(&mut self, times: &[f64]) -> Vec<f64> {
+    ///
+    /// # Errors
+    /// It was interrupted.
+    pub(super) fn rows(&mut self, times: &[f64]) -> Result<Vec<f64>, StepError> {
         self.samples.clear();
-        for t in times {
-            self.sample(*t, true);
+        for times in times.chunks(POLL) {
+            if cancel::is_cancelled() {
+                return Err(StepError::Interrupted);
+            }
+            times.iter().for_each(|t| self.sample(*t));
         }
-        std::mem::take(&mut self.samples)
+        Ok(std::mem::take(&mut self.samples))
     }
 
     /// Whether so many terms of the polynomials by Chebyshev's nodes of an interval are off by more than `tolerance`, in
@@ -155,7 +159,7 @@ impl Sampler {
         let Some(scan) = self.scan.clone().filter(|scan| !scan.is_empty((t, h))) else {
             return false;
         };
-        self.interpolate((t, h), nodes, true);
+        self.interpolate((t, h), nodes);
         let mut apart = std::mem::take(&mut self.apart);
         apart.resize(self.width, 0.0);
         let series = &self.series[..terms * self.width];
@@ -190,8 +194,8 @@ impl Sampler {
         self.firsts.len()
     }
 
-    /// Adds a row of values at t: weights of the groups, then the potential at all points or at some.
-    fn sample(&mut self, t: f64, is_look: bool) {
+    /// Adds a row of values at t: weights of the groups, then the potential at some points.
+    fn sample(&mut self, t: f64) {
         self.weights.fill(1.0);
         if let (Some(drive), Some(registers)) = (self.hamiltonian.drive(), &mut self.drive) {
             self.weights.fill(0.0);
@@ -200,10 +204,10 @@ impl Sampler {
         let weights = &self.weights;
         let of_groups = self.firsts.iter().map(|first| weights[*first]);
         self.samples.extend(of_groups);
-        if let Some((potential, registers)) = &mut self.potentials[usize::from(is_look)] {
+        if let Some((potential, registers)) = &mut self.potentials[1] {
             let start = self.samples.len();
             self.samples.resize(start + potential.size(), 0.0);
-            potential.add(registers, 1.0, t, &mut self.samples[start..]);
+            potential.add(registers, (1.0, t), 0, &mut self.samples[start..]);
         }
     }
 
@@ -216,15 +220,15 @@ impl Sampler {
     /// Interval of H at t.
     pub(super) fn bounds_at(&mut self, t: f64) -> Interval {
         self.samples.clear();
-        self.sample(t, true);
+        self.sample(t);
         self.added(&self.samples)
     }
 
     /// Chebyshev's coefficients of all rows on a window, and the length of a row.
-    fn interpolate(&mut self, (t, h): (f64, f64), count: usize, is_look: bool) -> usize {
+    pub(super) fn interpolate(&mut self, (t, h): (f64, f64), count: usize) -> usize {
         self.samples.clear();
         for node in 0..count {
-            self.sample(t + h * chebyshev_node(node, count), is_look);
+            self.sample(t + h * chebyshev_node(node, count));
         }
         self.width = self.samples.len() / count;
         coefficients(&self.samples, self.width, &mut self.series);
@@ -247,7 +251,7 @@ impl Sampler {
     /// Looks at a window: none where no degree leaves less than `tolerance`, in energies.
     pub(super) fn look(&mut self, t: f64, h: f64, tolerance: f64) -> Option<Look> {
         let first = self.bounds_at(t);
-        let width = self.interpolate((t, h), NODES, true);
+        let width = self.interpolate((t, h), NODES);
         let rows = self.samples.chunks(width).map(|row| self.added(row));
         let hull = |a: Interval, b: Interval| (a.0.min(b.0), a.1.max(b.1));
         let (low, high) = rows.fold(first, hull);
@@ -349,47 +353,5 @@ impl Sampler {
             });
         }
         found
-    }
-
-    /// Norms of the powers from the first on, in energies, of the window that was fitted last.
-    pub(super) fn sizes(&self, degree: usize) -> Vec<f64> {
-        let (width, norms) = (self.samples.len() / NODES, self.bounds.norms());
-        let powers = powers(&self.series, degree, width);
-        let of_row = |row: &[f64]| {
-            let (weights, potential) = row.split_at(norms.len());
-            let sum: f64 = weights.iter().zip(&norms).map(|(w, x)| w.abs() * x).sum();
-            sum + potential.iter().fold(0.0, |most: f64, v| most.max(v.abs()))
-        };
-        powers.chunks(width).skip(1).map(of_row).collect()
-    }
-
-    /// The same of the window that was fitted last times its length, behind that of H less σ at its start.
-    pub(super) fn sizes_from_start(&self, window: &Window, degree: usize) -> Vec<f64> {
-        // the last node is the start
-        let row = &self.samples[self.samples.len() - self.samples.len() / NODES..];
-        let (low, high) = self.added(row);
-        let first = (high - window.sigma).abs().max((low - window.sigma).abs());
-        let sizes = std::iter::once(first).chain(self.sizes(degree));
-        sizes.map(|size| size * window.h.abs()).collect()
-    }
-
-    /// Fits a window by polynomials of a degree.
-    pub(super) fn fit(&mut self, t: f64, h: f64, degree: usize, fit: &mut Fit) {
-        let width = self.interpolate((t, h), NODES, false);
-        let powers = powers(&self.series, degree, width);
-        let groups = self.groups();
-        fit.degree = degree;
-        fit.weights.clear();
-        fit.potential.clear();
-        for row in powers.chunks(width) {
-            fit.weights.extend_from_slice(&row[..groups]);
-            fit.potential.extend_from_slice(&row[groups..]);
-        }
-        if self.by_differences {
-            // B_0 + Σ f_k (B_k − B_0) by products with each B_k
-            for row in fit.weights.chunks_mut(groups) {
-                row[0] -= row[1..].iter().sum::<f64>();
-            }
-        }
     }
 }

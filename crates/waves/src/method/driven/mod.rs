@@ -12,6 +12,7 @@ pub(super) mod fit;
 pub(super) mod polynomials;
 mod scan;
 pub(super) mod terms;
+pub(super) mod whole;
 
 pub(super) use cost::next_time;
 pub use cost::{Driven, DrivenCost};
@@ -24,13 +25,13 @@ use super::{Sweeper, Wave, guard, squares};
 use choice::{END, Form, ROUNDING, Share, Window, rest_of_powers};
 use cost::Found;
 use factors::Factors;
-use fit::Fit;
 use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch, Numbers};
 use liouville_base::error::StepError;
 use liouville_base::method::{Stats, Stepper};
 use std::f64::consts::TAU;
 use std::sync::Arc;
 use terms::Terms;
+use whole::Fit;
 
 /// Terms that are added to the outputs at once.
 const AT_ONCE: usize = 8;
@@ -121,16 +122,12 @@ impl DrivenSeries {
     /// The window that begins at `start`, as it was planned, its end, and its share of the tolerance.
     fn planned(&mut self) -> Result<(Window, f64, Share), StepError> {
         let (t, last) = (self.start.t, self.times[self.times.len() - 1]);
-        let known = self.windows.take();
-        let found = known.or_else(|| {
-            let span = (self.t0, last);
-            self.driven.windows(self.sampler.hamiltonian(), span)
-        });
-        self.windows = found;
-        let Some(found) = &self.windows else {
-            unreachable!("parts that have been checked");
-        };
-        let planned = found.at(t)?;
+        if self.windows.is_none() {
+            let (hamiltonian, span) = (self.sampler.hamiltonian(), (self.t0, last));
+            self.windows = self.driven.windows(hamiltonian, span).transpose()?;
+        }
+        let planned = self.windows.as_ref().and_then(|found| found.at(t));
+        let planned = planned.ok_or(StepError::Interrupted)?;
         let (rate, whole) = (self.driven.rate, self.driven.rate * (last - self.t0).abs());
         let (end, share) = (planned.next, Share::after(0, rate, whole));
         let window = Window {
@@ -209,8 +206,8 @@ impl DrivenSeries {
         share: f64,
         count: Option<usize>,
     ) -> Result<bool, StepError> {
-        self.sampler
-            .fit(self.start.t, window.h, window.degree, &mut self.fit);
+        let at = (self.start.t, window.h);
+        self.sampler.fit(at, window.degree, &mut self.fit)?;
         let size = self.start.parts.len();
         self.outputs.reset(size, self.factors.len())?;
         self.block.reset(size, AT_ONCE)?;
@@ -221,7 +218,7 @@ impl DrivenSeries {
         let norm = dot(&self.start.parts, &self.start.parts).sqrt();
         let share_of_norm = share.max(f64::EPSILON / 8.0) * norm;
         let sizes = match window.form {
-            Form::Powers => self.sampler.sizes_from_start(window, self.fit.degree),
+            Form::Powers => self.sampler.sizes_from_start(at.0, window, &self.fit),
             Form::Bessel => Vec::new(),
         };
         let (mut n, mut small, mut lengths) = (0, 0, Vec::new());

@@ -3,6 +3,7 @@
 use super::choice::half;
 use super::fit::Sampler;
 use crate::method::term_bounds::TermBounds;
+use liouville_base::error::StepError;
 use std::sync::Arc;
 
 /// Times that are looked at in a run, at least, and for each unit of 1/β; they are apart by one and a half of equal parts at
@@ -29,7 +30,10 @@ pub(super) struct Scan {
 
 impl Scan {
     /// What was seen of H over a run, or what is seen now.
-    pub(super) fn of(sampler: &Sampler) -> Arc<Self> {
+    ///
+    /// # Errors
+    /// It was interrupted.
+    pub(super) fn of(sampler: &Sampler) -> Result<Arc<Self>, StepError> {
         let bounds = sampler.bounds();
         sampler.hamiltonian().scan().get(
             |scan: &Self| scan.bounds == *bounds,
@@ -39,9 +43,9 @@ impl Scan {
     }
 
     /// Looks at a run, and again where H is so large that it takes more times.
-    fn new(mut sampler: Sampler, bounds: &TermBounds) -> Self {
+    fn new(mut sampler: Sampler, bounds: &TermBounds) -> Result<Self, StepError> {
         let mut times = times(bounds, TIMES);
-        let mut rows = sampler.rows(&times);
+        let mut rows = sampler.rows(&times)?;
         let width = rows.len() / times.len();
         let sizes = rows.chunks(width).map(|row| (sampler.size(row), row));
         let finite = sizes.filter(|(size, _)| size.is_finite());
@@ -52,13 +56,13 @@ impl Scan {
         let count = ((EACH * theta) as usize).min(NUMBERS / width);
         if count > TIMES {
             times = self::times(bounds, count);
-            rows = sampler.rows(&times);
+            rows = sampler.rows(&times)?;
         }
-        Self {
+        Ok(Self {
             bounds: bounds.clone(),
             times,
             rows,
-        }
+        })
     }
 
     /// The times in an interval.

@@ -8,7 +8,7 @@
 //!     y^0_n = c_n,   y^l_n = (2n/βh) w^{l−1}_{n−1},   w^l_n = y^l_n − w^l_{n−2}
 
 use super::choice::{Form, Window};
-use super::fit::Fit;
+use super::whole::Fit;
 use crate::method::blocks::{
     Scaled, add_all, add_i, add_products, by_blocks, keep_times, take_from,
 };

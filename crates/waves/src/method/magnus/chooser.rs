@@ -99,25 +99,33 @@ fn half((low, high): Interval) -> f64 {
 }
 
 impl Chooser {
+    /// Scalars over the run; none where the bounds do not fit the terms of H.
+    ///
+    /// # Errors
+    /// It was interrupted.
     pub(super) fn new(
         hamiltonian: &Arc<Hamiltonian>,
         nodes: Nodes,
         bounds: TermBounds,
         tolerance: MagnusTolerance,
-    ) -> Option<Self> {
+    ) -> Option<Result<Self, StepError>> {
         if !bounds.is_fitting(hamiltonian.terms().len()) {
             return None;
         }
+        let scan = match Sampler::new(hamiltonian.clone(), bounds.clone())?.with_scan() {
+            Ok(scan) => scan,
+            Err(error) => return Some(Err(error)),
+        };
         // the third one is the error of a single node
         let letters = (nodes.order / 2 + 1).max(3);
         let current = HamiltonianAt::new(hamiltonian);
         let width = bounds.parts.len() + current.potential().len();
-        Some(Self {
+        Some(Ok(Self {
             values: Vec::with_capacity(NODES * width),
             sum: vec![0.0; width],
             current,
             hamiltonian: hamiltonian.clone(),
-            scan: Sampler::new(hamiltonian.clone(), bounds.clone())?.with_scan(),
+            scan,
             averages: Averages::new(bounds, NODES),
             points: (0..NODES).map(|k| chebyshev_node(k, NODES)).collect(),
             moments: (0..letters).chain(LAST).map(moment).collect(),
@@ -128,7 +136,7 @@ impl Chooser {
             left: SPARE * tolerance.whole,
             nodes,
             tolerance,
-        })
+        }))
     }
 
     /// The error that a step may have.
@@ -168,14 +176,15 @@ impl Chooser {
     }
 
     /// Looks at H at all points of a step.
-    fn look(&mut self, t: f64, h: f64) {
+    fn look(&mut self, t: f64, h: f64) -> Result<(), StepError> {
         self.values.clear();
         for point in &self.points {
-            (self.current).set(&self.hamiltonian, &[(1.0, t + point * h)]);
+            (self.current).set(&self.hamiltonian, &[(1.0, t + point * h)])?;
             let weights = self.averages.bounds.weights(self.current.weights());
             self.values.extend(weights);
             self.values.extend_from_slice(self.current.potential());
         }
+        Ok(())
     }
 
     /// The norm of the part of H h that goes with a row of weights, in the step of length h that was looked at.
@@ -218,12 +227,12 @@ impl Chooser {
 
     /// m of a step; of an H(t) known by its products, whose α_n have no bounds, that of its phase.
     #[expect(clippy::cast_possible_truncation, clippy::cast_possible_wrap)] // of an order
-    fn size(&mut self, t: f64, h: f64) -> f64 {
+    fn size(&mut self, t: f64, h: f64) -> Result<f64, StepError> {
         let power = self.nodes.order as i32 + 1;
-        self.look(t, h);
+        self.look(t, h)?;
         if self.probe.is_some() {
             self.norms[0] = self.norm(0, h);
-            return self.norms[0].powi(power);
+            return Ok(self.norms[0].powi(power));
         }
         for row in 0..self.norms.len() {
             self.norms[row] = self.norm(row, h);
@@ -233,7 +242,7 @@ impl Chooser {
             let letters = self.norms.iter().zip(self.words[..weight].iter().rev());
             self.words[weight] = letters.map(|(norm, rest)| norm * rest).sum();
         }
-        (self.words[self.nodes.order + 1] - self.norms[0].powi(power)).max(0.0)
+        Ok((self.words[self.nodes.order + 1] - self.norms[0].powi(power)).max(0.0))
     }
 
     /// The next step and its m, where an error is `constant` times m.
@@ -246,7 +255,7 @@ impl Chooser {
         for _ in 0..TRIES {
             let parts = (left.abs() / h).ceil().max(1.0);
             let step = left / parts;
-            let size = self.size(t, step);
+            let size = self.size(t, step)?;
             let error = constant * size;
             if error.is_finite() && Self::is_least(t, step) {
                 return Ok((step, size));
@@ -283,16 +292,19 @@ impl Chooser {
     }
 
     /// Products of a step made as one and as two halves, with half of its phases each, and its phase.
-    pub(super) fn products(&mut self, t: f64, h: f64) -> (usize, f64) {
+    ///
+    /// # Errors
+    /// It was interrupted.
+    pub(super) fn products(&mut self, t: f64, h: f64) -> Result<(usize, f64), StepError> {
         let tolerance = SERIES * self.tolerance.rate * h.abs() / self.nodes.rows.len() as f64;
         let (mut products, mut theta) = (0, 0.0);
         for row in &self.nodes.rows {
             let row = (&self.nodes.nodes[..], &row[..]);
-            let bounds = (self.averages).set(&mut self.current, &self.hamiltonian, row, (t, h));
+            let bounds = (self.averages).set(&mut self.current, &self.hamiltonian, row, (t, h))?;
             let phase = half(bounds) * h.abs();
             products += degree(phase, tolerance) + 2 * degree(0.5 * phase, 0.5 * tolerance);
             theta += phase;
         }
-        (products, theta)
+        Ok((products, theta))
     }
 }

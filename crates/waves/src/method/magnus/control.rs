@@ -42,25 +42,28 @@ pub struct MagnusSteps {
 
 impl MagnusSteps {
     /// Steps with exponentials by series; none where the bounds do not fit the terms of H.
+    ///
+    /// # Errors
+    /// It was interrupted.
     pub fn new(
         sweeper: Sweeper<f64>,
         nodes: Nodes,
         bounds: TermBounds,
         tolerance: MagnusTolerance,
-    ) -> Option<Self> {
+    ) -> Option<Result<Self, StepError>> {
         let hamiltonian = sweeper.hamiltonian().clone();
         let places = hamiltonian.places();
         let order = nodes.order;
         let chooser = Chooser::new(&hamiltonian, nodes.clone(), bounds.clone(), tolerance)?;
         let rate = (SERIES * tolerance.rate, tolerance.norm);
         let empty = || Wave::new(vec![0.0; places], vec![0.0; places]);
-        Some(Self {
+        Some(chooser.map(|chooser| Self {
             magnus: Magnus::by_series(sweeper, nodes, rate, bounds),
             chooser,
             constant: constant(order),
             before: empty(),
             coarse: empty(),
-        })
+        }))
     }
 
     /// One step to at most `end`, and where it leads.

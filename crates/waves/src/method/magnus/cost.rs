@@ -57,13 +57,15 @@ impl MagnusSteps {
         tolerance: MagnusTolerance,
         times: &[f64],
     ) -> Option<Result<MagnusCost, StepError>> {
-        let counter = Counter {
-            constant: constant(nodes.order),
-            chooser: Chooser::new(hamiltonian, nodes, bounds, tolerance)?,
+        let constant = constant(nodes.order);
+        let chooser = Chooser::new(hamiltonian, nodes, bounds, tolerance)?;
+        let counter = chooser.map(|chooser| Counter {
+            constant,
+            chooser,
             times,
             cost: MagnusCost::default(),
-        };
-        Some(counter.run())
+        });
+        Some(counter.and_then(Counter::run))
     }
 }
 
@@ -108,7 +110,7 @@ impl Counter<'_> {
             return Err(StepError::Interrupted);
         }
         let (h, _) = self.chooser.propose((t, end - t), self.constant)?;
-        let (products, theta) = self.chooser.products(t, h);
+        let (products, theta) = self.chooser.products(t, h)?;
         (self.chooser).spend((h, end - t), self.chooser.allowed(h));
         let part = (left / h.abs()).min(1.0);
         self.cost.steps += part;

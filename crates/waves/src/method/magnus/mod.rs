@@ -48,20 +48,23 @@ impl Averages {
     }
 
     /// Sets H to a sum over the nodes of a step from t of length h, and returns its bounds.
+    ///
+    /// # Errors
+    /// It was interrupted.
     fn set(
         &mut self,
         current: &mut HamiltonianAt,
         hamiltonian: &Hamiltonian,
         (nodes, row): (&[f64], &[f64]),
         (t, h): (f64, f64),
-    ) -> Interval {
+    ) -> Result<Interval, StepError> {
         self.nodes.clear();
         let pairs = row.iter().zip(nodes);
         self.nodes.extend(pairs.map(|(a, c)| (*a, t + c * h)));
-        current.set(hamiltonian, &self.nodes);
+        current.set(hamiltonian, &self.nodes)?;
         self.weights.clear();
         (self.weights).extend(self.bounds.weights(current.weights()));
-        (self.bounds).of_sum(&self.weights, current.potential(), row)
+        Ok((self.bounds).of_sum(&self.weights, current.potential(), row))
     }
 }
 
@@ -132,7 +135,7 @@ impl<S: Stored> Magnus<S> {
                 unreachable!("a sweeper with weights");
             };
             let row = (&self.nodes.nodes[..], &row[..]);
-            let bounds = (self.averages).set(current, &hamiltonian, row, (t, h));
+            let bounds = (self.averages).set(current, &hamiltonian, row, (t, h))?;
             self.exponential.apply(bounds, t, h, state)?;
             if let Some(recorder) = recorder {
                 keep(&self.nodes, &recorder, (first, place), (t, h));

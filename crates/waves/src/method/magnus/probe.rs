@@ -61,7 +61,7 @@ impl Probe {
     ) -> Result<f64, StepError> {
         self.nodes.clear();
         self.nodes.extend(nodes);
-        current.set(hamiltonian, &self.nodes);
+        current.set(hamiltonian, &self.nodes)?;
         let sum = hamiltonian.at(Some(current));
         let parts = if hamiltonian.is_doubled() { 2 } else { 1 };
         self.products += parts * sum.products();

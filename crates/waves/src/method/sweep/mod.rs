@@ -100,7 +100,7 @@ impl<S: Stored> Sweeper<S> {
             hamiltonian,
             machine: InstructionSet::default(),
             workers: None,
-            cancel: CancelToken::default(),
+            cancel: CancelToken::of_thread(),
             scratch: ProductScratch::default(),
             products: 0,
             recorder: None,
@@ -152,7 +152,7 @@ impl<S: Stored> Sweeper<S> {
         }
     }
 
-    /// The same, stopping where `cancel` is set.
+    /// The same, stopping where `cancel` is set, not that of the thread.
     #[must_use]
     pub fn with_cancel(self, cancel: CancelToken) -> Self {
         Self { cancel, ..self }

@@ -1,0 +1,110 @@
+//! The polynomials of a window at all points of a potential, some at a time.
+
+use super::choice::Window;
+use super::fit::Sampler;
+use super::polynomials::{NODES, chebyshev_node, coefficients, powers};
+use crate::problem::AT_ONCE;
+use liouville_base::cancel;
+use liouville_base::error::StepError;
+
+/// The polynomials of a window in y = s/h: coefficients of each power, one power after another.
+#[derive(Clone, Debug, Default)]
+pub(in crate::method) struct Fit {
+    pub(in crate::method) degree: usize,
+    /// Of each group.
+    pub(in crate::method) weights: Vec<f64>,
+    /// At each point, empty without a potential.
+    pub(in crate::method) potential: Vec<f64>,
+}
+
+impl Sampler {
+    /// Fits a window by polynomials of a degree.
+    ///
+    /// # Errors
+    /// It was interrupted.
+    pub(super) fn fit(
+        &mut self,
+        (t, h): (f64, f64),
+        degree: usize,
+        fit: &mut Fit,
+    ) -> Result<(), StepError> {
+        let (width, groups) = (self.interpolate((t, h), NODES), self.groups());
+        fit.degree = degree;
+        fit.weights.clear();
+        for row in powers(&self.series, degree, width).chunks(width) {
+            fit.weights.extend_from_slice(&row[..groups]);
+        }
+        if self.by_differences {
+            // B_0 + Σ f_k (B_k − B_0) by products with each B_k
+            for row in fit.weights.chunks_mut(groups) {
+                row[0] -= row[1..].iter().sum::<f64>();
+            }
+        }
+        self.fit_potential((t, h), degree, &mut fit.potential)
+    }
+
+    fn fit_potential(
+        &mut self,
+        (t, h): (f64, f64),
+        degree: usize,
+        fitted: &mut Vec<f64>,
+    ) -> Result<(), StepError> {
+        fitted.clear();
+        let Some((potential, registers)) = &mut self.potentials[0] else {
+            return Ok(());
+        };
+        let size = potential.size();
+        fitted.resize((degree + 1) * size, 0.0);
+        let (mut samples, mut series) = (Vec::new(), Vec::new());
+        for first in (0..size).step_by(AT_ONCE) {
+            if cancel::is_cancelled() {
+                return Err(StepError::Interrupted);
+            }
+            let count = AT_ONCE.min(size - first);
+            samples.clear();
+            samples.resize(NODES * count, 0.0);
+            for (node, values) in samples.chunks_mut(count).enumerate() {
+                let at = (1.0, t + h * chebyshev_node(node, NODES));
+                potential.add(registers, at, first, values);
+            }
+            coefficients(&samples, count, &mut series);
+            let powers = powers(&series, degree, count);
+            for (own, all) in powers.chunks(count).zip(fitted.chunks_mut(size)) {
+                all[first..first + count].copy_from_slice(own);
+            }
+        }
+        Ok(())
+    }
+
+    /// Norms of the powers from the first on, in energies, of the window that was fitted last.
+    pub(super) fn sizes(&self, fit: &Fit) -> Vec<f64> {
+        let (width, norms) = (self.samples.len() / NODES, self.bounds().norms());
+        let weights = powers(&self.series, fit.degree, width);
+        let of_weights = weights.chunks(width).map(|row| -> f64 {
+            let pairs = row.iter().zip(&norms);
+            pairs.map(|(weight, norm)| weight.abs() * norm).sum()
+        });
+        let each = (fit.potential.len() / (fit.degree + 1)).max(1);
+        let rows = fit.potential.chunks(each);
+        let of_potential = rows.map(|row| row.iter().fold(0.0, |most: f64, v| most.max(v.abs())));
+        let of_potential = of_potential.chain(std::iter::repeat(0.0));
+        let sizes = of_weights.zip(of_potential).skip(1);
+        sizes.map(|(weights, most)| weights + most).collect()
+    }
+
+    /// The same times the length of the window, behind that of H less σ at its start.
+    pub(super) fn sizes_from_start(&mut self, t: f64, window: &Window, fit: &Fit) -> Vec<f64> {
+        // the last node is the start
+        let last = self.samples.len() - self.samples.len() / NODES;
+        let mut row = self.samples[last..][..self.groups()].to_vec();
+        if let Some((potential, registers)) = &mut self.potentials[0] {
+            let groups = row.len();
+            row.resize(groups + potential.size(), 0.0);
+            potential.add(registers, (1.0, t), 0, &mut row[groups..]);
+        }
+        let (low, high) = self.added(&row);
+        let first = (high - window.sigma).abs().max((low - window.sigma).abs());
+        let sizes = std::iter::once(first).chain(self.sizes(fit));
+        sizes.map(|size| size * window.h.abs()).collect()
+    }
+}
