@@ -103,6 +103,86 @@ def test_wave_functions_on_threads_have_the_bits_of_one_run(method):
         same(lv.ensemble(system, method, executor=executor, chunk=1, **options), wanted)
 
 
+def springs(c):
+    """Return members on stiff and soft springs, whose force has no value from t = c on."""
+    system = lv.Lagrangian(
+        lambda t, q, v, p: ca.dot(v, v) / 2 - p.k * (q[0] - 0.6) ** 2 / 2 - q[2],
+        lambda t, q, p: (ca.dot(q, q) - 1) / 2,
+        q=("x", "y", "z"),
+        params={"k": 1.0, "c": 2.0},
+        force=lambda t, q, v, p: ca.vertcat(1e-9 * ca.sqrt(p.c - t), 0, 0),
+    )
+    params = {"k": np.logspace(0, 9, 18), "c": np.r_[np.full(17, 2.0), c]}
+    start = load("spherical_pendulum").start
+    return system, {"t": (0, 1), "h": 0.02, "params": params, "q": start["q"], "v": start["v"]}
+
+
+def field(params):
+    system = lv.PolynomialField(
+        lambda t, x, p: ca.vertcat(p.a * x[1] * x[2], x[0] * x[2], -2 * x[0] * x[1]),
+        x=3, params={"a": 1.0},
+    )  # fmt: skip
+    start = np.random.default_rng(0).standard_normal((18, 3))
+    return system, {"t": (0, 1), "steps": 20, "x": start, "params": params}
+
+
+def waves(is_driven=False):
+    drive = [(lambda t, p: ca.sin(t), np.arange(40.0) / 40)] if is_driven else []
+    system = lv.Schrodinger(lv.Lattice((40,)), drive=drive)
+    start = np.random.default_rng(0).standard_normal((18, 40)) + 0j
+    return system, {"t": (0, 5), "psi": start / np.linalg.norm(start, axis=1)[:, None]}
+
+
+#: Systems, arguments of a run of eighteen members, more than a block of any kind, and methods.
+COUNTED = {
+    "newton and node-schur": (*springs(2.0), lv.Spark(2)),
+    "one fails": (*springs(0.5), lv.Spark(2)),
+    "composed": (*springs(2.0), lv.Composition(lv.Spark(1), "SU4")),
+    "alpha": (*springs(2.0), lv.HHT()),
+    "field": (*field({}), lv.VolumeSplitting()),
+    "fields": (*field({"a": np.r_[0.0, np.linspace(1, 2, 17)]}), lv.VolumeSplitting()),
+    "series": (*waves(), lv.Chebyshev()),
+    "stable": (*waves(), lv.SchrodingerSplitting(mode="stable")),
+    "Krylov": (*waves(), lv.Lanczos()),
+    "windows": (*waves(is_driven=True), lv.Chebyshev()),
+    "Magnus": (*waves(is_driven=True), lv.Magnus()),
+}
+
+
+@pytest.mark.parametrize("name", COUNTED)
+def test_numbers_of_an_ensemble_are_those_of_its_members_whatever_computes_them(name):
+    """Blocks in lock-step were counted as one member, or with their empty places."""
+    system, call, method = COUNTED[name]
+    alone = []
+    for k in range(18):
+        own = {x: y[k] if np.ndim(y) == 2 else y for x, y in call.items()}
+        if "params" in own:
+            own["params"] = {x: y[k] for x, y in own["params"].items()}
+        try:
+            alone.append(lv.integrate(system, method, **own).stats)
+        except lv.IntegrationError as error:
+            alone.append(error.solution.stats)
+    wanted = {x: sum(stats[x] for stats in alone) for x in alone[0] if x != "solver"}
+    wanted |= {
+        x: max(stats[x] for stats in alone) for x in ("steps", "pieces", "bound") if x in wanted
+    }
+    if "products" in wanted:
+        wanted["products"] /= 18
+    if "solver" in alone[0]:
+        words = {word for stats in alone for word in stats["solver"].split(" and ")}
+        wanted["solver"] = " and ".join(sorted(words))
+    with ThreadPoolExecutor(2) as executor:
+        several = [{"threads": 1}, {"threads": 3}, {"executor": executor, "chunk": 5}]
+        for how in several:
+            found = lv.ensemble(system, method, **call, **how).stats
+            assert found.keys() == wanted.keys()
+            for x in found.keys() - {"seconds"}:
+                same = (
+                    wanted[x] if isinstance(wanted[x], str) else pytest.approx(wanted[x], rel=1e-14)
+                )
+                assert found[x] == same, (x, how)
+
+
 def test_numbers_and_method_are_those_of_all_chunks():
     """A chunk of one member is planned for it, and chunks arrive in any order."""
     system = lv.Schrodinger(

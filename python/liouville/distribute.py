@@ -23,7 +23,7 @@ import numpy as np
 from liouville._arguments import count
 from liouville.errors import IntegrationError, hinted
 from liouville.failure import Failure, ending_of, summary_of
-from liouville.parts import GROUPS
+from liouville.parts import AND, GROUPS
 from liouville.progress import Progress, Report, reported
 from liouville.solution import Solution
 
@@ -42,11 +42,8 @@ POLL = 0.2
 #: Errors of dask.distributed, which is never imported here, where workers die.
 DIED = {"KilledWorker", "FutureCancelledError", "FuturesCancelledError", "CommClosedError"}
 
-#: What joins words, such as those of solvers.
-AND = " and "
-
-#: Numbers of a run that chunks do not add to.
-SAME = ("steps", "pieces")
+#: Numbers of which an ensemble has the largest.
+LARGEST = ("steps", "pieces", "bound")
 
 _cache: dict[str, Callable[..., Solution]] = {}
 
@@ -339,25 +336,25 @@ class Joined:
         )  # fmt: skip
 
     def _summed(self) -> dict[str, Any]:
-        """Return numbers of all chunks: counts are added, what is no count is averaged.
+        """Return numbers of all chunks, as an ensemble that is not cut has them.
 
-        Words are those of all, in the order of the members and not of arrival.
+        Counts are added, what is no count is averaged over the members, and words are put together.
         """
         found: dict[str, Any] = {}
-        each = sorted(self._stats, key=lambda part: part[0])
-        weights = np.array([weight for _, weight, _ in each])
-        for name, first in each[0][2].items():
-            values = [stats[name] for _, _, stats in each if name in stats]
-            if name in SAME:
-                found[name] = max(values)
+        for name in dict.fromkeys(name for _, _, stats in self._stats for name in stats):
+            values = [(stats[name], many) for _, many, stats in self._stats if name in stats]
+            first, _ = values[0]
+            if isinstance(first, str):
+                words = {word for x, _ in values for word in x.split(AND)}
+                found[name] = AND.join(sorted(words))
+            elif name in LARGEST:
+                found[name] = max(x for x, _ in values)
             elif isinstance(first, int):
-                found[name] = sum(values)
-            elif isinstance(first, float) and len(values) == len(weights):
-                is_same = all(x == first for x in values)
-                found[name] = first if is_same else float(np.average(values, weights=weights))
+                found[name] = sum(x for x, _ in values)
             else:
-                words = (word for x in values for word in str(x).split(AND))
-                found[name] = AND.join(dict.fromkeys(words)) if isinstance(first, str) else first
+                found[name] = sum(x * many for x, many in values) / self.done
+        if not all("bound" in stats for _, _, stats in self._stats):
+            found.pop("bound", None)
         return found
 
 

@@ -20,6 +20,9 @@ if TYPE_CHECKING:
 #: The groups of arrays of a solution with time as their first axis, then the member, if any.
 GROUPS = ("states", "invariants", "residuals", "observed", "balance")
 
+#: What joins words, such as those of solvers.
+AND = " and "
+
 #: Times that differ by so many roundings are the same.
 ROUNDINGS = 4
 

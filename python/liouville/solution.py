@@ -84,8 +84,9 @@ class Solution(States, Drifts, Motions):
         Numbers of the run. Of all: ``steps`` made and ``seconds`` taken. Of mechanical and
         semi-explicit systems: ``iterations``, the corrections of the equations of a step;
         ``evaluations`` of the forces, one for each stage; ``cold_starts``, steps whose extrapolated
-        start failed. With ``Spark`` and ``LobattoPair`` the ``solver``, and ``newton_steps``,
-        those by the full simplified Newton iteration; with RATTLE and the alpha family
+        start failed. With ``Spark`` and ``LobattoPair`` the ``solver``, or both by which steps
+        were made, and ``newton_steps``, how often the full simplified Newton iteration was begun,
+        for a step or a part of one; with RATTLE and the alpha family
         ``factorizations`` of Newton matrices, which may serve several steps. Of controlled steps
         ``rejected``, those made again, and ``h_smallest``, ``h_largest`` and ``h_next``, the step
         to go on with. Of fields: ``flows`` of pieces, and how many ``pieces`` there are. Of wave
@@ -93,8 +94,10 @@ class Solution(States, Drifts, Motions):
         ``widened``, how often bounds of the energies had to be, and ``bound``, that of the error,
         known before the run: of splittings and Chebyshev series of an H without time, and of
         series in time that are power series, but of no ``Lanczos``, ``Magnus`` or
-        ``SplitOperator``. An ensemble of mechanical systems has the sums of its members, but
-        ``steps`` of one.
+        ``SplitOperator``. An ensemble has the sums of its members, whatever computes them: those of
+        a member are those of a run of its own, and end where it fails. But it has ``steps`` and
+        ``pieces`` of the member with most, ``products`` of each on average, and the largest
+        ``bound``.
     params : dict of str to float or list of float
         Parameters the run used.
     varied : tuple of str

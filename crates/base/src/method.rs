@@ -13,8 +13,10 @@ pub struct Stats {
     pub evaluations: usize,
     /// Factorisations of a Newton matrix that may serve several steps.
     pub factorizations: usize,
-    /// Steps whose stages were found by the full simplified Newton iteration.
+    /// Stage equations given to the full simplified Newton iteration, more than one where it takes a step in parts.
     pub newton_steps: usize,
+    /// Steps, or parts of them, whose stages were found by node Schur.
+    pub schur_steps: usize,
     /// Steps whose extrapolated start failed, so that a cold one was made.
     pub cold_starts: usize,
 }
@@ -28,6 +30,7 @@ impl std::ops::Add for Stats {
             evaluations: self.evaluations + other.evaluations,
             factorizations: self.factorizations + other.factorizations,
             newton_steps: self.newton_steps + other.newton_steps,
+            schur_steps: self.schur_steps + other.schur_steps,
             cold_starts: self.cold_starts + other.cold_starts,
         }
     }
@@ -42,6 +45,7 @@ impl std::ops::Sub for Stats {
             evaluations: self.evaluations - other.evaluations,
             factorizations: self.factorizations - other.factorizations,
             newton_steps: self.newton_steps - other.newton_steps,
+            schur_steps: self.schur_steps - other.schur_steps,
             cold_starts: self.cold_starts - other.cold_starts,
         }
     }
@@ -88,8 +92,13 @@ pub trait Stepper: Checkpoint {
     /// Forgets the step before: the next one starts cold.
     fn forget(&mut self) {}
 
-    /// The work so far.
+    /// The work so far; of members in lock-step, of one of them.
     fn stats(&self) -> Stats;
+
+    /// The same of a member in lock-step that may have another share of it.
+    fn stats_of(&self, _member: usize) -> Stats {
+        self.stats()
+    }
 }
 
 /// A method whose step of −h undoes its step of h.
@@ -159,5 +168,6 @@ crate::checkpoint!(Stats {
     evaluations,
     factorizations,
     newton_steps,
+    schur_steps,
     cold_starts,
 });

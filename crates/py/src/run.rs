@@ -172,6 +172,7 @@ impl Run {
         dict.set_item(intern!(py, "evaluations"), stats.evaluations)?;
         dict.set_item(intern!(py, "factorizations"), stats.factorizations)?;
         dict.set_item(intern!(py, "newton_steps"), stats.newton_steps)?;
+        dict.set_item(intern!(py, "schur_steps"), stats.schur_steps)?;
         dict.set_item(intern!(py, "cold_starts"), stats.cold_starts)?;
         dict.set_item(intern!(py, "rejected"), rejected)?;
         if let Some(sizes) = self.inner.sizes() {

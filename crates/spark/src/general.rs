@@ -93,6 +93,7 @@ impl General {
                 outcome => {
                     spark.schur_backoff.succeed();
                     self.is_by_schur = outcome.is_ok();
+                    spark.stats.schur_steps += usize::from(self.is_by_schur);
                     outcome?
                 }
             }

@@ -51,7 +51,8 @@ pub struct SparkBatch {
     /// The number of members; the lanes left over repeat the last one.
     count: usize,
     saved: Vec<f64>,
-    stats: Stats,
+    /// Of each member.
+    stats: [Stats; BATCH],
 }
 
 impl SparkBatch {
@@ -86,7 +87,7 @@ impl SparkBatch {
             members: [Member::Inactive; BATCH],
             count: members.clamp(1, BATCH),
             saved: Vec::new(),
-            stats: Stats::default(),
+            stats: [Stats::default(); BATCH],
             stages,
             model,
             problem: problem.clone(),
@@ -182,7 +183,9 @@ impl SparkBatch {
         debug_assert!(is_own, "it is of the same problem");
         saved.truncate(start);
         self.state.copy_member(0, state, member);
+        let before = alone.stats();
         let made = alone.step(t, h, &mut self.state);
+        self.stats[member] = self.stats[member] + (alone.stats() - before);
         if made.is_ok() {
             alone.save(0, &mut saved);
             self.state.save(0, &mut saved);
@@ -216,11 +219,11 @@ impl SparkBatch {
         for (member, stands) in self.members.iter().enumerate() {
             if let Member::Converged(iterations) = stands {
                 self.backoffs[member].iter_mut().for_each(Backoff::succeed);
-                if member < self.count {
-                    self.stats.newton_steps += usize::from(is_newton);
-                    self.stats.iterations += iterations;
-                    self.stats.evaluations += (iterations + 1) * stages;
-                }
+                let stats = &mut self.stats[member];
+                stats.newton_steps += usize::from(is_newton);
+                stats.schur_steps += usize::from(!is_newton);
+                stats.iterations += iterations;
+                stats.evaluations += (iterations + 1) * stages;
             }
         }
     }
@@ -264,8 +267,11 @@ impl Stepper for SparkBatch {
     }
 
     fn stats(&self) -> Stats {
-        let alone = self.alone.iter().flatten().map(Stepper::stats);
-        alone.fold(self.stats, |sum, stats| sum + stats)
+        self.stats_of(0)
+    }
+
+    fn stats_of(&self, member: usize) -> Stats {
+        self.stats[member]
     }
 }
 

@@ -244,6 +244,7 @@ impl Spark {
         };
         self.stats.iterations += iterations;
         self.stats.newton_steps += usize::from(is_newton);
+        self.stats.schur_steps += usize::from(!is_newton);
         self.stats.evaluations += (iterations + 1) * self.tableau.stages;
         true
     }

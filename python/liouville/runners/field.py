@@ -318,7 +318,7 @@ class FieldRunner(Runner):
         return {
             "steps": done,
             "flows": run.stats["evaluations"],
-            "pieces": len(self.split.pieces),
+            "pieces": max(len(split.pieces) for split in self.splits or [self.split]),
         }
 
     def _described(self, error: dict[str, Any]) -> Description:

@@ -13,6 +13,7 @@ from liouville.control import Takes
 from liouville.errors import Description, hinted, quoted
 from liouville.events import sides_of
 from liouville.methods import Composition, LobattoPair, Method
+from liouville.parts import AND
 from liouville.points import Points
 from liouville.runners.energy import watch_of
 from liouville.runners.runner import Request
@@ -45,6 +46,9 @@ RATTLE = LobattoPair(2)
 
 #: The control of conservative systems by methods that are not symmetric.
 REVERSIBLE = "reversible steps for rtol, as nothing changes the energy"
+
+#: Solvers of the equations of a step, and where the core counts what they solved.
+SOLVERS = {"newton": "newton_steps", "node-schur": "schur_steps"}
 
 #: Errors of a step that has no solution, or none that is found.
 UNSOLVED = ("not converged", "singular", "step too large")
@@ -225,12 +229,12 @@ class MechanicalRunner(TracedRunner):
         """Return the numbers of a run that this method has."""
         stats = super().stats(run)
         if run.done and self._is_general:
-            stats["solver"] = "rattle" if self._is_rattle else _solver(stats)
+            stats["solver"] = "rattle" if self._is_rattle else _solver(run.stats)
         return stats
 
     def _unused_stats(self) -> set[str]:
         if not self._is_general:
-            return {"newton_steps"}
+            return {"newton_steps", "schur_steps"}
         return super()._unused_stats() | {"newton_steps" if self._is_rattle else "factorizations"}
 
     def balance(self, parts: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
@@ -369,7 +373,6 @@ class MechanicalRunner(TracedRunner):
             )
 
 
-def _solver(stats: Mapping[str, int]) -> str:
-    if stats["newton_steps"] == 0:
-        return "node-schur"
-    return "newton" if stats["newton_steps"] >= stats["steps"] else "node-schur and newton"
+def _solver(stats: Mapping[str, float]) -> str:
+    """Return what solved the equations of steps, of an ensemble those of all members."""
+    return AND.join(name for name, count in SOLVERS.items() if stats[count])

@@ -271,7 +271,7 @@ class TracedRunner(Runner):
 
     def _unused_stats(self) -> set[str]:
         """Return the numbers of a run of the core that mean nothing here."""
-        return set() if self._control == "error" else {"rejected"}
+        return {"schur_steps"} | (set() if self._control == "error" else {"rejected"})
 
     def events(self, run: _core.Run) -> tuple[dict[str, Points], dict[int, str]]:
         """Return the events met, by name, and a sentence on each that ended a run, by member."""

@@ -40,7 +40,7 @@ from liouville.stored.store import Interval, Store, interval_of, is_there, store
 from liouville.stored.stream import JOB, STATE, Stream, chunks_of
 
 #: The layout of a checkpoint.
-LAYOUT = 7
+LAYOUT = 8
 
 #: The message in a folder of a run that is going on, or was cut off.
 CUT_OFF = "not finished: liouville.resume goes on with it"

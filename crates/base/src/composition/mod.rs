@@ -88,6 +88,11 @@ pub trait Parts: Checkpoint {
             ..Stats::default()
         }
     }
+
+    /// Those of a member in lock-step; see [`Stepper::stats_of`].
+    fn stats_of(&self, _member: usize, flows: usize) -> Stats {
+        self.stats(flows)
+    }
 }
 
 /// A flow in the list of a step.
@@ -322,6 +327,10 @@ impl<P: Parts> Stepper for Composed<P> {
 
     fn stats(&self) -> Stats {
         self.parts.stats(self.flows)
+    }
+
+    fn stats_of(&self, member: usize) -> Stats {
+        self.parts.stats_of(member, self.flows)
     }
 }
 

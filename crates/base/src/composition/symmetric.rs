@@ -97,6 +97,10 @@ where
     fn stats(&self, _: usize) -> Stats {
         self.stepper.stats()
     }
+
+    fn stats_of(&self, member: usize, _: usize) -> Stats {
+        self.stepper.stats_of(member)
+    }
 }
 
 crate::checkpoint!([S: Stepper] Base<S> { stepper });

@@ -285,7 +285,10 @@ impl Queue {
     }
 
     fn add(&mut self, members: &[usize], run: &mut dyn Advance, one: Option<(usize, usize)>) {
-        let (stats, rejected) = run.stats();
+        let (stats, rejected) = match one {
+            Some((place, _)) => run.stats_of(place),
+            None => run.stats(),
+        };
         self.stats = (self.stats.0 + stats, self.stats.1 + rejected);
         self.steps += run.done() * members.len();
         self.is_short |= self.records.keep(members, run.take(), one).is_err();

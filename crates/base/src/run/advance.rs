@@ -47,8 +47,12 @@ pub trait Advance: Send + Sync {
     fn done(&self) -> usize;
     /// The time they lead to.
     fn time(&self) -> f64;
-    /// Statistics of the steps, and how many were rejected.
+    /// Statistics of the steps, and how many were rejected; of members in lock-step, of all together.
     fn stats(&self) -> (Stats, usize);
+    /// The same of the member at a place in lock-step.
+    fn stats_of(&self, _place: usize) -> (Stats, usize) {
+        self.stats()
+    }
     /// The sizes of its steps, where they are not equal.
     fn sizes(&self) -> Option<StepSizes> {
         None

@@ -36,6 +36,8 @@ pub struct Run<State: Checkpoint> {
     every: usize,
     n: usize,
     is_recordable: bool,
+    /// How many members it has in lock-step.
+    members: usize,
     /// Where an event has ended the run.
     end: Option<f64>,
     /// Counts of the run when it was saved, and of this stepper when it was restored.
@@ -81,6 +83,7 @@ impl<State: Checkpoint> Run<State> {
             every,
             n: 0,
             is_recordable: true,
+            members: 1,
             end: None,
             saved_stats: Stats::default(),
             own_stats: Stats::default(),
@@ -93,6 +96,12 @@ impl<State: Checkpoint> Run<State> {
             run.record()?;
         }
         Ok(run)
+    }
+
+    /// The same as a run of so many members in lock-step, for its statistics.
+    #[must_use]
+    pub fn of_members(self, members: usize) -> Self {
+        Self { members, ..self }
     }
 
     fn step(&mut self) -> Result<(), StepError> {
@@ -232,8 +241,14 @@ impl<State: Checkpoint> Advance for Run<State> {
     }
 
     fn stats(&self) -> (Stats, usize) {
-        let stats = self.saved_stats + (self.control.stepper().stats() - self.own_stats);
+        let members = (0..self.members).map(|place| self.stats_of(place).0);
+        let stats = members.fold(Stats::default(), |sum, stats| sum + stats);
         (stats, self.control.rejected())
+    }
+
+    fn stats_of(&self, place: usize) -> (Stats, usize) {
+        let made = self.control.stepper().stats_of(place) - self.own_stats;
+        (self.saved_stats + made, self.control.rejected())
     }
 
     fn sizes(&self) -> Option<StepSizes> {

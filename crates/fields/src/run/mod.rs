@@ -105,7 +105,7 @@ impl Starter {
         let state = volume.state(&self.in_lanes(members));
         let observer = self.observer(volume, members);
         if self.job.times.is_empty() && self.job.events.is_empty() {
-            return self.launch(Box::new(stepper), Box::new(observer), state);
+            return self.launch(Box::new(stepper), Box::new(observer), state, members.len());
         }
         let variables = self.job.variables.clone();
         let reader = Observer::of_states(volume.clone(), variables, members.len());
@@ -172,7 +172,7 @@ impl Starter {
         let plain = self.observer(stepper.volume(), &[member]);
         let variables = self.job.variables.clone();
         let observer = TangentObserver::new(plain, variables, n, self.observed());
-        self.launch(Box::new(stepper), Box::new(observer), state)
+        self.launch(Box::new(stepper), Box::new(observer), state, 1)
     }
 
     /// How many quantities are recorded beside states and tangents.
@@ -279,7 +279,7 @@ impl Starter {
         let stepper = Box::new(Composed::new(volume.clone(), self.method.scheme));
         let control = Box::new(Fixed::new(stepper, span.t0, span.h(), span.steps));
         let run = Run::new(control, Box::new(observer), state, (1, 0))?;
-        Ok(Box::new(run))
+        Ok(Box::new(run.of_members(members.len())))
     }
 
     /// A run of one trajectory with the determinants of its steps.
@@ -291,7 +291,7 @@ impl Starter {
         let stepper = Determinant::new(self.split.clone(), scheme, is_compensated);
         let state = stepper.state(&self.job.x);
         let observer = Box::new(self.job.variables.clone());
-        self.launch(Box::new(stepper), observer, state)
+        self.launch(Box::new(stepper), observer, state, 1)
     }
 
     fn launch<State: Checkpoint + 'static>(
@@ -299,11 +299,12 @@ impl Starter {
         stepper: Box<dyn Stepper<State = State>>,
         observer: Box<dyn Observe<State>>,
         state: State,
+        members: usize,
     ) -> Begun {
         let span = self.job.span;
         let control = Box::new(Fixed::new(stepper, span.t0, span.h(), span.steps));
         let run = Run::new(control, observer, state, (span.every, span.records()))?;
-        Ok(Box::new(run))
+        Ok(Box::new(run.of_members(members)))
     }
 
     /// Starts of members in lock-step; places without a member follow the last.

@@ -105,7 +105,7 @@ impl Pullback {
         };
         let steps = LinearSteps::new(&starter.split, method.scheme, true);
         Ok(Self {
-            run: starter.launch(Box::new(recorder), Box::new(observer), state)?,
+            run: starter.launch(Box::new(recorder), Box::new(observer), state, 1)?,
             starts,
             y: vec![0.0; steps.width()],
             n: starter.split.n(),

@@ -305,10 +305,12 @@ impl Starter {
         stepper: BoxedStepper<State>,
         observer: Box<dyn Observe<State>>,
         state: State,
+        members: usize,
     ) -> Begun {
         let span = self.job.span;
         let control = Box::new(Fixed::new(stepper, span.t0, span.h(), span.steps));
-        self.recorded(control, observer, state)
+        let run = Run::new(control, observer, state, (span.every, span.records()))?;
+        Ok(Box::new(run.of_members(members)))
     }
 
     /// A run without events by steps of this control.

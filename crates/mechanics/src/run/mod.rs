@@ -204,7 +204,7 @@ impl Starter {
             .to_tolerance(self.newton_tol(spark));
         let state = stepper.state(self.job.span.t0, &y, &z);
         let observer = Box::new(Observers::new(problem, filled, self.observed()));
-        self.fixed(composed(stepper, stages), observer, state)
+        self.fixed(composed(stepper, stages), observer, state, members.len())
     }
 
     /// A SPARK method at the start of a member's run; it estimates errors where these control the steps.

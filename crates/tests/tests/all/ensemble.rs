@@ -137,6 +137,10 @@ impl Advance for Pair {
         (all.fold(Stats::default(), |sum, stats| sum + stats), 0)
     }
 
+    fn stats_of(&self, place: usize) -> (Stats, usize) {
+        self.runs[place].stats()
+    }
+
     fn shape(&self) -> Vec<usize> {
         vec![2 * self.runs.len()]
     }
@@ -242,6 +246,10 @@ fn a_member_that_fails_leaves_the_others_as_they_are() {
                 assert_eq!((failure.member, failure.step), (*member, Some((*step, t))));
             }
             assert_eq!((found.len(), ensemble.over()), (FAILURES.len(), RUNS));
+            // those of others in the block of one that failed are made again, and counted once
+            let whole = (RUNS - FAILURES.len()) * STEPS;
+            let made = whole + FAILURES.iter().map(|(_, step)| step).sum::<usize>();
+            assert_eq!(ensemble.stats().0.evaluations, made);
             let (found_times, found_rows) = ensemble.take();
             assert_eq!(found_times, times);
             assert_eq!(bits(&found_rows), bits(&rows));

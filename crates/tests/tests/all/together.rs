@@ -124,7 +124,8 @@ fn together(problem: &Arc<Mechanical>, s: usize, members: &[Member]) -> Begun {
     let state = stepper.state(0.0, &y, &z);
     let observers = Box::new(Observers::new(problem, filled, (observed(), true)));
     let control = Box::new(Fixed::new(Box::new(stepper), 0.0, H, STEPS));
-    Ok(Box::new(Run::new(control, observers, state, (EVERY, 0))?))
+    let run = Run::new(control, observers, state, (EVERY, 0))?;
+    Ok(Box::new(run.of_members(members.len())))
 }
 
 #[test]

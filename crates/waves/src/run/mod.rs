@@ -201,7 +201,7 @@ impl Starter {
         let observer = Box::new(self.observer(members));
         let records = self.job.stops.len() + 1;
         let run = Run::new(Box::new(control), observer, state, (1, records))?;
-        Ok(Box::new(run))
+        Ok(Box::new(run.of_members(members)))
     }
 
     /// Wave functions in lock-step; places without a member follow the last.

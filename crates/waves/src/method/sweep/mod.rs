@@ -174,7 +174,7 @@ impl<S: Stored> Sweeper<S> {
         &self.hamiltonian
     }
 
-    /// Real products made so far; one with the doubled matrix of a complex H counts as two.
+    /// Real products made so far, of each member; one with the doubled matrix of a complex H counts as two.
     pub fn products(&self) -> usize {
         self.products
     }
@@ -208,10 +208,9 @@ impl<S: Stored> Sweeper<S> {
         Ok(())
     }
 
-    /// Products that one of this type counts as.
+    /// Products of each member that one counts as.
     fn each(&self) -> usize {
-        let parts = if self.hamiltonian.is_doubled() { 2 } else { 1 };
-        parts * S::MEMBERS
+        if self.hamiltonian.is_doubled() { 2 } else { 1 }
     }
 
     /// Whether threads share the rows.
