@@ -478,3 +478,22 @@ def test_ctrl_c_interrupts_ipopt(monkeypatch):
         swing(3, 300, bounds={"F": (-20, 20)})
     monkeypatch.undo()
     assert swing(2, 10).status == "Solve_Succeeded"
+
+
+@pytest.mark.parametrize("scale", [lambda t: 1.0, lambda t: t, lambda t: 1 / t], ids="1th")
+def test_a_final_position_is_held_as_near_whatever_time_does_to_the_size_of_its_constraint(scale):
+    """Gradients were those at t = 0, by which the opposite point of the circle was near enough."""
+    bead = lv.Lagrangian(
+        lambda t, q, v, params: ca.dot(v, v) / 2,
+        lambda t, q, params: {"rod": scale(t) * (ca.dot(q, q) - 1)},
+        force=lambda t, q, v, params: [-params.F * q[1], params.F * q[0]],
+        q=("x", "y"),
+        params={"F": 0.0},
+    )
+    angles = -np.pi / 2 * np.linspace(0, 1, 21)
+    with pytest.raises(lv.OptimizationError, match="no motion meets all conditions"):
+        lv.optimal_control(
+            bead, lv.Spark(2), controls=("F",), cost=effort, t=(10, 12), steps=20, q=[1, 0],
+            v=[0, 0], final={"q": [0, 1], "v": [0, 0]},
+            guess={"q": np.stack([np.cos(angles), np.sin(angles)], axis=1)},
+        )  # fmt: skip

@@ -207,11 +207,11 @@ class Final:
         return self.labels[found[0]] if found.size else None
 
     def block(
-        self, system: Mechanics, t: ca.SX, y: ca.SX, z: ca.SX, params: Array
+        self, system: Mechanics, t: ca.SX, y: ca.SX, z: ca.SX, params: Array, end: float
     ) -> tuple[ca.SX, tuple[str, ...], ca.SX, Array]:
         """Return the conditions on (t, y, z), their names, their own unknowns, and these' limits.
 
-        The system is that without redundant constraints.
+        The system is that without redundant constraints, `end` the guess of t.
         """
         s, model = system._symbols, system._model
         w = total_derivative(model.g, s, model.v)
@@ -227,16 +227,16 @@ class Final:
             labels += [f"final {system.states[place]} of '{x}'" for x in system.coordinates]
             own.append(kappa)
             limits.append(
-                self._limits(system, wanted, params) if place == 0 else np.full(m, np.inf)
+                self._limits(system, end, wanted, params) if place == 0 else np.full(m, np.inf)
             )
         found = ca.vertcat(ca.SX(0, 1), *rows, rest)
         return found, (*labels, *self.labels), ca.vertcat(*own), np.concatenate(limits)
 
-    def _limits(self, system: Mechanics, wanted: Array, params: Array) -> Array:
+    def _limits(self, system: Mechanics, end: float, wanted: Array, params: Array) -> Array:
         """Return how large the distances along the gradients of constraints may become."""
         s, model = system._symbols, system._model
         slopes = ca.Function("slopes", [s.t, s.y, s.params.vector], [jacobian(model.g, s.y)])
-        lengths = np.abs(np.array(ca.DM(slopes(0.0, wanted, params)))).max(axis=1, initial=0.0)
+        lengths = np.abs(np.array(ca.DM(slopes(end, wanted, params)))).max(axis=1, initial=0.0)
         found: Array = NEAR * (np.abs(wanted).max() or 1.0) / np.where(lengths > 0, lengths, 1.0)
         return found
 

@@ -154,7 +154,7 @@ class Transcription:
         self._final, self._params = final, params
         self._end = ca.SX.sym("end", times.limits is not None)
         y, z = ca.SX.sym("y", equations.n), ca.SX.sym("z", equations.n)
-        found = final.block(system, self._time(times.steps), y, z, params)
+        found = final.block(system, self._time(times.steps), y, z, params, times.end)
         self._conditions, self._at_end = found, (y, z)
         self.layout = Layout.of(equations, stages, times, found[2].numel())
 
