@@ -228,6 +228,19 @@ def test_one_measurement_after_the_start_determines_what_it_can():
     assert found.errors["params.k"] == pytest.approx(abs(0.01 / slope), rel=1e-6)
 
 
+@pytest.mark.parametrize("sigma", [1e-149, 1e-80, 1e80, 1e149])
+def test_deviations_of_any_size_give_the_same_fit(sigma):
+    """Squares of residuals in units of them have no place in the range of numbers."""
+    call = {"h": 0.05, "params": ("l", "g"), **START}
+    wanted = lv.fit(SYSTEM, METHOD, noisy(0), sigma=1.0, **call)
+    found = lv.fit(SYSTEM, METHOD, noisy(0), sigma=sigma, **call)
+    for name in ("l", "g"):
+        assert found.params[name] == pytest.approx(wanted.params[name], rel=1e-12)
+        size = sigma * wanted.errors[f"params.{name}"]
+        assert found.errors[f"params.{name}"] == pytest.approx(size, rel=1e-9)
+    np.testing.assert_allclose(found.residuals * sigma, wanted.residuals, rtol=1e-9, atol=1e-14)
+
+
 GIVEN = {"h": 0.05, "params": ("l",)}
 
 
@@ -259,6 +272,16 @@ GIVEN = {"h": 0.05, "params": ("l",)}
         (noisy(0) | {"x": TRUTH.q[:, 0]}, GIVEN, "data 'x' gives again what"),
         (noisy(0), GIVEN | {"sigma": {"q": 1, "x": 1}}, "sigma has 'x', of which there are no"),
         (noisy(0), GIVEN | {"sigma": -1.0}, "sigma is positive"),
+        (
+            noisy(0),
+            GIVEN | {"sigma": 1e-300},
+            "1e-300 of a measurement of .* is no number\nhint: giv",
+        ),
+        (
+            noisy(0),
+            GIVEN | {"sigma": 1e300},
+            r"1e\+300 of a measurement of .* is no number\nhint: giv",
+        ),
         (noisy(0), GIVEN | {"sigma": {"x": 0.1}}, "sigma has no value for 'q'"),
         (noisy(0), GIVEN | {"t0": 3.0}, "after the first measurement"),
         (noisy(0), GIVEN | {"h": -1.0}, "h is positive"),

@@ -336,7 +336,9 @@ class _Problem:
     def _fit(self, covariance: Array, residuals: Array) -> Fit:
         """Return what was found, with the covariance of parameters and of the start."""
         sigma, unknowns = None, len(covariance)
-        if not self.data.is_absolute:
+        if self.data.is_absolute:
+            covariance, residuals = covariance / self.data.unit**2, residuals * self.data.unit
+        else:
             left = residuals.size - unknowns
             deviation = np.sqrt(residuals @ residuals / left)  # in the unit of the weights
             covariance = covariance * deviation**2

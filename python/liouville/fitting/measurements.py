@@ -15,6 +15,9 @@ from liouville.systems import Mechanics, SemiExplicit
 #: The quantities that are fitted.
 System: TypeAlias = Mechanics | SemiExplicit
 
+#: The square of a smaller number has no exact reciprocal.
+LEAST = 1e-150
+
 #: Times may be so far from equal distances, in units of these.
 EVEN = 1e-9
 
@@ -51,7 +54,10 @@ class Measurements:
     values : ndarray, shape (k, w)
         Both states side by side, NaN where nothing was measured.
     weights : ndarray, shape (k, w)
-        Standard deviations; where none were given, the root mean square of all that was measured.
+        Standard deviations times the unit, so that measurements in units of them are one at most;
+        where none were given, the root mean square of all that was measured.
+    unit : float
+        How many deviations the largest measurement is, where they were given.
     is_there : ndarray of bool, shape (k, w)
         What was measured.
     is_absolute : bool
@@ -108,7 +114,7 @@ class Measurements:
         self.values = np.full((self._count, ends[-1]), np.nan)
         self.weights = np.ones((self._count, ends[-1]))
         given = np.zeros(ends[-1], dtype=bool)
-        self.is_absolute = sigma is not None
+        self.is_absolute, self.unit = sigma is not None, 1.0
         for name in data:
             if name == "t":
                 continue
@@ -150,3 +156,18 @@ class Measurements:
         sizes = self.weights[self.is_there]
         if not (sizes > 0).all() or not np.isfinite(sizes).all():
             raise ValueError("sigma is positive and finite")
+        if self.is_absolute:
+            self.unit = self._deviations(sizes)
+            self.weights *= self.unit
+
+    def _deviations(self, sizes: np.ndarray) -> float:
+        """Return how many deviations of these sizes the largest measurement is."""
+        values = np.abs(self.values[self.is_there])
+        with np.errstate(over="ignore", under="ignore"):
+            found = values / sizes
+        place = int(np.argmax(found))
+        if LEAST < (most := float(found[place]) or 1.0) < 1 / LEAST:
+            return most
+        sentence = f"sigma is {sizes[place]:g} of a measurement of {values[place]:g}"
+        sentence += ": the square of their ratio is no number"
+        raise ValueError(hinted(sentence, "give the deviation in the unit of the data"))
