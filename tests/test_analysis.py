@@ -674,3 +674,15 @@ def test_without_scipy_the_extra_is_named(monkeypatch):
     for needs in (lambda: lv.modes(PENDULUM, q=DOWN), lambda: lv.table([0, 1], [0, 1])):
         with pytest.raises(ImportError, match=r"need.* SciPy(.|\n)*liouville\[analysis\]"):
             needs()
+
+
+@pytest.mark.parametrize("size", [1e160, 1e200, 1e300])
+def test_an_equilibrium_is_sought_from_as_far_as_numbers_go(size):
+    """The work of forces over the way overflowed, with warnings."""
+    spring = lv.Lagrangian(lambda t, q, v, params: (v[0] ** 2 - q[0] ** 2) / 2, q=("x",))
+    assert abs(lv.equilibrium(spring, q=[size]).start["q"][0]) <= 1e-12 * size
+    bead = lv.Lagrangian(
+        lambda t, q, v, params: ca.dot(v, v) / 2 - q[1], lambda t, q, params: ca.dot(q, q) - 1, q=2
+    )
+    with pytest.raises(ValueError, match="is not finite at this state"):
+        lv.equilibrium(bead, q=[size, size])

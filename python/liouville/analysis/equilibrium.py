@@ -294,7 +294,8 @@ class _Dense(_Search):
             self._look()
             return self.stride
         self.size = max(self.size, self.length_of(self.point.y))
-        then, now = force @ change, self._pull @ change
+        way = change / (np.abs(change).max(initial=0.0) or 1.0)
+        then, now = force @ way, self._pull @ way
         if self.stable and moved > 1e-6 * self.size:
             if now < OVERSHOT * abs(then):
                 self.point, self.lam, self.stride = before, lam, moved / 2
@@ -313,9 +314,10 @@ class _Dense(_Search):
         """Move onto the constraints by Gauss-Newton steps, to roundoff; say whether they hold."""
         before = np.inf
         for _ in range(RETURNS):
+            # refused where it is not finite, before its terms overflow
+            off = float(np.abs(self.missed).max(initial=0.0))
             gradients = self.point.blocks("node_blocks", self.lam[: self.point.m])["g_y"]
             terms = np.abs(gradients) @ np.abs(self.point.y)
-            off = float(np.abs(self.missed).max(initial=0.0))
             # lengths may be small beside angles: below LAST corrections go on while they help
             is_last = off <= LAST * self.size and off > before / 2
             is_stuck = before <= off <= BALANCED * self.size
