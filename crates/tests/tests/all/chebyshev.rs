@@ -370,7 +370,8 @@ fn wave_functions_side_by_side_are_as_alone() {
     let (found, products) = outputs(chebyshev, &together, given.clone());
     assert_eq!(
         products,
-        8 * 2 * (degree(5.0 * edge(n), 5e-9) + degree(edge(n), 1e-9))
+        2 * (degree(5.0 * edge(n), 5e-9) + degree(edge(n), 1e-9)),
+        "of each member"
     );
     for (k, start) in starts.iter().enumerate() {
         let (alone, _) = outputs(
