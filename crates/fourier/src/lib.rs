@@ -318,17 +318,13 @@ impl Grid {
         (along, within): (&[Complex], &[Complex]),
         mut go_on: impl FnMut() -> bool,
     ) -> bool {
-        match &self.outer {
-            Some(outer) => {
-                let factor = |k: usize, place: usize| along[k] * within[place];
-                outer.multiply(data, &mut memory.tiles, factor, &mut go_on)
+        let Some(outer) = &self.outer else {
+            for (value, factor) in data.iter_mut().zip(within) {
+                *value *= factor * along[0];
             }
-            None => {
-                for (value, factor) in data.iter_mut().zip(within) {
-                    *value *= factor * along[0];
-                }
-                true
-            }
-        }
+            return true;
+        };
+        let factor = |k: usize, place: usize| along[k] * within[place];
+        outer.multiply(data, &mut memory.tiles, factor, &mut go_on)
     }
 }

@@ -143,7 +143,9 @@ impl Sampler {
             if cancel::is_cancelled() {
                 return Err(StepError::Interrupted);
             }
-            times.iter().for_each(|t| self.sample(*t));
+            for t in times {
+                self.sample(*t);
+            }
         }
         Ok(std::mem::take(&mut self.samples))
     }
