@@ -489,6 +489,36 @@ def test_what_has_no_equilibrium_is_refused_with_the_force_left():
         lv.equilibrium(PENDULUM, q=DOWN, stable="yes")
 
 
+#: Potentials whose force falls off beside a spring across.
+FALLS = {
+    "exponential": lambda r: ca.exp(-r),
+    "hump": lambda r: ca.exp(-(r**2) / 2),
+    "repulsion": lambda r: r**-12,
+}
+
+
+@pytest.mark.parametrize("stable", [True, False])
+@pytest.mark.parametrize("name", FALLS)
+def test_where_forces_fall_off_with_the_distance_nothing_rests(name, stable):
+    """The force on x becomes 1e-11 of that of the spring, at a place that means nothing."""
+
+    def pair(potential):
+        return lv.Lagrangian(
+            lambda t, q, v, p: ca.dot(v, v) / 2 - potential(q[0]) - q[1] ** 2, q=("x", "y")
+        )
+
+    with pytest.raises(ValueError, match=r"'x' is at .* still moves by .* forces have fallen to"):
+        lv.equilibrium(pair(FALLS[name]), q=[3.0, 0.3], stable=stable)
+    alone = lv.Lagrangian(lambda t, q, v, p: v[0] ** 2 / 2 - FALLS[name](q[0]), q=("x",))
+    with pytest.raises(ValueError, match=r"'x' is at .* still moves by .* forces have fallen to"):
+        lv.equilibrium(alone, q=[3.0], stable=stable)
+    # a minimum that is as flat is one
+    flat = lv.equilibrium(pair(lambda r: (r - 0.5) ** 8), q=[3.0, 0.3], stable=stable)
+    assert flat.start["q"] == pytest.approx([0.5, 0], abs=0.01)
+    well = lv.equilibrium(pair(lambda r: 4 * (r**-12 - r**-6)), q=[3.0, 0.3])
+    assert well.start["q"] == pytest.approx([2 ** (1 / 6), 0], abs=1e-12)
+
+
 # Assemblies
 
 
