@@ -444,3 +444,80 @@ def test_controlled_steps_see_friction_fall_with_the_slip():
     motion = [found.joint(name).coordinates["slide"][-1] for name in ("drive", "top")]
     assert np.abs(motion - exact.y[:2, -1]).max() < 3e-8  # 4e-6 where steps pass over its fall
     assert found.stats["steps"] < 500
+
+
+def driven(kinds, planar, **motions):
+    """Return two rods with friction whose joints are driven, or free without motions."""
+    dry = {
+        "revolute": Coulomb(mu=0.3, v_s=0.01, radius=0.1),
+        "prismatic": Coulomb(mu=0.3, v_s=0.01),
+    }
+    m = lv.bodies.Assembly(gravity=(0, -g, 0))
+    before = m.ground
+    for k, kind in enumerate(kinds):
+        name, at = f"rod{k}", (k + 0.5, 0.3 * k)
+        if planar:
+            m.planar_body(name, mass=1.0, inertia=0.1, at=at)
+        else:
+            m.body(name, mass=1.0, inertia=(0.1, 0.1, 0.1), at=(*at, 0))
+        where = {"at": (k, 0, 0), "motion": motions.get(f"J{k}")}
+        if kind == "compound":
+            axes = [("turn", (0, 0, 1), (k, 0, 0))]
+            where = {"motion": [where["motion"]], "names": ["J"]}
+            m.compound(f"J{k}", before, name, axes, friction=[dry["revolute"]], **where)
+        else:
+            axis = (0, 0, 1) if kind == "revolute" else (1, 0, 0)
+            getattr(m, kind)(f"J{k}", before, name, axis=axis, friction=dry[kind], **where)
+        before = name
+    return m
+
+
+@pytest.mark.parametrize(
+    ("kinds", "planar"),
+    [
+        (("revolute", "revolute"), True),
+        (("revolute", "prismatic"), False),
+        (("prismatic", "revolute"), True),
+        (("compound", "revolute"), False),
+    ],
+)
+def test_inverse_dynamics_presses_friction_by_the_efforts_that_it_finds(kinds, planar):
+    """Normal forces were those without efforts: torques of two hinges were off by up to 0.25."""
+    ways = {"J0": lambda t, p: ca.sin(3 * t) / 4, "J1": lambda t, p: ca.cos(4 * t) / 8}
+    m = driven(kinds, planar, **ways)
+    motion = lv.integrate(m.system(), lv.Spark(3), t=(0, 1), h=0.02, **m.start())
+    system = driven(kinds, planar).system()
+    found = lv.inverse_dynamics(system, motion, ["J0", "J1"])
+    for name, kind in zip(("J0", "J1"), kinds, strict=True):
+        joint = motion.joint(name)
+        wanted = joint.force[:, 0] if kind == "prismatic" else joint.torque[:, 2]
+        if kind == "prismatic":  # along an axis that turns with the first rod
+            e0, e3 = motion.body("rod0").rotation[:, [0, 3]].T
+            x, y = 1 - 2 * e3**2, 2 * e0 * e3
+            wanted = joint.force[:, 0] * x + joint.force[:, 1] * y if name == "J1" else wanted
+        if kind == "compound":
+            wanted = wanted - joint.effort
+        assert np.abs(joint.effort).max() > 0.1
+        assert found.efforts[name] == pytest.approx(wanted, abs=1e-11)
+
+
+def test_inverse_dynamics_refuses_friction_that_jams_or_has_no_normal_force():
+    tight = rods(1, Coulomb(mu=2.0, v_s=0.1, radius=1.0)).system()
+    angle = np.linspace(0, 1, 5)
+    x, y, zero, one = np.cos(angle) / 2, np.sin(angle) / 2, np.zeros(5), np.ones(5)
+    turn = {  # three radians per second
+        "t": angle / 3,
+        "q": np.column_stack([x, y, angle]),
+        "v": 3 * np.column_stack([-y, x, one]),
+        "acceleration": -9 * np.column_stack([x, y, zero]),
+    }
+    # a motor in the joint presses nothing, a push at the rod presses more than it overcomes
+    lv.inverse_dynamics(tight, turn, ["J0"])
+    with pytest.raises(ValueError, match="friction jams at t = 0: no efforts make this motion"):
+        lv.inverse_dynamics(tight, turn, ["rod0.y"])
+    m = rods(1, Coulomb(mu=0.2, v_s=0.1, radius=0.1), planar=False)
+    m.revolute("again", m.ground, "rod0", **AT, axis=(0, 0, 1))
+    state = {name: x[None] for name, x in m.start().items()}
+    still = {"t": [0.0], **state, "acceleration": np.zeros((1, 7))}
+    with pytest.raises(ValueError, match=r"friction in joint 'J0' has no normal force: .* 'again"):
+        lv.inverse_dynamics(m.system(), still, ["J0"])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import repeat
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,8 @@ from numpy.typing import ArrayLike
 
 from liouville import _core
 from liouville.analysis.point import Array, Point, Split, mechanical
+from liouville.bodies import Mechanism
+from liouville.bodies.normal_forces import Rubs
 from liouville.errors import hinted, quoted
 from liouville.solution import Solution
 from liouville.systems import Mechanics, _trace
@@ -72,7 +75,8 @@ def inverse_dynamics(
         M a = f - g_q^T \lambda - k_v^T \nu + B u
 
     with the columns :math:`(\partial \rho / \partial v)^T` of B, where an actuator works on the
-    rate :math:`\rho`. Constraints, redundant ones too, take up what they can.
+    rate :math:`\rho`. Constraints, redundant ones too, take up what they can. Friction of joints is
+    pressed by the multipliers of this motion.
 
     Parameters
     ----------
@@ -127,9 +131,12 @@ def inverse_dynamics(
         )
     t, y, z, a, values = _motion(system, motion, params)
     names, slopes = _actuators(system, actuators, (t, y, z), values)
+    own = system.rubs(values, t, y, z) if isinstance(system, Mechanism) else None
     rows = [
-        _solved(Point(system, time, q, v, values), names, b, least_squares, u)
-        for time, q, v, b, u in zip(t.tolist(), y, z, slopes, a, strict=True)
+        _solved(Point(system, time, q, v, values), names, b, least_squares, u, rubs)
+        for time, q, v, b, u, rubs in zip(
+            t.tolist(), y, z, slopes, a, own or repeat(None, len(t)), strict=True
+        )
     ]
     efforts, lam, left = (np.array(x) for x in zip(*rows, strict=True))
     speeds = np.einsum("kij,kj->ki", slopes, z)
@@ -246,16 +253,22 @@ def _place(system: Mechanics, name: str) -> tuple[bool, int]:
 
 
 def _solved(
-    point: Point, names: list[str], slopes: Array, least_squares: bool, a: Array
+    point: Point,
+    names: list[str],
+    slopes: Array,
+    least_squares: bool,
+    a: Array,
+    rubs: Rubs | None,
 ) -> tuple[Array, Array, float]:
     """Return efforts, multipliers and the largest force left at a time."""
-    _check(point, a)
-    system, (force, _) = point.system, point.rates
-    needed = point.blocks("stage_blocks")["p_z"] @ a - force
+    # the forces of a mechanism have friction under other efforts, none
+    force, rate = (rubs.force, rubs.rate) if rubs else point.rates
+    _check(point, a, rate)
+    system = point.system
     felt = point.reactions(np.zeros(len(system.constraints)))
     units = point.units
     split = Split.of(felt.T, units)
-    inside, wanted = split.null.T @ slopes.T, split.null.T @ needed
+    inside = split.null.T @ slopes.T
     sizes = np.linalg.svd(inside, compute_uv=False)
     limit = APART * np.linalg.norm(slopes * units, axis=1).max()
     rank = int((sizes > limit).sum())
@@ -264,6 +277,17 @@ def _solved(
         sentence = f"efforts of {quoted(names)} cannot be told apart at t = {point.t:g}: {few}"
         raise ValueError(hinted(sentence, "name fewer, or least_squares=True gives the least"))
     cutoff = limit / max(sizes.max(initial=0.0), 1e-300)
+    needed = point.blocks("stage_blocks")["p_z"] @ a - force
+    if rubs:  # one column more for the normal force of each contact
+        columns = np.column_stack([needed, *-rubs.pushes])
+        own = np.linalg.lstsq(inside, split.null.T @ columns, rcond=cutoff)[0]
+        normal = rubs.normal_forces(split.inverse.T @ (columns - slopes.T @ own))
+        if not np.isfinite(normal).all():
+            sentence = f"friction jams at t = {point.t:g}: no efforts make this motion"
+            raise ValueError(hinted(sentence, "take less friction, or a smaller radius"))
+        friction = normal @ rubs.pushes
+        needed, force = needed - friction, force + friction
+    wanted = split.null.T @ needed
     efforts = np.linalg.lstsq(inside, wanted, rcond=cutoff)[0]
     left = (split.null / units[:, None] ** 2) @ (wanted - inside @ efforts)
     worst = int(np.argmax(units * np.abs(left)))
@@ -280,7 +304,7 @@ def _solved(
     return efforts, lam, float(np.abs(left).max())
 
 
-def _check(point: Point, a: Array) -> None:
+def _check(point: Point, a: Array, rate: Array) -> None:
     """Refuse a motion that violates the constraints, or whose accelerations do."""
     system = point.system
     if not system.constraints:
@@ -291,7 +315,7 @@ def _check(point: Point, a: Array) -> None:
         sentence = system.violated(found, point.t, "").partition("\n")[0]
         hint = "inverse dynamics needs a motion that the mechanism can make"
         raise ValueError(hinted(sentence.replace("start violates", "motion violates"), hint))
-    held, (_, rate) = point.held(), point.rates
+    held = point.held()
     off = np.abs(rate + held @ a)
     size = np.abs(rate) + np.abs(held) @ np.abs(a) + FLOOR / CONSISTENT
     k = int(np.argmax(off / size))

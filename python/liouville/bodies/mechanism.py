@@ -15,6 +15,7 @@ from liouville.bodies.chaining import Coupling
 from liouville.bodies.elements import Element, check_matrix, matrix_functions
 from liouville.bodies.joints import Joint
 from liouville.bodies.model import Model, Place
+from liouville.bodies.normal_forces import Rubs
 from liouville.errors import Description, hinted, quoted
 from liouville.systems import Lagrangian
 from liouville.systems._expressions import Expressions
@@ -79,6 +80,7 @@ class Mechanism(Lagrangian):
         self.checks_values = bool(self._limited or self._matrices or self._varying)
         self._wheels = tuple(joint.name for joint in joints if joint.kind == "rolling wheel")
         self.rubbing = tuple(joint.name for joint in joints if joint.friction)
+        self._directions = model.directions
 
     def values(self, params: Mapping[str, ArrayLike] | None) -> Array:
         """Return the parameter vector with changes; ValueError where nothing has such a size."""
@@ -120,6 +122,29 @@ class Mechanism(Lagrangian):
             self._output_tapes[name] = record(name, s.inputs(z=s.z), self._outputs.columns[name])
         rows = [np.ascontiguousarray(np.reshape(x, (np.size(at[0]), -1)), float) for x in at]
         return self._output_tapes[name].map(params, rows)
+
+    def rubs(self, params: Array, t: Array, q: Array, v: Array) -> list[Rubs] | None:
+        """Return what determines normal forces at k states, or None without friction.
+
+        Raises
+        ------
+        ValueError
+            There are redundant constraints, so that normal forces are not determined.
+        """
+        if not self.rubbing:
+            return None
+        self.stepped(float(t[0]), q[0], v[0], params)
+        rates, pushes, presses, least = (
+            self.output(name, params, t, q, v)
+            for name in ("rates without friction", "pushes", "presses", "least")
+        )
+        n, cuts = len(self.coordinates), np.cumsum(self._directions)[:-1]
+        return [
+            Rubs(own[:n], own[n:], push.reshape(-1, n), np.split(press, cuts), x)
+            for own, push, press, x in zip(
+                rates, pushes, presses.reshape(len(t), -1, rates.shape[1] - n), least, strict=True
+            )
+        ]
 
     def assemble(
         self,

@@ -33,7 +33,7 @@ from liouville.bodies.elements import (
 )
 from liouville.bodies.friction import contacts, edge, reversal, switches
 from liouville.bodies.joints import KINDS, MOTION, Joint, drawn
-from liouville.bodies.normal_forces import multipliers, normal_forces
+from liouville.bodies.normal_forces import multipliers, normal_forces, pushes
 from liouville.bodies.poses import Poses, kinetic
 from liouville.bodies.rolling import is_across, rolled
 from liouville.systems.traced import HALF_TURN
@@ -104,6 +104,9 @@ class Model:
         }
         balls = [joint for joint in joints if "stiffness" in joint.sizes]
         self.switches |= {f"{HALF_TURN}{x.name}": self._half_turn(x) for x in balls}
+        #: What determines normal forces, and how many directions press each contact.
+        self.rubs: dict[str, ca.SX] = {}
+        self.directions: tuple[int, ...] = ()
 
     def _compute(self, t: ca.SX, q: ca.SX, v: ca.SX, params: Any) -> None:
         """Make the expressions that all functions are parts of."""
@@ -206,6 +209,13 @@ class Model:
             for own in contacts(group, j, [*holonomic, *rolling], self.coordinates, gravity)
         ]
         normal, pressing = normal_forces(slips, mass, rest, slopes, gamma, v)
+        self.directions = tuple(x.press.shape[0] for x in slips)
+        self.rubs = {
+            "rates without friction": ca.densify(ca.vertcat(rest, gamma)),
+            "pushes": ca.densify(ca.vertcat(*pushes(slips, v))),
+            "presses": ca.vec(ca.densify(ca.vertcat(*(x.press for x in slips)).T)),
+            "least": ca.densify(ca.vertcat(*(x.least for x in slips))),
+        }
         for x, N, n in zip(slips, normal, pressing, strict=True):
             self.switches |= reversal(x, n)
             for name, unit in x.forces.items():
@@ -281,6 +291,7 @@ class Model:
             "matrices": _column(matrix_rows(self.elements, self.params)),
             "limited": _column([column(x, self.params, 1) for _, _, x in self.limited]),
             **self._looks(),
+            **self.rubs,
         }
 
     @property

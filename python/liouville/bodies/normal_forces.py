@@ -7,6 +7,10 @@ equation; of several such roots one after another in turn, and then Newton's met
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
 
 from liouville import _casadi as ca
 from liouville.bodies.friction import Contact
@@ -15,6 +19,62 @@ from liouville.systems._derivatives import jacobian, solve
 #: Normal forces of several slips are found in turn, this many times, then by so many corrections
 #: of Newton's method; they are found where these leave no more than this part of them.
 TURNS, CORRECTIONS, FOUND = 4, 6, 1e-9
+#: Those of numbers are found by so many corrections at most, down to this part of them.
+MOST, LAST = 50, 1e-13
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Rubs:
+    """What determines normal forces at one state, in numbers.
+
+    Attributes
+    ----------
+    force : ndarray, shape (n,)
+        The force f - p_t - p_q v of all but friction.
+    rate : ndarray, shape (m,)
+        The rates of constraints without accelerations.
+    pushes : ndarray, shape (J, n)
+        The generalised force of each of J contacts for a normal force of one.
+    presses : list of ndarray, shape (j, m)
+        What multipliers press each contact with.
+    least : ndarray, shape (J,)
+        The square of what normal forces are rounded off below.
+    """
+
+    force: Array
+    rate: Array
+    pushes: Array
+    presses: list[Array]
+    least: Array
+
+    def normal_forces(self, lam: Array) -> Array:
+        """Return the normal forces N under multipliers ``lam[:, 0] + lam[:, 1:] @ N``.
+
+        They are found by Newton's method, and nan where friction jams.
+        """
+        ways = [press @ lam for press in self.presses]
+        found = self._sizes([own[:, 0] for own in ways])
+        for _ in range(MOST):
+            all_of = [own[:, 0] + own[:, 1:] @ found for own in ways]
+            sizes = self._sizes(all_of)
+            slopes = [x @ own[:, 1:] / y for x, own, y in zip(all_of, ways, sizes, strict=True)]
+            matrix = np.eye(len(found)) - slopes
+            minors = [np.linalg.det(matrix[:k, :k]) for k in range(1, len(found) + 1)]
+            if not np.all(np.isfinite(minors)) or minors[-1] == 0:
+                break
+            step = np.linalg.solve(matrix, sizes - found)
+            found = found + step
+            if np.abs(step).max() <= LAST * sizes.max():
+                if min(minors) > 0 and found.min() > 0:  # else those of another branch
+                    return found
+                break
+        return np.full(len(found), np.nan)
+
+    def _sizes(self, pressing: Sequence[Array]) -> Array:
+        squares = [own @ own + x for own, x in zip(pressing, self.least, strict=True)]
+        return np.sqrt(squares)
 
 
 def normal_forces(
@@ -31,11 +91,8 @@ def normal_forces(
     :math:`S \lambda_0 = G M^{-1} F + \gamma` and :math:`S \Lambda_j = G M^{-1} d_j`. What presses
     each contact, of which they are the sizes, comes second.
     """
-    pushes = [
-        ca.jtimes(ca.vertcat(*x.rates), v, ca.vertcat(*x.forces.values()), True) for x in contacts
-    ]
     weighted = solve(mass, slopes.T)  # M^-1 G^T
-    right = ca.mtimes(weighted.T, ca.horzcat(force, *pushes))
+    right = ca.mtimes(weighted.T, ca.horzcat(force, *pushes(contacts, v)))
     right[:, 0] += gamma
     parts = ca.horzsplit(ca.ldl_solve(right, *ca.ldl(ca.mtimes(slopes, weighted))))
     # what presses contact i is pressed[i] + sum_j N_j more[i][j]
@@ -51,6 +108,13 @@ def normal_forces(
     if len(contacts) > 1:
         found = _corrected(found, contacts, pressed, more)
     return found, _pressing(found, pressed, more)
+
+
+def pushes(contacts: Sequence[Contact], v: ca.SX) -> list[ca.SX]:
+    """Return the generalised forces of contacts for normal forces of one."""
+    return [
+        ca.jtimes(ca.vertcat(*x.rates), v, ca.vertcat(*x.forces.values()), True) for x in contacts
+    ]
 
 
 def _pressing(
