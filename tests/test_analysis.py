@@ -716,3 +716,53 @@ def test_an_equilibrium_is_sought_from_as_far_as_numbers_go(size):
     )
     with pytest.raises(ValueError, match="is not finite at this state"):
         lv.equilibrium(bead, q=[size, size])
+
+
+def test_modes_about_zero_are_those_of_the_equilibrium_found_there():
+    """Coordinates of 1e-31 are roundoff of zero, and no force is small beside theirs."""
+    for scale in (1.0, 1e-9, 1e6):  # lengths in any unit
+
+        def anharmonic(t, q, v, p, scale=scale):
+            potential = 0.7 * q[0] ** 2 + 1.3 * q[1] ** 2 + 0.2 * q[0] * q[1]
+            return ca.dot(v, v) / 2 - potential - q[0] ** 4 / scale**2
+
+        system = lv.Lagrangian(anharmonic, q=2)
+        rests = [
+            lv.equilibrium(system, q=scale * np.array(q)).start
+            for q in ([0.3, -0.7], [1.1, 0.2], [-0.4, 0.9])
+        ]
+        for rest in rests:
+            found = lv.modes(system, **rest).angular_frequencies
+            assert found == pytest.approx(np.sqrt(np.linalg.eigvalsh([[1.4, 0.2], [0.2, 2.6]])))
+        assert any(rest["q"].any() for rest in rests)
+        with pytest.raises(ValueError, match="no equilibrium: the force left on 'q1'"):
+            lv.modes(system, q=[0.0, 1e-3 * scale])
+    # stiff springs at zero under a load
+    row = lv.Structure(np.ones(LARGE), 1e8 * np.ones(LARGE), force=np.ones(LARGE))
+    for system, more in ((row, {"count": 2}), (lv.Structure([1.0], [1e8], force=[1.0]), {})):
+        with pytest.raises(ValueError, match="no equilibrium: the force left on 'q0'"):
+            lv.modes(system, q=np.zeros(len(system.coordinates)), **more)
+
+
+@pytest.mark.parametrize("far", [1.0, 1e3, 1e6])
+def test_roundoff_of_springs_that_pull_from_afar_is_no_force_left(far):
+    """Two pairs of springs hold a mass at zero, where the forces of each pair cancel."""
+    rng = np.random.default_rng(0)
+    for _ in range(40):
+        a, b, c = rng.uniform(0.5, 2, 3) * far
+        near, across = rng.uniform(1, 3, 2)
+
+        def lagrangian(t, q, v, p, a=a, b=b, c=c, near=near, across=across):
+            longer = (ca.sqrt((q[0] + side * a) ** 2 + c**2) - b for side in (1, -1))
+            pair = (q[1] - a) ** 2 + (q[1] + a) ** 2
+            return ca.dot(v, v) / 2 - near / 2 * sum(x**2 for x in longer) - across / 2 * pair
+
+        mass = lv.Lagrangian(lagrangian, q=2)
+        rest = lv.equilibrium(mass, q=1e-3 * rng.normal(size=2), stable=False).start
+        assert np.abs(rest["q"]).max() < 1e-14 * far
+        found = lv.modes(mass, **rest).eigenvalues
+        assert np.abs(found - 1j * np.sqrt(2 * across)).min() < 1e-9
+        still = {"t": [0.0], "q": [rest["q"]], "v": np.zeros((1, 2))}
+        still["acceleration"] = np.zeros((1, 2))
+        for name in ("q0", "q1"):
+            lv.inverse_dynamics(mass, still, [name])

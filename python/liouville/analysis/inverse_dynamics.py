@@ -280,8 +280,8 @@ def _solved(
     needed = point.blocks("stage_blocks")["p_z"] @ a - force
     if rubs:  # one column more for the normal force of each contact
         columns = np.column_stack([needed, *-rubs.pushes])
-        own = np.linalg.lstsq(inside, split.null.T @ columns, rcond=cutoff)[0]
-        normal = rubs.normal_forces(split.inverse.T @ (columns - slopes.T @ own))
+        parts = np.linalg.lstsq(inside, split.null.T @ columns, rcond=cutoff)[0]
+        normal = rubs.normal_forces(split.inverse.T @ (columns - slopes.T @ parts))
         if not np.isfinite(normal).all():
             sentence = f"friction jams at t = {point.t:g}: no efforts make this motion"
             raise ValueError(hinted(sentence, "take less friction, or a smaller radius"))
@@ -292,7 +292,10 @@ def _solved(
     left = (split.null / units[:, None] ** 2) @ (wanted - inside @ efforts)
     worst = int(np.argmax(units * np.abs(left)))
     scale = np.abs(units * needed).max() + np.abs(units * force).max()
-    if units[worst] * abs(left[worst]) > MADE * scale and not least_squares:
+    own = units[worst] * abs(left[worst])
+    if own > MADE * scale and not (
+        least_squares or own <= MADE * scale + units[worst] * point.roundings[worst]
+    ):
         sentence = (
             f"{quoted(names)} cannot make this motion: at t = {point.t:g} a force of "
             f"{abs(left[worst]):.2g} is left on '{system.coordinates[worst]}', with {len(names)} "

@@ -20,8 +20,6 @@ from liouville.systems import Mechanics
 
 Complex = NDArray[np.complex128]
 
-#: Forces out of balance by this part of their size are those of no equilibrium.
-BALANCED = 1e-6
 #: Stiffness is symmetric, and damping none, up to this part of its size.
 SYMMETRIC = 1e-10
 #: Squares of frequencies below this part of the largest are zero.
@@ -232,21 +230,9 @@ def modes(
 
 def _check_balanced(point: Point, linear: Linearization) -> None:
     """Refuse a state whose forces are not in balance."""
-    units = point.units
-    force, _ = point.rates
-    scale = np.abs(units * force).max() + np.abs(linear.stiffness).max(initial=0.0) * max(
-        np.abs(point.y / units).max(), np.abs(point.z / units).max()
-    )
     mass = point.blocks("stage_blocks")["p_z"]
-    off = np.abs(mass @ linear.acceleration)
-    worst = int(np.argmax(units * off))
-    if units[worst] * off[worst] > BALANCED * scale:
-        name = point.system.coordinates[worst]
-        sentence = (
-            f"the state is no equilibrium: the force left on '{name}' is {off[worst]:.2g}, "
-            f"of forces up to {scale / units[worst]:.2g}"
-        )
-        raise ValueError(hinted(sentence, "equilibrium(system, ...) finds one: **found.start"))
+    stiffness = float(np.abs(linear.stiffness).max(initial=0.0))
+    point.check_balance(mass @ linear.acceleration, stiffness, point.units)
 
 
 def _dense_modes(point: Point, linear: Linearization) -> tuple[Complex, NDArray[Any]]:

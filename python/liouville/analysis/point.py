@@ -17,7 +17,7 @@ from liouville.systems import Mechanics
 from liouville.systems._linear import Pattern
 from liouville.systems._motion import linearized
 from liouville.systems._singular import dense, unit
-from liouville.systems.traced import finite_time
+from liouville.systems.traced import FLOOR, ROUNDINGS, finite_time
 
 Array = NDArray[np.float64]
 
@@ -25,6 +25,8 @@ Array = NDArray[np.float64]
 RANK = 1e-9
 #: Systems of more coordinates are not taken apart by dense matrices.
 LARGE = 1000
+#: Forces left below this part of those there are in balance.
+BALANCED = 1e-6
 #: The most corrections of a velocity of rest, or of nonlinear multipliers, and their last size.
 MOST, LAST = 50, 1e-14
 
@@ -148,6 +150,25 @@ class Point:
         """Refuse a state off its constraints."""
         self.system.check(self.t, self.y, self.z, self.params)
 
+    def check_balance(self, left: Array, stiffness: float, units: Array) -> None:
+        """Refuse a state where forces are left, by the largest stiffness in these units."""
+        force, _ = self.rates
+        size = max(float(np.abs(x / units).max()) for x in (self.y, self.z))
+        # near zero all forces are roundoff, and none is small beside the others
+        size = FLOOR / BALANCED if size < FLOOR else size
+        scale = float(np.abs(units * force).max()) + stiffness * size
+        sizes = np.abs(units * left)
+        worst = int(np.argmax(sizes))
+        limit = BALANCED * scale
+        if not (
+            sizes[worst] <= limit or sizes[worst] <= limit + units[worst] * self.roundings[worst]
+        ):
+            sentence = (
+                f"the state is no equilibrium: the force left on '{self.system.coordinates[worst]}'"
+                f" is {abs(left[worst]):.2g}, of forces up to {scale / units[worst]:.2g}"
+            )
+            raise ValueError(hinted(sentence, "equilibrium(system, ...) finds one: **found.start"))
+
     def _at(self, tape: str, *more: Array) -> Array:
         state = (self.y,) if tape.startswith("node") else (self.y, self.z)
         found = self.system._at(tape, self.params, self.t, *state, *more)
@@ -203,6 +224,13 @@ class Point:
         """The force f - p_t - p_y v, and the rates of (w, k) without z'."""
         found, rows = self._at("acceleration"), len(self.system.constraints)
         return found[: self.n], found[self.n : self.n + rows]
+
+    @cached_property
+    def roundings(self) -> Array:
+        """What roundoff may make of the forces, shape (n,), such as those of springs that pull."""
+        tape, at = self.system._tapes["acceleration"], [np.array([self.t]), self.y, self.z]
+        found: Array = ROUNDINGS * tape.roundings(self.params, at)[: self.n]
+        return found
 
     @cached_property
     def _length(self) -> float:

@@ -98,6 +98,9 @@ class Search(ABC):
         sizes = np.abs(self.units * left)
         worst = int(np.argmax(np.where(np.isfinite(sizes), sizes, np.inf)))
         off = float(np.abs(missed).max(initial=0.0))
+        if not sizes[worst] <= BALANCED * self.scale:  # which springs that pull may not reach
+            sizes = sizes - self.units * point.roundings
+            worst = int(np.argmax(np.where(np.isfinite(sizes), sizes, np.inf)))
         if not (sizes[worst] <= BALANCED * self.scale and off <= BALANCED * self.size):
             self._refuse(worst, left, off)
         if self.length_of(self.loose) > limit * self.size:

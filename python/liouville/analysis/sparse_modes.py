@@ -29,8 +29,6 @@ SHIFT = 1e-9
 BESIDE = 0.03
 #: The zeros of a body that flies.
 RIGID = 6
-#: Forces out of balance by this part of their size are those of no equilibrium.
-BALANCED = 1e-6
 
 #: A function from a right side to the solution, on the constraints.
 Solve = Callable[[NDArray[Any]], NDArray[Any]]
@@ -95,17 +93,9 @@ class Pencil:
             squares = (self.gradients @ self.gradients.T).tocsc()
             lam[self.kept] = self.linalg.splu(squares).solve(self.gradients @ force)
             left = force - self.gradients.T @ lam[self.kept]
-        scale = np.abs(force).max()
         slope = point.blocks("stage_jacobian")["f_y"]
-        scale += np.abs(slope).max() * np.abs(point.y).max() if slope.nnz else 0.0
-        worst = int(np.argmax(np.abs(left)))
-        if np.abs(left[worst]) > BALANCED * scale:
-            name = point.system.coordinates[worst]
-            sentence = (
-                f"the state is no equilibrium: the force left on '{name}' is "
-                f"{abs(left[worst]):.2g}, of forces up to {scale:.2g}"
-            )
-            raise ValueError(hinted(sentence, "equilibrium(system, ...) finds one: **found.start"))
+        stiffness = float(np.abs(slope).max()) if slope.nnz else 0.0
+        point.check_balance(left, stiffness, np.ones(point.n))
         return lam
 
 
