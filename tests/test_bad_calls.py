@@ -651,3 +651,63 @@ def test_a_slice_longer_than_the_run_keeps_start_and_end():
 def test_a_whole_number_beyond_64_bits_is_a_parameter():
     found = system(params={"m": 10**30, "g": 9.81})
     assert found.params["m"] == 1e30
+
+
+def turned(torque):
+    m = lv.bodies.Assembly()
+    m.planar_body("wheel", mass=1.0, inertia=1.0, at=(0, 0))
+    m.revolute("A", m.ground, "wheel", at=(0, 0, 0), axis=(0, 0, 1), torque=torque)
+    return m.system()
+
+
+def still(**more):
+    free = lv.Lagrangian(lambda t, q, v, params: ca.dot(v, v) / 2, q=1)
+    return lv.integrate(free, lv.Spark(2), t=(0, 1), h=0.1, q=[1.0], v=[0.5], **more)
+
+
+def slow(t, q, p, params):
+    return ca.dot(p, p) / 4
+
+
+#: What would be traced with one argument for another, and how the function is called.
+ELSEWHERE = {
+    "a velocity for a momentum": (
+        lambda: lv.Hamiltonian(slow, q=1, force=lambda t, q, v, params: -v),
+        r"force is called with \(t, q, p, params\), .* takes \(t, q, v, params\)",
+    ),
+    "a momentum for a velocity": (
+        lambda: lv.Lagrangian(lambda t, q, p, params: ca.dot(p, p) / 4, q=1),
+        r"lagrangian is called with \(t, q, v, params\)",
+    ),
+    "a rate for an angle": (
+        lambda: turned(lambda angle, rate, t, params: -rate),
+        r"torque of joint 'A' is called with \(t, angle, rate, params\)",
+    ),
+    "a velocity for a coordinate": (
+        lambda: still(observe={"x": lambda t, v, q, params: q[0]}),
+        r"observed 'x' is called with \(t, q, v, params\)",
+    ),
+    "an event's": (
+        lambda: still(events={"x": lambda q, t, v, lam, params: q - 1}),
+        r"event 'x' is called with \(t, q, v, lam, params\)",
+    ),
+    "a time for a state": (
+        lambda: lv.PolynomialField(lambda x, t, params: [t + 0 * x, x], x=1),
+        r"field is called with \(t, x, params\)",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", ELSEWHERE)
+def test_arguments_by_the_name_of_another_are_refused(name):
+    """They were taken by their places, as damping of a Hamiltonian by v, which was that by p."""
+    call, sentence = ELSEWHERE[name]
+    with pytest.raises(TypeError, match=sentence):
+        call()
+
+
+def test_arguments_have_any_other_names():
+    turned(lambda time, turn, speed, p: -speed)
+    still(observe={"x": lambda *args: args[1][0]}, events={"e": lambda t, y, z, _, p: y[0] - 1.2})
+    lv.Hamiltonian(slow, q=1, force=lambda t, x, y, own, c=0.1: -c * y)
+    lv.Hamiltonian(slow, q=1, nonholonomic=lambda t, q, v, params: v[0])

@@ -229,8 +229,9 @@ def test_hamiltonians_and_structures_have_the_optimum_of_the_lagrangian(swung):
         params={"F": 0.0, "l": 1.0},
     )
     given = {
-        "controls": ("F",), "cost": effort, "t": (0, 3), "steps": 20, "q": [0, 0, -1],
-        "p": [0, 0, 0], "final": {"q": [0, 0, 1], "p": [0, 0, 0]}, "guess": swung,
+        "controls": ("F",), "cost": lambda t, q, p, params: params.F**2 / 2, "t": (0, 3),
+        "steps": 20, "q": [0, 0, -1], "p": [0, 0, 0], "final": {"q": [0, 0, 1], "p": [0, 0, 0]},
+        "guess": swung,
     }  # fmt: skip
     found, wanted = lv.optimal_control(hamiltonian, lv.Spark(2), **given), swing(2, 20, guess=swung)
     assert abs(found.cost - wanted.cost) < 1e-9
@@ -444,11 +445,11 @@ def test_units_do_not_matter(form, length, time, mass):
         "Lagrangian": lambda t, q, v, params: mass * v[0] ** 2 / 2,
         "Hamiltonian": lambda t, q, p, params: p[0] ** 2 / (2 * mass),
     }
-    more = {"force": lambda t, q, v, params: [params.F], "q": ("x",), "params": {"F": 0.0}}
+    more = {"force": lambda *args: [args[-1].F], "q": ("x",), "params": {"F": 0.0}}
     system = getattr(lv, form)(energies[form], **more)
     rate = {"Lagrangian": "v", "Hamiltonian": "p"}[form]
     found = lv.optimal_control(
-        system, lv.Spark(2), controls=("F",), cost=lambda t, q, v, params: params.F**2 / 2,
+        system, lv.Spark(2), controls=("F",), cost=lambda *args: args[-1].F ** 2 / 2,
         t=(0, time), steps=10, final={"q": [length], rate: [0]}, **{"q": [0], rate: [0]},
     )  # fmt: skip
     force = mass * length / time**2

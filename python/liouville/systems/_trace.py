@@ -321,8 +321,16 @@ def _is_inner(error: Exception) -> bool:
     return any(x.filename == __file__ and x.name != "__getattr__" for x in inner)
 
 
+#: States that are not the same numbers: a velocity that is called p, or a momentum called v.
+MISTAKEN = {("v", "p"), ("p", "v")}
+
+
 def check_signature(what: str, function: Callable[..., Any], args: Args) -> None:
-    """Refuse a function that does not take these arguments, one after another."""
+    """Refuse a function that does not take these arguments, one after another.
+
+    They are given by their places. A function may call them as it likes, but not one by the name of
+    another, as ``torque(angle, rate, t, params)`` would be traced without an error.
+    """
     try:
         signature = inspect.signature(function)
     except (TypeError, ValueError):  # of some functions that are not written in Python
@@ -330,6 +338,13 @@ def check_signature(what: str, function: Callable[..., Any], args: Args) -> None
     try:
         signature.bind(*args.values())
     except TypeError:
+        is_taken = False
+    else:
+        states = [x for x in args if x != "params"]
+        places = zip(states, signature.parameters.values(), strict=False)
+        pairs = [(x.name, own) for own, x in places if x.kind is not x.VAR_POSITIONAL]
+        is_taken = not any((x in states and x != own) or (x, own) in MISTAKEN for x, own in pairs)
+    if not is_taken:
         given = ", ".join(str(x.replace(annotation=x.empty)) for x in signature.parameters.values())
         wanted = ", ".join(args)
         raise TypeError(
@@ -337,7 +352,7 @@ def check_signature(what: str, function: Callable[..., Any], args: Args) -> None
                 f"{what} is called with ({wanted}), and the function given takes ({given})",
                 f"write it as def function({wanted}), whichever of these it uses",
             )
-        ) from None
+        )
 
 
 def _scalar(what: str, value: Any) -> ca.SX:
