@@ -269,8 +269,8 @@ def test_a_run_goes_on_with_its_last_step():
     np.testing.assert_allclose(rest.t, whole.t[k:], rtol=0, atol=1e-12)
 
 
-def moving(t, q, v, params):
-    return (2 + ca.sin(t)) / (1 + ca.dot(v, v))
+def moving(t, y, z, params):
+    return (2 + ca.sin(t)) / (1 + ca.dot(z, z))
 
 
 @pytest.mark.parametrize("form", [lv.Lagrangian, lv.Hamiltonian])
