@@ -315,7 +315,8 @@ def test_members_of_an_ensemble_have_the_bits_of_single_runs(tmp_path):
 def test_hamiltonian_and_semi_explicit_systems_are_reset_too():
     fall = lv.Hamiltonian(lambda t, q, p, params: p[0] ** 2 / 4 + 2 * q[0], q=1)
     for reset in (lv.Impact(0.5), lambda t, q, p, lam, params: -0.5 * p):
-        event = {"ground": lv.Event(height, "down", reset=reset)}
+        met = lv.Event(lambda t, q, p, lam, params: q[0], "down", reset=reset)
+        event = {"ground": met}
         run = lv.integrate(fall, lv.Spark(2), t=(0, 1.7), h=0.1, events=event, q=[0.5], p=[0.0])
         np.testing.assert_allclose(run.events["ground"].p_after[:, 0], [1.0], rtol=1e-13)
         np.testing.assert_allclose(run.events["ground"].v_after[:, 0], [0.5], rtol=1e-13)
