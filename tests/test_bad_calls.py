@@ -711,3 +711,7 @@ def test_arguments_have_any_other_names():
     still(observe={"x": lambda *args: args[1][0]}, events={"e": lambda t, y, z, _, p: y[0] - 1.2})
     lv.Hamiltonian(slow, q=1, force=lambda t, x, y, own, c=0.1: -c * y)
     lv.Hamiltonian(slow, q=1, nonholonomic=lambda t, q, v, params: v[0])
+    # one that is not used is nothing else's
+    still(observe={"x": lambda t, q, p, params: q[0]}, events={"e": lambda t, q, p, *_: q[0] - 1.2})
+    with pytest.raises(TypeError, match=r"observed 'x' is called with \(t, q, v, params\)"):
+        still(observe={"x": lambda t, q, p, params: [q[0], np.array([1, p[0]])]})

@@ -8,7 +8,7 @@ from typing import Any
 
 from liouville import _casadi as ca
 from liouville.errors import hinted, quoted
-from liouville.systems import _trace
+from liouville.systems import _signatures
 
 #: Functions of SymPy's that have a place on a tape, by the names that are printed for them.
 FUNCTIONS = {
@@ -78,7 +78,10 @@ class Reader:
         self._inputs = {_called(x): function for x, function in (inputs or {}).items()}
         for name, function in self._inputs.items():
             state = dict.fromkeys(("t", "q", "v", "params"))
-            _trace.check_signature(f"input '{name}'", function, state)
+            what = f"input '{name}'"
+            _signatures.check_signature(what, function, state)
+            if _signatures.misnamed(function, state):
+                raise _signatures.misfitting(what, function, state)
         self._dummy_inputs: dict[Any, Any] = {}
         self.params: dict[str, Any] = {_called(x): value for x, value in (given or {}).items()}
         self._seen: set[str] = set()

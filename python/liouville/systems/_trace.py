@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
 import keyword
 import traceback
 import warnings
@@ -25,6 +24,7 @@ from liouville.systems._call_errors import (
     misread,
     undecided,
 )
+from liouville.systems._signatures import check_signature, misfitting, misnamed
 from liouville.tape import check
 
 #: The arguments of a user's function, by their names: symbols, and the :class:`Parameters` last.
@@ -297,7 +297,7 @@ def _call(what: str, function: Callable[..., Any], args: Args) -> Any:
     try:
         with warnings.catch_warnings():  # np.sin of symbols is theirs, whatever CasADi will do
             warnings.filterwarnings("ignore", r"\s*casadi: a numpy function", FutureWarning)
-            return function(*symbols, params.namespace)
+            value = function(*symbols, params.namespace)
     except Exception as error:
         if is_undecided(error):
             raise undecided(what, function, error) from error
@@ -313,46 +313,28 @@ def _call(what: str, function: Callable[..., Any], args: Args) -> Any:
             "cannot be traced, and lv.table(x, y) stands in for it by its values"
         )
         raise
+    if any(_depends(value, args[name]) for name in misnamed(function, args)):
+        raise misfitting(what, function, args)
+    return value
+
+
+def _depends(value: Any, symbol: ca.SX) -> bool:
+    """Return whether what a function returns contains a symbol."""
+    if isinstance(value, ca.SX):
+        return bool(ca.depends_on(value, symbol))
+    if isinstance(value, Mapping):
+        value = [*value.values()]
+    elif isinstance(value, np.ndarray):
+        value = value.ravel()
+    elif not isinstance(value, list | tuple):
+        return False
+    return any(_depends(part, symbol) for part in value)
 
 
 def _is_inner(error: Exception) -> bool:
     """Return whether an error comes from a function that was called inside another, by its name."""
     _, *inner = traceback.extract_tb(error.__traceback__)
     return any(x.filename == __file__ and x.name != "__getattr__" for x in inner)
-
-
-#: States that are not the same numbers: a velocity that is called p, or a momentum called v.
-MISTAKEN = {("v", "p"), ("p", "v")}
-
-
-def check_signature(what: str, function: Callable[..., Any], args: Args) -> None:
-    """Refuse a function that does not take these arguments, one after another.
-
-    They are given by their places. A function may call them as it likes, but not one by the name of
-    another, as ``torque(angle, rate, t, params)`` would be traced without an error.
-    """
-    try:
-        signature = inspect.signature(function)
-    except (TypeError, ValueError):  # of some functions that are not written in Python
-        return
-    try:
-        signature.bind(*args.values())
-    except TypeError:
-        is_taken = False
-    else:
-        states = [x for x in args if x != "params"]
-        places = zip(states, signature.parameters.values(), strict=False)
-        pairs = [(x.name, own) for own, x in places if x.kind is not x.VAR_POSITIONAL]
-        is_taken = not any((x in states and x != own) or (x, own) in MISTAKEN for x, own in pairs)
-    if not is_taken:
-        given = ", ".join(str(x.replace(annotation=x.empty)) for x in signature.parameters.values())
-        wanted = ", ".join(args)
-        raise TypeError(
-            hinted(
-                f"{what} is called with ({wanted}), and the function given takes ({given})",
-                f"write it as def function({wanted}), whichever of these it uses",
-            )
-        )
 
 
 def _scalar(what: str, value: Any) -> ca.SX:
