@@ -1,5 +1,6 @@
 """SPARK steps beside the same equations solved all at once, and both beside 69-digit arithmetic."""
 
+from itertools import pairwise
 from types import SimpleNamespace
 
 import casadi as ca
@@ -144,3 +145,65 @@ def test_many_stages_keep_velocities_to_roundoff(method, members):
     solution = lv.ensemble(spring, method, t=(0, 2), h=0.1, **start)
     assert abs(solution.v[..., 0] + np.sin(solution.t)[:, None]).max() < 2e-15
     assert abs(solution.invariants["energy"] - 0.5).max() < 2e-15
+
+
+def flywheels_on_links(links, wheels):
+    """Return T - V and the rods of links of length 1 whose last end drives the wheels."""
+
+    def energies(t, q, v):
+        heights = q[1 : 2 * links : 2]
+        return ca.dot(v, v) / 2 - ca.sum1(heights) + ca.sum1(q[2 * links :]) * heights[-1]
+
+    def rods(t, q):
+        places = [ca.DM.zeros(2), *(q[2 * k : 2 * k + 2] for k in range(links))]
+        return [ca.sumsqr(b - a) / 2 - 0.5 for a, b in pairwise(places)]
+
+    return energies, rods if links else None
+
+
+@pytest.mark.parametrize("key", ["gauss 2", "gauss 3", "lobatto 3"])
+@pytest.mark.parametrize(("links", "wheels"), [(2, 1), (2, 2), (2, 3), (3, 0), (3, 1), (4, 0)])
+def test_steps_of_five_to_eight_coordinates_are_the_plain_ones_and_the_same_in_lanes(
+    links, wheels, key
+):
+    energies, rods = flywheels_on_links(links, wheels)
+    n = 2 * links + wheels
+    system = lv.Lagrangian(
+        lambda t, q, v, params: energies(t, q, v), lambda t, q, params: rods(t, q), q=n
+    )
+    q = np.concatenate([np.arange(1, links + 1), np.zeros(links)]).reshape(2, links).T.ravel()
+    start = {"q": np.append(q, np.full(wheels, 0.3)), "v": np.append(np.zeros(n - 1), 0.2)}
+    start = system.consistent(**start)
+    method, tableau = METHODS[key]
+    plain = Plain.lagrangian(n, energies, rods)
+    assert_same_step(system, plain, key, method, tableau, start)
+    alone = lv.integrate(system, method, t=(0, 1), h=0.1, **start)
+    rows = {state: np.tile(start[state], (3, 1)) for state in "qv"}
+    members = lv.ensemble(system, method, t=(0, 1), h=0.1, **rows)
+    for state in "qv":
+        assert (getattr(members, state) == getattr(alone, state)[:, None]).all()
+
+
+def test_reactions_that_are_not_ideal_are_those_of_full_newton_in_seven_coordinates():
+    """Rods push along other directions than those they hold, so that G M⁻¹ r_λ is not symmetric."""
+    _, rods = flywheels_on_links(3, 1)
+
+    def reaction(t, y, lam, params):
+        ideal = ca.jtimes(ca.vertcat(*rods(t, y)), y, lam, True)
+        return ideal + ca.vertcat(3 * lam[2], lam[0], 0, 2 * lam[1], 0, lam[0] - lam[2], 0)
+
+    system = lv.Mechanical(
+        velocity=lambda t, y, z, params: z,
+        momentum=lambda t, y, z, params: z,
+        force=lambda t, y, z, params: ca.vertcat(0, -1, 0, -1, 0, -1 + y[6], y[5]),
+        reaction=reaction,
+        constraint=lambda t, y, params: rods(t, y),
+        y=7,
+    )
+    start = system.consistent(y=[1, 0, 2, 0, 3, 0, 0.3], z=[0, 0, 0, 0, 0, 0, 0.2])
+    runs = [
+        lv.integrate(system, lv.Spark(3, solver=solver), t=(0, 0.5), h=0.05, **start)
+        for solver in ("auto", "newton")
+    ]
+    np.testing.assert_allclose(runs[0].z, runs[1].z, rtol=0, atol=1e-13)
+    assert max(abs(x).max() for x in runs[0].residuals.values()) < 1e-14

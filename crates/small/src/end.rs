@@ -2,7 +2,7 @@
 #![allow(clippy::inline_always)] // other functions are compiled without the caller's instruction set
 
 use super::layout::Layout;
-use super::{CONSTRAINTS, COORDINATES, LAM, Small, Z};
+use super::{Fixed, LAM, Z};
 use liouville_base::compensated::Compensated;
 use liouville_base::linalg::{add_compensated, max_norm, sum_compensated};
 use liouville_base::newton::{self, Projection, Stop};
@@ -12,42 +12,42 @@ use liouville_problem::{Model, State, Step};
 
 /// The state at the end, and λ_k.
 #[derive(Clone, Debug)]
-pub(super) struct End<L> {
-    pub(super) z: [L; COORDINATES],
-    z0: [L; COORDINATES],
-    y: [L; COORDINATES],
-    p: [L; COORDINATES],
-    y_low: [L; COORDINATES],
-    p_low: [L; COORDINATES],
+pub(super) struct End<L, const N: usize, const M: usize> {
+    pub(super) z: [L; N],
+    z0: [L; N],
+    y: [L; N],
+    p: [L; N],
+    y_low: [L; N],
+    p_low: [L; N],
     /// Rounding errors of the sums of increments.
-    y_lost: [L; COORDINATES],
-    p_lost: [L; COORDINATES],
-    lam: [L; CONSTRAINTS],
+    y_lost: [L; N],
+    p_lost: [L; N],
+    lam: [L; M],
 }
 
 /// G, r_λ, M⁻¹ r_λ and S = G M⁻¹ r_λ at y1.
-struct EndBlocks<L> {
-    gradient: [[L; COORDINATES]; CONSTRAINTS],
-    r_lam: [[L; COORDINATES]; CONSTRAINTS],
-    mass_r: [[L; COORDINATES]; CONSTRAINTS],
-    s: [[L; CONSTRAINTS]; CONSTRAINTS],
+struct EndBlocks<L, const N: usize, const M: usize> {
+    gradient: [[L; N]; M],
+    r_lam: [[L; N]; M],
+    mass_r: [[L; N]; M],
+    s: [[L; M]; M],
 }
 
-impl<L: Layout> Default for EndBlocks<L> {
+impl<L: Layout, const N: usize, const M: usize> Default for EndBlocks<L, N, M> {
     fn default() -> Self {
-        let zeros = [[L::splat(0.0); COORDINATES]; CONSTRAINTS];
+        let zeros = [[L::splat(0.0); N]; M];
         Self {
             gradient: zeros,
             r_lam: zeros,
             mass_r: zeros,
-            s: [[L::splat(0.0); CONSTRAINTS]; CONSTRAINTS],
+            s: [[L::splat(0.0); M]; M],
         }
     }
 }
 
-impl<L: Layout> End<L> {
+impl<L: Layout, const N: usize, const M: usize> End<L, N, M> {
     pub(super) fn new() -> Self {
-        let zeros = [L::splat(0.0); COORDINATES];
+        let zeros = [L::splat(0.0); N];
         Self {
             z: zeros,
             z0: zeros,
@@ -57,7 +57,7 @@ impl<L: Layout> End<L> {
             p_low: zeros,
             y_lost: zeros,
             p_lost: zeros,
-            lam: [L::splat(0.0); CONSTRAINTS],
+            lam: [L::splat(0.0); M],
         }
     }
 }
@@ -65,7 +65,7 @@ impl<L: Layout> End<L> {
 /// What residuals imply below the last bit of V is at most this part of the speed of the coordinates.
 const LAST_BITS: f64 = 64.0 * f64::EPSILON;
 
-impl<L: Layout> Small<L> {
+impl<L: Layout, const N: usize, const M: usize> Fixed<L, N, M> {
     /// (U1)–(U3) at the last iterate; `None` where that is not finite.
     pub(super) fn finish(
         &mut self,
@@ -99,7 +99,7 @@ impl<L: Layout> Small<L> {
     #[inline(always)]
     fn accumulate(&mut self, step: Step<L>, loses: bool) {
         let (s, k) = (self.tables.stages, self.tables.intervals);
-        let (n, m) = (self.problem.n.min(COORDINATES), self.problem.m);
+        let (n, m) = (self.problem.n.min(N), self.problem.m);
         let State {
             y_low, p_low, z, ..
         } = step.state;
@@ -145,7 +145,7 @@ impl<L: Layout> Small<L> {
         for q in 0..n {
             end.y_low[q] += end.y_lost[q];
         }
-        for c in 0..m.min(CONSTRAINTS) {
+        for c in 0..m.min(M) {
             end.lam[c] = L::at(&self.lam[c], k);
         }
     }
@@ -153,10 +153,7 @@ impl<L: Layout> Small<L> {
     /// Moves y1 onto the constraints at t1, along M⁻¹ r_λ.
     #[inline(always)]
     fn project(&mut self, model: &mut Model<L>, step: Step<L>, mut projection: Projection<L>) {
-        let (n, m) = (
-            self.problem.n.min(COORDINATES),
-            self.problem.m.min(CONSTRAINTS),
-        );
+        let (n, m) = (self.problem.n.min(N), self.problem.m.min(M));
         if m == 0 || !projection.is_wanted() {
             return;
         }
@@ -166,12 +163,12 @@ impl<L: Layout> Small<L> {
         let end = &mut self.end;
         while projection.is_wanted() {
             let [g, _] = model.node(t, &end.y[..n], &end.lam[..m]);
-            let mut sides = [L::splat(0.0); CONSTRAINTS];
+            let mut sides = [L::splat(0.0); M];
             for c in 0..m {
                 sides[c] = -g[c];
             }
             let impulses = solve_small(m, &blocks.s, sides);
-            let mut moved = [L::splat(0.0); COORDINATES];
+            let mut moved = [L::splat(0.0); N];
             for q in 0..n {
                 for c in 0..m {
                     moved[q] += blocks.mass_r[c][q] * impulses[c];
@@ -189,26 +186,26 @@ impl<L: Layout> Small<L> {
     /// M⁻¹ at y1, where it varies.
     #[inline(always)]
     fn update_mass(&mut self, model: &mut Model<L>, t: f64) {
-        if self.full.is_none() {
+        if !self.is_newton() {
             return;
         }
         let n = self.problem.n;
-        let mut mass = [[L::splat(0.0); COORDINATES]; COORDINATES];
+        let mut mass = [[L::splat(0.0); N]; N];
         let [p_z, _] = model.stage_blocks(t, &self.end.y[..n], &self.end.z[..n]);
         for (&(row, col), x) in self.problem.patterns.p_z.entries().iter().zip(p_z) {
             mass[row][col] = *x;
         }
-        for q in n..COORDINATES {
+        for q in n..N {
             mass[q][q] = L::splat(1.0);
         }
-        self.inverse_mass = inverse_of(mass);
+        self.inverse_mass = inverse_of(mass, n.min(N));
     }
 
     /// The blocks of the constraints at y1.
     #[inline(always)]
-    fn end_blocks(&self, model: &mut Model<L>, t: f64) -> EndBlocks<L> {
-        let (n, m) = (self.problem.n, self.problem.m.min(CONSTRAINTS));
-        let mut gradient = [[L::splat(0.0); COORDINATES]; CONSTRAINTS];
+    fn end_blocks(&self, model: &mut Model<L>, t: f64) -> EndBlocks<L, N, M> {
+        let (n, m) = (self.problem.n, self.problem.m.min(M));
+        let mut gradient = [[L::splat(0.0); N]; M];
         let mut r_lam = gradient;
         let at = &self.problem.patterns;
         let [g_y, r] = model.node_blocks(t, &self.end.y[..n], &self.end.lam[..m]);
@@ -218,11 +215,11 @@ impl<L: Layout> Small<L> {
         for (&(q, c), x) in at.r_lam.entries().iter().zip(r) {
             r_lam[c][q] = *x;
         }
-        let mut mass_r = [[L::splat(0.0); COORDINATES]; CONSTRAINTS];
+        let mut mass_r = [[L::splat(0.0); N]; M];
         for c in 0..m {
             mass_r[c] = self.inverse_times(&r_lam[c]);
         }
-        let mut s = [[L::splat(0.0); CONSTRAINTS]; CONSTRAINTS];
+        let mut s = [[L::splat(0.0); M]; M];
         for c in 0..m {
             for d in 0..m {
                 s[c][d] = dot(&gradient[c], &mass_r[d]);
@@ -240,13 +237,13 @@ impl<L: Layout> Small<L> {
     #[inline(always)]
     fn correct_end(&mut self, model: &mut Model<L>, step: Step<L>) {
         let (n, m, k) = (
-            self.problem.n.min(COORDINATES),
-            self.problem.m.min(CONSTRAINTS),
+            self.problem.n.min(N),
+            self.problem.m.min(M),
             self.tables.intervals,
         );
         let t = step.t + self.tables.c_hat.0[k] * step.h;
         let weight = self.weights[1].0[k];
-        let mut reaction = [L::splat(0.0); COORDINATES];
+        let mut reaction = [L::splat(0.0); N];
         let mut blocks = EndBlocks::default();
         self.update_mass(model, t);
         if m > 0 {
@@ -263,7 +260,7 @@ impl<L: Layout> Small<L> {
         }
         // S μ = −w − G M⁻¹ a
         let velocity = self.inverse_times(&momentum);
-        let mut sides = [L::splat(0.0); CONSTRAINTS];
+        let mut sides = [L::splat(0.0); M];
         for c in 0..m {
             sides[c] = -w[c] - dot(&blocks.gradient[c], &velocity);
         }
@@ -290,8 +287,8 @@ impl<L: Layout> Small<L> {
 
     /// M⁻¹ x
     #[inline(always)]
-    fn inverse_times(&self, x: &[L; COORDINATES]) -> [L; COORDINATES] {
-        let mut out = [L::splat(0.0); COORDINATES];
+    fn inverse_times(&self, x: &[L; N]) -> [L; N] {
+        let mut out = [L::splat(0.0); N];
         for (out, row) in out.iter_mut().zip(&self.inverse_mass) {
             *out = dot(row, x);
         }
@@ -339,9 +336,9 @@ fn add_compensated_one<L: Layout>(sum: &mut L, lost: &mut L, x: L) {
 }
 
 #[inline(always)]
-fn dot<L: Layout>(a: &[L; COORDINATES], b: &[L; COORDINATES]) -> L {
+fn dot<L: Layout, const N: usize>(a: &[L; N], b: &[L; N]) -> L {
     let mut sum = a[0] * b[0];
-    for q in 1..COORDINATES {
+    for q in 1..N {
         sum += a[q] * b[q];
     }
     sum
@@ -349,17 +346,15 @@ fn dot<L: Layout>(a: &[L; COORDINATES], b: &[L; COORDINATES]) -> L {
 
 /// The inverse, by Gauss and Jordan without pivots.
 #[inline(always)]
-fn inverse_of<L: Layout>(
-    mut a: [[L; COORDINATES]; COORDINATES],
-) -> [[L; COORDINATES]; COORDINATES] {
-    for k in 0..COORDINATES {
+fn inverse_of<L: Layout, const N: usize>(mut a: [[L; N]; N], n: usize) -> [[L; N]; N] {
+    for k in 0..n {
         let inverse = L::splat(1.0) / a[k][k];
         let mut pivot = a[k];
         pivot[k] = L::splat(1.0);
         for x in &mut pivot {
             *x *= inverse;
         }
-        for (i, row) in a.iter_mut().enumerate() {
+        for (i, row) in a.iter_mut().enumerate().take(n) {
             if i == k {
                 continue;
             }
@@ -374,22 +369,51 @@ fn inverse_of<L: Layout>(
     a
 }
 
-/// The solution of one or two equations, by determinants.
+/// The solution of one or two equations, by determinants; of more, by elimination with pivots, each member's own.
 #[inline(always)]
-fn solve_small<L: Layout>(
-    m: usize,
-    s: &[[L; CONSTRAINTS]; CONSTRAINTS],
-    b: [L; CONSTRAINTS],
-) -> [L; CONSTRAINTS] {
+fn solve_small<L: Layout, const M: usize>(m: usize, s: &[[L; M]; M], b: [L; M]) -> [L; M] {
+    let mut x = b;
     match m {
-        0 => b,
-        1 => [b[0] / s[0][0], b[1]],
-        _ => {
+        0 => {}
+        1 => x[0] = b[0] / s[0][0],
+        2 => {
             let determinant = s[0][0] * s[1][1] - s[0][1] * s[1][0];
-            [
-                (b[0] * s[1][1] - s[0][1] * b[1]) / determinant,
-                (s[0][0] * b[1] - b[0] * s[1][0]) / determinant,
-            ]
+            x[0] = (b[0] * s[1][1] - s[0][1] * b[1]) / determinant;
+            x[1] = (s[0][0] * b[1] - b[0] * s[1][0]) / determinant;
         }
+        _ => eliminate(m.min(M), *s, &mut x),
+    }
+    x
+}
+
+#[inline(always)]
+fn eliminate<L: Layout, const M: usize>(m: usize, mut a: [[L; M]; M], x: &mut [L; M]) {
+    for k in 0..m {
+        let (upper, lower) = a.split_at_mut(k + 1);
+        let (pivot, x_k) = (&mut upper[k], &mut x[k..m]);
+        for (i, row) in lower[..m - k - 1].iter_mut().enumerate() {
+            let is_larger = row[k].zip(pivot[k], |x, y| f64::from(u8::from(x.abs() > y.abs())));
+            for (up, down) in pivot[k..m].iter_mut().zip(&mut row[k..m]) {
+                (*up, *down) = (is_larger.choose(*down, *up), is_larger.choose(*up, *down));
+            }
+            let (up, down) = (x_k[0], x_k[i + 1]);
+            x_k[0] = is_larger.choose(down, up);
+            x_k[i + 1] = is_larger.choose(up, down);
+        }
+        for (i, row) in lower[..m - k - 1].iter_mut().enumerate() {
+            let factor = row[k] / pivot[k];
+            for (x, of) in row[k + 1..m].iter_mut().zip(&pivot[k + 1..m]) {
+                *x -= factor * *of;
+            }
+            let of = x_k[0];
+            x_k[i + 1] -= factor * of;
+        }
+    }
+    for k in (0..m).rev() {
+        for j in k + 1..m {
+            let of = x[j];
+            x[k] -= a[k][j] * of;
+        }
+        x[k] = x[k] / a[k][k];
     }
 }

@@ -1,8 +1,8 @@
 //! The stage equations of a small system, and their corrections by node Schur.
 #![allow(clippy::inline_always)] // other functions are compiled without the caller's instruction set
 
+use super::Fixed;
 use super::layout::{Layout, larger};
-use super::{CONSTRAINTS, COORDINATES, Small};
 use liouville_base::error::StepError;
 use liouville_base::newton::{Equations, Stop, scaled_size};
 use liouville_base::real::{Real, Scalar};
@@ -10,26 +10,26 @@ use liouville_base::simd::dispatch_simd;
 use liouville_problem::Step;
 
 /// The stage equations of one step, still to be linearised or not.
-pub(super) struct SmallEquations<'a, L: Layout> {
-    pub(super) small: &'a mut Small<L>,
+pub(super) struct SmallEquations<'a, L: Layout, const N: usize, const M: usize> {
+    pub(super) small: &'a mut Fixed<L, N, M>,
     pub(super) step: Step<'a, L>,
     pub(super) stop: Stop,
     pub(super) is_linearized: bool,
 }
 
-impl<L: Layout> Small<L> {
+impl<L: Layout, const N: usize, const M: usize> Fixed<L, N, M> {
     /// Impulses, and the residual of the momentum; `is_first` where they are the first of a step.
     #[inline(always)]
     pub(super) fn evaluate(&mut self, step: Step<L>, is_first: bool) {
         self.move_points(step, is_first);
         self.problem.stage.run_points(&mut self.stage);
         self.problem.node.run_points(&mut self.node);
-        let n = self.problem.n.min(COORDINATES);
+        let n = self.problem.n.min(N);
         let (s, k) = (
             L::rows(self.tables.stages),
             L::rows(self.tables.intervals + 1),
         );
-        let m = self.problem.m.min(CONSTRAINTS);
+        let m = self.problem.m.min(M);
         let [b, b_hat] = self.weights;
         if is_first || self.has_force {
             for q in 0..n {
@@ -63,7 +63,7 @@ impl<L: Layout> Small<L> {
                 |row, sum| (p[row] - p0) - (low + (f[row] + sum)),
             );
         }
-        if self.full.is_none() {
+        if !self.is_newton() {
             self.find_velocities();
         }
     }
@@ -71,7 +71,7 @@ impl<L: Layout> Small<L> {
     /// M⁻¹ times the residual of the momentum.
     #[inline(always)]
     fn find_velocities(&mut self) {
-        let (n, s) = (self.problem.n.min(COORDINATES), L::rows(self.tables.stages));
+        let (n, s) = (self.problem.n.min(N), L::rows(self.tables.stages));
         let residual = &self.work.residual;
         for i in 0..n {
             let inverse = &self.inverse_mass[i];
@@ -93,7 +93,9 @@ impl<L: Layout> Small<L> {
         if self.problem.m > 0 {
             self.run_node_blocks();
         }
-        if let Some(full) = &mut self.full {
+        if Self::TAKES_NEWTON
+            && let Some(full) = &mut self.full
+        {
             let points = [&mut self.stage, &mut self.node, &mut self.node_blocks];
             full.update(&self.problem, self.tables, points, h);
         } else if self.problem.m > 0 {
@@ -112,24 +114,21 @@ impl<L: Layout> Small<L> {
 
     #[inline(always)]
     fn update_node_schur(&mut self) {
-        let (n, m) = (
-            self.problem.n.min(COORDINATES),
-            self.problem.m.min(CONSTRAINTS),
-        );
+        let (n, m) = (self.problem.n.min(N), self.problem.m.min(M));
         let rows = L::rows(self.tables.intervals + 1);
         let at = &self.problem.patterns;
         for (place, &(c, q)) in at.g_y.entries().iter().enumerate() {
-            let out = &mut self.linear.g_y[c % CONSTRAINTS][q % COORDINATES].as_mut()[..rows];
+            let out = &mut self.linear.g_y[c % M][q % N].as_mut()[..rows];
             out.copy_from_slice(self.node_blocks.value(place));
         }
         for c in 0..m {
-            self.linear.mass_r[c] = [L::zeros(); COORDINATES];
+            self.linear.mass_r[c] = [L::zeros(); N];
         }
         for (place, &(q, c)) in at.r_lam.entries().iter().enumerate() {
             let r = self.node_blocks.value(at.g_y.len() + place);
             for i in 0..n {
-                let inverse = self.inverse_mass[i][q % COORDINATES].every();
-                let out = &mut self.linear.mass_r[c % CONSTRAINTS][i].as_mut()[..rows];
+                let inverse = self.inverse_mass[i][q % N].every();
+                let out = &mut self.linear.mass_r[c % M][i].as_mut()[..rows];
                 for row in 0..rows {
                     out[row] += inverse * r[row];
                 }
@@ -162,10 +161,7 @@ impl<L: Layout> Small<L> {
     /// Corrects λ, and writes M⁻¹ R dΛ.
     #[inline(always)]
     fn correct_multipliers(&mut self, h: f64) {
-        let (n, m) = (
-            self.problem.n.min(COORDINATES),
-            self.problem.m.min(CONSTRAINTS),
-        );
+        let (n, m) = (self.problem.n.min(N), self.problem.m.min(M));
         let nodes = L::rows(self.tables.intervals + 1);
         let work = &mut self.work;
         for q in 0..n {
@@ -204,13 +200,13 @@ impl<L: Layout> Small<L> {
     /// Corrects the unknowns; returns the largest correction of Z, and whether all is finite.
     #[inline(always)]
     fn correct(&mut self, h: f64, wanted: L) -> (L, bool) {
-        let n = self.problem.n.min(COORDINATES);
+        let n = self.problem.n.min(N);
         let rows = L::rows(self.tables.stages);
         let has_constraints = self.problem.m > 0;
         if has_constraints {
             self.compensate(wanted);
         }
-        if self.full.is_some() {
+        if self.is_newton() {
             self.solve_full(h);
         } else if has_constraints {
             self.correct_multipliers(h);
@@ -219,7 +215,9 @@ impl<L: Layout> Small<L> {
         for q in 0..n {
             let u = self.velocity[q].as_ref();
             let d_z = &mut self.work.d_z.as_mut()[..rows];
-            if let Some(full) = &self.full {
+            if Self::TAKES_NEWTON
+                && let Some(full) = &self.full
+            {
                 let of_all = full.d_z(q, self.tables.stages);
                 d_z.copy_from_slice(&of_all.as_ref()[..rows]);
             } else if has_constraints {
@@ -258,7 +256,7 @@ impl<L: Layout> Small<L> {
     }
 }
 
-impl<L: Layout> Equations<L> for SmallEquations<'_, L> {
+impl<L: Layout, const N: usize, const M: usize> Equations<L> for SmallEquations<'_, L, N, M> {
     fn stop(&self) -> Stop {
         self.stop
     }
@@ -308,7 +306,7 @@ impl<L: Layout> Equations<L> for SmallEquations<'_, L> {
 
     #[inline(always)]
     fn keep(&mut self, members: L) {
-        let Small { z, lam, kept, .. } = &mut *self.small;
+        let Fixed { z, lam, kept, .. } = &mut *self.small;
         if let Some(kept) = kept {
             choose::<L>([&mut kept.0, &mut kept.1], [z, lam], members);
         }
@@ -316,7 +314,7 @@ impl<L: Layout> Equations<L> for SmallEquations<'_, L> {
 
     #[inline(always)]
     fn put_back(&mut self, members: L) {
-        let Small { z, lam, kept, .. } = &mut *self.small;
+        let Fixed { z, lam, kept, .. } = &mut *self.small;
         if let Some(kept) = kept {
             choose::<L>([z, lam], [&kept.0, &kept.1], members);
         }

@@ -4,32 +4,31 @@
 //! and their Schur complement is a multiple of the identity in the nodes, so that no pivots are needed.
 #![allow(clippy::inline_always)] // other functions are compiled without the caller's instruction set
 
+use super::Fixed;
 use super::blocks::{BlockLu, Columns};
 use super::layout::{Layout, POINTS, Weights};
-
 use super::tables::Tables;
-use super::{CONSTRAINTS, COORDINATES, Small};
 use liouville_base::real::{Lanes, Scalar};
 use liouville_base::tape::PointRegisters;
 use liouville_problem::{Mechanical, Model};
 
 /// The derivatives and the factored matrix.
 #[derive(Clone, Debug)]
-pub(super) struct FullNewton<L: Layout> {
+pub(super) struct FullNewton<L: Layout, const N: usize, const M: usize> {
     stage_blocks: PointRegisters<L::Row>,
     stage_jacobian: PointRegisters<L::Row>,
     node_jacobian: PointRegisters<L::Row>,
     matrix: BlockLu<L>,
     /// Places of the entries of p_z, p_y, f_y, f_z and r_y, by two coordinates.
-    places: [[Places; COORDINATES]; COORDINATES],
+    places: [[Places; N]; N],
     /// dZ, then dΛ.
-    pub(super) corrections: [L::Points; COORDINATES + CONSTRAINTS],
+    pub(super) corrections: Vec<L::Points>,
 }
 
 type Places = [Option<usize>; 5];
 
 /// The places of the derivatives in the tapes' values.
-fn places(problem: &Mechanical) -> [[Places; COORDINATES]; COORDINATES] {
+fn places<const N: usize>(problem: &Mechanical) -> [[Places; N]; N] {
     let at = &problem.patterns;
     let parts = [
         (&at.p_z, 0),
@@ -38,7 +37,7 @@ fn places(problem: &Mechanical) -> [[Places; COORDINATES]; COORDINATES] {
         (&at.f_z, at.p_y.len() + at.f_y.len()),
         (&at.r_y, 0),
     ];
-    let mut places = [[[None; 5]; COORDINATES]; COORDINATES];
+    let mut places = [[[None; 5]; N]; N];
     for (part, (pattern, first)) in parts.into_iter().enumerate() {
         for (place, &(row, col)) in pattern.entries().iter().enumerate() {
             places[row][col][part] = Some(first + place);
@@ -55,7 +54,7 @@ fn points<L: Layout>(rows: &[L::Row]) -> L::Points {
     points
 }
 
-impl<L: Layout> FullNewton<L> {
+impl<L: Layout, const N: usize, const M: usize> FullNewton<L, N, M> {
     /// Memory for a model at so many stages and nodes; `None` where its tapes are large.
     pub(super) fn new(model: &Model<L>, tables: &Tables) -> Option<Self> {
         let (n, m) = (model.problem.n, model.problem.m);
@@ -69,7 +68,7 @@ impl<L: Layout> FullNewton<L> {
             node_jacobian,
             matrix: BlockLu::new(sizes.concat()),
             places: places(&model.problem),
-            corrections: [L::zeros(); COORDINATES + CONSTRAINTS],
+            corrections: vec![L::zeros(); n + m],
         })
     }
 
@@ -100,8 +99,8 @@ impl<L: Layout> FullNewton<L> {
             self.write_reactions(problem, tables, node_blocks);
             self.write_constraints(problem, tables, node_blocks);
         }
-        for row in 0..problem.n.min(COORDINATES) {
-            for col in 0..problem.n.min(COORDINATES) {
+        for row in 0..problem.n.min(N) {
+            for col in 0..problem.n.min(N) {
                 self.write_block((row, col), tables, h);
             }
         }
@@ -205,7 +204,7 @@ impl<L: Layout> FullNewton<L> {
                 out.as_mut()[row] = -residual.as_ref()[row];
             }
         }
-        for c in 0..m.min(CONSTRAINTS) {
+        for c in 0..m.min(M) {
             let mut sides = L::zeros();
             for (out, g) in sides.as_mut()[..nodes].iter_mut().zip(node.value(c)) {
                 *out = -*g * (1.0 / h);
@@ -224,12 +223,14 @@ impl<L: Layout> FullNewton<L> {
     }
 }
 
-impl<L: Layout> Small<L> {
+impl<L: Layout, const N: usize, const M: usize> Fixed<L, N, M> {
     /// Finds the corrections of Z and λ, and makes those of λ.
     #[inline(always)]
     pub(super) fn solve_full(&mut self, h: f64) {
-        let (n, m) = (self.problem.n.min(COORDINATES), self.problem.m);
-        if let Some(full) = &mut self.full {
+        let (n, m) = (self.problem.n.min(N), self.problem.m);
+        if Self::TAKES_NEWTON
+            && let Some(full) = &mut self.full
+        {
             let residual = &self.work.residual[..n];
             full.solve(self.tables, residual, &self.node, (m, h));
             let pairs = self.lam.iter_mut().zip(&full.corrections[n..]);

@@ -16,6 +16,7 @@ mod layout;
 mod linear;
 mod newton_matrix;
 mod points;
+mod sizes;
 mod start;
 mod tables;
 
@@ -29,6 +30,7 @@ use liouville_base::real::{Lanes, Scalar};
 use liouville_base::tableau;
 use liouville_base::tape::{CompensatedPoints, PointRegisters};
 use liouville_problem::{Acceleration, Mass, Mechanical, MemberLanes, Model, Step};
+pub use sizes::Small;
 use std::sync::Arc;
 use tables::{StartWeights, Tables};
 
@@ -36,10 +38,6 @@ use tables::{StartWeights, Tables};
 pub const Z: usize = 0;
 #[allow(missing_docs)]
 pub const LAM: usize = 1;
-
-/// The most coordinates and constraints.
-const COORDINATES: usize = 4;
-const CONSTRAINTS: usize = 2;
 
 /// Whether V is Z, momenta are linear in it, and nothing but holonomic constraints acts with reactions linear in λ.
 fn is_plain(problem: &Mechanical) -> bool {
@@ -57,9 +55,9 @@ pub enum Matrices {
     Newton,
 }
 
-/// The memory of a step.
+/// The memory of a step of at most N coordinates and M constraints.
 #[derive(Clone, Debug)]
-pub struct Small<L: Layout> {
+pub struct Fixed<L: Layout, const N: usize, const M: usize> {
     problem: Arc<Mechanical>,
     tables: &'static Tables,
     start: StartWeights,
@@ -72,60 +70,60 @@ pub struct Small<L: Layout> {
     has_force: bool,
     depends_on_y: bool,
     /// M⁻¹, at the end of the step where it varies.
-    inverse_mass: [[L; COORDINATES]; COORDINATES],
+    inverse_mass: [[L; N]; N],
     is_diagonal: bool,
-    linear: SchurInverse<L>,
+    linear: SchurInverse<L, N, M>,
     /// Full Newton, where the mass varies.
-    full: Option<Box<FullNewton<L>>>,
-    z: [L::Points; COORDINATES],
-    lam: [L::Points; CONSTRAINTS],
+    full: Option<Box<FullNewton<L, N, M>>>,
+    z: [L::Points; N],
+    lam: [L::Points; M],
     /// Z and λ of members that take no further corrections.
-    kept: Option<Box<KeptUnknowns<L>>>,
+    kept: Option<Box<KeptUnknowns<L, N, M>>>,
     /// h b_j V_j, h b_j F_j, h b̂_j R_j; Σ μᶠ h b F; M⁻¹ times the residual of the momentum.
-    displacements: [L::Points; COORDINATES],
-    impulses: [L::Points; COORDINATES],
-    reactions: [L::Points; COORDINATES],
-    forces: [L::Points; COORDINATES],
-    velocity: [L::Points; COORDINATES],
+    displacements: [L::Points; N],
+    impulses: [L::Points; N],
+    reactions: [L::Points; N],
+    forces: [L::Points; N],
+    velocity: [L::Points; N],
     /// Rounding errors of the nodes.
-    node_low: [L::Points; COORDINATES],
-    start_of_iteration: IterationStart<L>,
+    node_low: [L::Points; N],
+    start_of_iteration: IterationStart<L, N, M>,
     /// h b_j (V_j − V_j⁰), with V⁰ of that start.
-    moved: [L::Points; COORDINATES],
-    work: Workspace<L>,
+    moved: [L::Points; N],
+    work: Workspace<L, N, M>,
     /// h b and h b̂.
     weights: [Lanes; 2],
-    v0: [L; COORDINATES],
+    v0: [L; N],
     yardstick: L,
     rest: L,
     speed: L,
     /// The relative size of the last correction.
     size: L,
     deviation: L,
-    end: End<L>,
+    end: End<L, N, M>,
 }
 
 /// Z and the nodes, with their rounding errors, at the first evaluation of a step.
 #[derive(Clone, Debug)]
-struct IterationStart<L: Layout> {
-    z: [L::Points; COORDINATES],
-    node: [L::Points; COORDINATES],
-    node_low: [L::Points; COORDINATES],
+struct IterationStart<L: Layout, const N: usize, const M: usize> {
+    z: [L::Points; N],
+    node: [L::Points; N],
+    node_low: [L::Points; N],
 }
 
 /// Values within a correction.
 #[derive(Clone, Debug)]
-struct Workspace<L: Layout> {
-    residual: [L::Points; COORDINATES],
-    at_nodes: [L::Points; COORDINATES],
-    sides: [L::Points; CONSTRAINTS],
-    d_lam: [L::Points; CONSTRAINTS],
+struct Workspace<L: Layout, const N: usize, const M: usize> {
+    residual: [L::Points; N],
+    at_nodes: [L::Points; N],
+    sides: [L::Points; M],
+    d_lam: [L::Points; M],
     d_z: L::Points,
 }
 
-impl<L: Layout> Workspace<L> {
+impl<L: Layout, const N: usize, const M: usize> Workspace<L, N, M> {
     fn new() -> Self {
-        let (of_n, of_m) = ([L::zeros(); COORDINATES], [L::zeros(); CONSTRAINTS]);
+        let (of_n, of_m) = ([L::zeros(); N], [L::zeros(); M]);
         Self {
             residual: of_n,
             at_nodes: of_n,
@@ -137,12 +135,15 @@ impl<L: Layout> Workspace<L> {
 }
 
 /// Z and λ.
-type KeptUnknowns<L> = (
-    [<L as Layout>::Points; COORDINATES],
-    [<L as Layout>::Points; CONSTRAINTS],
-);
+type KeptUnknowns<L, const N: usize, const M: usize> =
+    ([<L as Layout>::Points; N], [<L as Layout>::Points; M]);
 
-impl<L: Layout> Small<L> {
+/// The most coordinates of a mass that varies: with more, node Schur of `crates/spark` takes less time than full Newton here.
+const MOST_VARYING: usize = 4;
+
+impl<L: Layout, const N: usize, const M: usize> Fixed<L, N, M> {
+    const TAKES_NEWTON: bool = N <= MOST_VARYING;
+
     /// Memory for a small system with these parameters; `None` for other systems, or where `matrices` excludes its matrix.
     #[inline(never)]
     pub fn new(
@@ -152,7 +153,7 @@ impl<L: Layout> Small<L> {
     ) -> Option<Box<Self>> {
         let sizes = (model.problem.n, model.problem.m);
         let points = tableau.stages.max(tableau.intervals + 1);
-        let is_small = sizes.0 <= COORDINATES && sizes.1 <= CONSTRAINTS && points <= POINTS;
+        let is_small = sizes.0 <= N && sizes.1 <= M && points <= POINTS;
         let problem = model.problem.clone();
         let is_constant = problem.stage_blocks.is_empty();
         let other = if is_constant {
@@ -160,11 +161,15 @@ impl<L: Layout> Small<L> {
         } else {
             Matrices::NodeSchur
         };
-        if !is_small || !is_plain(&problem) || matrices == other {
+        if !is_small
+            || !is_plain(&problem)
+            || matrices == other
+            || !(is_constant || Self::TAKES_NEWTON)
+        {
             return None;
         }
         let tables = Tables::of(tableau)?;
-        let (mut full, mut inverse) = (None, [[L::splat(0.0); COORDINATES]; COORDINATES]);
+        let (mut full, mut inverse) = (None, [[L::splat(0.0); N]; N]);
         if is_constant {
             inverse = inverse_mass(model)?;
         } else {
@@ -172,8 +177,8 @@ impl<L: Layout> Small<L> {
         }
         let rows = [tableau.stages, tableau.intervals + 1].map(L::rows);
         let [stage, node, node_blocks] = model.at_points(rows, Layout::every)?;
-        let zeros = [L::zeros(); COORDINATES];
-        let of_unknowns = (zeros, [L::zeros(); CONSTRAINTS]);
+        let zeros = [L::zeros(); N];
+        let of_unknowns = (zeros, [L::zeros(); M]);
         let at = &problem.patterns;
         let has_force = !at.f_y.is_empty() || !at.f_z.is_empty();
         Some(Box::new(Self {
@@ -206,7 +211,7 @@ impl<L: Layout> Small<L> {
             moved: zeros,
             work: Workspace::new(),
             weights: [Lanes::splat(0.0); 2],
-            v0: [L::splat(0.0); COORDINATES],
+            v0: [L::splat(0.0); N],
             yardstick: L::splat(0.0),
             rest: L::splat(0.0),
             speed: L::splat(0.0),
@@ -219,7 +224,7 @@ impl<L: Layout> Small<L> {
 
     /// Whether corrections are full Newton's.
     pub fn is_newton(&self) -> bool {
-        self.full.is_some()
+        Self::TAKES_NEWTON && self.full.is_some()
     }
 
     /// Iterates from the extrapolated start, or the cold one, and finds the end of the step for members that are open;
@@ -265,13 +270,13 @@ impl<L: Layout> Small<L> {
 type StepStart<'a, L> = (&'a mut newton::Predictor<L>, &'a mut Acceleration<L>);
 
 /// p_z⁻¹, which parameters alone determine.
-fn inverse_mass<L: Layout>(model: &mut Model<L>) -> Option<[[L; COORDINATES]; COORDINATES]> {
+fn inverse_mass<L: Layout, const N: usize>(model: &mut Model<L>) -> Option<[[L; N]; N]> {
     let n = model.problem.n;
     let mut mass = Mass::new(model);
     let mut column = vec![L::splat(0.0); n];
     mass.update(model, 0.0, &column.clone(), &column.clone())
         .ok()?;
-    let mut inverse = [[L::splat(0.0); COORDINATES]; COORDINATES];
+    let mut inverse = [[L::splat(0.0); N]; N];
     for j in 0..n {
         column.fill(L::splat(0.0));
         column[j] = L::splat(1.0);
@@ -284,7 +289,10 @@ fn inverse_mass<L: Layout>(model: &mut Model<L>) -> Option<[[L; COORDINATES]; CO
 }
 
 compiled!(R in [f64, MemberLanes] {
-    Small::<R>::new as fn(_, _, _) -> _,
-    Small::<R>::advance as fn(_, _, _, _, _, _) -> _,
-    Small::<R>::commit as fn(_, _, _, _),
+    Fixed::<R, 4, 2>::new as fn(_, _, _) -> _,
+    Fixed::<R, 4, 2>::advance as fn(_, _, _, _, _, _) -> _,
+    Fixed::<R, 4, 2>::commit as fn(_, _, _, _),
+    Fixed::<R, 8, 8>::new as fn(_, _, _) -> _,
+    Fixed::<R, 8, 8>::advance as fn(_, _, _, _, _, _) -> _,
+    Fixed::<R, 8, 8>::commit as fn(_, _, _, _),
 });

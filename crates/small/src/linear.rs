@@ -3,26 +3,25 @@
 
 use super::layout::Layout;
 use super::tables::Tables;
-use super::{CONSTRAINTS, COORDINATES};
 use liouville_base::real::Scalar;
 
 /// g_y and M⁻¹ r_λ at the nodes, and (P⁻¹ S)⁻¹: a column for each node 0..k−1 and constraint.
 #[derive(Clone, Debug)]
-pub(super) struct SchurInverse<L: Layout> {
-    pub(super) g_y: [[L::Points; COORDINATES]; CONSTRAINTS],
-    pub(super) mass_r: [[L::Points; COORDINATES]; CONSTRAINTS],
-    columns: Vec<[L::Points; CONSTRAINTS]>,
-    sides: [L::Points; CONSTRAINTS],
+pub(super) struct SchurInverse<L: Layout, const N: usize, const M: usize> {
+    pub(super) g_y: [[L::Points; N]; M],
+    pub(super) mass_r: [[L::Points; N]; M],
+    columns: Vec<[L::Points; M]>,
+    sides: [L::Points; M],
 }
 
-impl<L: Layout> SchurInverse<L> {
+impl<L: Layout, const N: usize, const M: usize> SchurInverse<L, N, M> {
     pub(super) fn new(order: usize) -> Self {
-        let zeros = [[L::zeros(); COORDINATES]; CONSTRAINTS];
+        let zeros = [[L::zeros(); N]; M];
         Self {
             g_y: zeros,
             mass_r: zeros,
-            columns: vec![[L::zeros(); CONSTRAINTS]; order],
-            sides: [L::zeros(); CONSTRAINTS],
+            columns: vec![[L::zeros(); M]; order],
+            sides: [L::zeros(); M],
         }
     }
 
@@ -36,7 +35,7 @@ impl<L: Layout> SchurInverse<L> {
                 for c in 0..m {
                     for row in 0..nodes {
                         let mut sum = L::Row::splat(0.0);
-                        for q in 0..n.min(COORDINATES) {
+                        for q in 0..n.min(N) {
                             let impulse = L::at(&self.mass_r[d][q], l).every();
                             sum += self.g_y[c][q].as_ref()[row] * impulse;
                         }
@@ -95,8 +94,8 @@ impl<L: Layout> SchurInverse<L> {
     pub(super) fn solve(
         &mut self,
         tables: &Tables,
-        sides: &[L::Points; CONSTRAINTS],
-        d_lam: &mut [L::Points; CONSTRAINTS],
+        sides: &[L::Points; M],
+        d_lam: &mut [L::Points; M],
         m: usize,
     ) {
         let (k, rows) = (tables.intervals, L::rows(tables.intervals));

@@ -1,6 +1,6 @@
 //! Full Newton's matrix in registers, for the stage equations of the crate above.
 
-use super::Small;
+use super::Fixed;
 use super::layout::Layout;
 use liouville_base::linalg::Matrix;
 use liouville_base::real::{Lanes, Scalar};
@@ -13,7 +13,7 @@ fn lanes(values: &Matrix, col: usize) -> Lanes {
     }))
 }
 
-impl Small<f64> {
+impl<const N: usize, const M: usize> Fixed<f64, N, M> {
     /// Makes the matrix at these Y and Z, Ŷ and λ, a row a stage or node.
     pub fn linearize_at(
         &mut self,
@@ -46,7 +46,7 @@ impl Small<f64> {
         [z, lam]: [&mut Matrix; 2],
     ) -> f64 {
         let (n, m) = (self.problem.n, self.problem.m);
-        let Some(full) = &mut self.full else {
+        let Some(full) = self.full.as_mut().filter(|_| Self::TAKES_NEWTON) else {
             return f64::NAN;
         };
         for q in 0..n {

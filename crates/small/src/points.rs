@@ -1,13 +1,13 @@
 //! The points of a step of a small system: nodes and stages, as its displacements lead there.
 #![allow(clippy::inline_always)] // other functions are compiled without the caller's instruction set
 
+use super::Fixed;
 use super::layout::Layout;
-use super::{CONSTRAINTS, COORDINATES, Small};
 use liouville_base::linalg::sum_compensated;
 use liouville_base::real::Scalar;
 use liouville_problem::Step;
 
-impl<L: Layout> Small<L> {
+impl<L: Layout, const N: usize, const M: usize> Fixed<L, N, M> {
     /// Writes the points where the tapes read them: Ŷ_j with λ_j, and Z_i, with Y_i where they are read.
     #[inline(always)]
     pub(super) fn move_points(&mut self, step: Step<L>, is_first: bool) {
@@ -15,7 +15,7 @@ impl<L: Layout> Small<L> {
             L::rows(self.tables.stages),
             L::rows(self.tables.intervals + 1),
         );
-        let n = self.problem.n.min(COORDINATES);
+        let n = self.problem.n.min(N);
         let wants_y = is_first || self.depends_on_y;
         let [b, _] = self.weights;
         for row in 0..s {
@@ -53,7 +53,7 @@ impl<L: Layout> Small<L> {
                 );
             }
         }
-        for c in 0..self.problem.m.min(CONSTRAINTS) {
+        for c in 0..self.problem.m.min(M) {
             let out = self.node.argument(1 + n + c);
             out.copy_from_slice(&self.lam[c].as_ref()[..k]);
         }

@@ -2,14 +2,14 @@
 #![allow(clippy::inline_always)] // other functions are compiled without the caller's instruction set
 
 use super::layout::{Layout, larger};
-use super::{CONSTRAINTS, COORDINATES, LAM, Small, Z};
+use super::{Fixed, LAM, Z};
 use liouville_base::linalg::max_norm;
 use liouville_base::newton;
 use liouville_base::real::Scalar;
 use liouville_base::simd::dispatch_simd;
 use liouville_problem::{Acceleration, Model, State, Step};
 
-impl<L: Layout> Small<L> {
+impl<L: Layout, const N: usize, const M: usize> Fixed<L, N, M> {
     /// Z, λ and z1 from the step before, and v0.
     pub(super) fn extrapolate(&mut self, held: &newton::Predictor<L>, step: Step<L>) {
         let (s, k) = (self.tables.stages, self.tables.intervals);
@@ -19,7 +19,7 @@ impl<L: Layout> Small<L> {
         dispatch_simd::<L::Row, _>(
             #[inline(always)]
             || {
-                for q in 0..n.min(COORDINATES) {
+                for q in 0..n.min(N) {
                     let out = &mut self.z[q].as_mut()[..L::rows(s)];
                     L::product_of(
                         out,
@@ -34,7 +34,7 @@ impl<L: Layout> Small<L> {
                     self.end.z[q] = sum;
                     self.v0[q] = z[(first, q)];
                 }
-                for c in 0..m.min(CONSTRAINTS) {
+                for c in 0..m.min(M) {
                     let out = &mut self.lam[c].as_mut()[..L::rows(k + 1)];
                     L::product_of(
                         out,
@@ -86,7 +86,7 @@ impl<L: Layout> Small<L> {
     /// How far the stages are from y0 + c_i h v0, in the yardstick.
     #[inline(always)]
     pub(super) fn measure_deviation(&mut self, step: Step<L>) {
-        let n = self.problem.n.min(COORDINATES);
+        let n = self.problem.n.min(N);
         let mut largest = L::Row::splat(0.0);
         let rows = L::rows(self.tables.stages);
         for q in 0..n {
@@ -109,7 +109,7 @@ impl<L: Layout> Small<L> {
     pub(super) fn relative(&mut self, size: L) -> L {
         let rows = L::rows(self.tables.stages);
         let mut largest = L::Row::splat(0.0);
-        for z in &self.z[..self.problem.n.min(COORDINATES)] {
+        for z in &self.z[..self.problem.n.min(N)] {
             for z in &z.as_ref()[..rows] {
                 largest = larger(largest, *z);
             }

@@ -11,6 +11,7 @@ use liouville_base::error::StepError;
 use liouville_base::newton::{self, Continuation, Equations, Solved, Stop};
 use liouville_base::tableau;
 use liouville_problem::{Model, Step};
+use liouville_small::Small;
 
 /// The memory of such a step.
 #[derive(Clone, Debug)]
@@ -140,7 +141,7 @@ impl General {
     /// Whether full Newton takes the place of node Schur: by choice of the user, for small systems with a varying mass,
     /// for nonholonomic constraints, or while node Schur is left out after failures.
     fn wants_newton(&self, spark: &mut Spark) -> bool {
-        let is_small = spark.small.as_ref().is_some_and(|small| small.is_newton());
+        let is_small = spark.small.as_ref().is_some_and(Small::is_newton);
         spark.schur_backoff.skip()
             || is_small
             || spark.solver == Solver::Newton
@@ -168,7 +169,7 @@ impl General {
             && small.is_newton()
         {
             self.start.copy_from(&stages.unknowns);
-            let mut equations = StageEquations::new(&mut **small, stages, model, step);
+            let mut equations = StageEquations::new(&mut *small, stages, model, step);
             let solved = Self::solve_newton(&mut equations, is_full);
             // its matrix is factored without pivots, so a failure is repeated with one that has them
             let is_own = match solved {

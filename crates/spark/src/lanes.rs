@@ -35,7 +35,7 @@ pub struct SparkBatch {
     problem: Arc<Mechanical>,
     solver: Solver,
     model: Model<MemberLanes>,
-    small: Option<Box<Small<MemberLanes>>>,
+    small: Option<Small<MemberLanes>>,
     stages: Stages<MemberLanes>,
     schur: NodeSchur<MemberLanes>,
     predictor: Predictor<MemberLanes>,
@@ -113,7 +113,7 @@ impl SparkBatch {
 
     /// The common path up to the commit; `members` says which of them have converged.
     fn advance(&mut self, step: Step<MemberLanes>) -> Result<(), StepError> {
-        let is_newton = self.small.as_ref().is_some_and(|small| small.is_newton());
+        let is_newton = self.small.as_ref().is_some_and(Small::is_newton);
         let is_open =
             |[schur, all]: &[Backoff; 2]| !(all.is_active() || schur.is_active() && !is_newton);
         self.members = self.backoffs.map(|backoffs| {
@@ -215,7 +215,7 @@ impl SparkBatch {
 
     fn count_steps(&mut self) {
         let stages = self.stages.tableau.stages;
-        let is_newton = self.small.as_ref().is_some_and(|small| small.is_newton());
+        let is_newton = self.small.as_ref().is_some_and(Small::is_newton);
         for (member, stands) in self.members.iter().enumerate() {
             if let Member::Converged(iterations) = stands {
                 self.backoffs[member].iter_mut().for_each(Backoff::succeed);

@@ -105,7 +105,7 @@ pub struct Spark {
     tableau: tableau::Spark,
     stop: Stop,
     /// The fast path, which makes nearly all steps of a small system.
-    small: Option<Box<Small<f64>>>,
+    small: Option<Small<f64>>,
     /// The path of all other steps, made at its first use.
     general: Option<Box<General>>,
     predictor: Predictor,
@@ -213,7 +213,7 @@ impl Spark {
     #[cold]
     fn continue_small(&mut self, step: Step) -> bool {
         let (h, is_cold) = (step.h * PART, self.predictor.held.h().is_none());
-        let is_newton = self.small.as_ref().is_some_and(|small| small.is_newton());
+        let is_newton = self.small.as_ref().is_some_and(Small::is_newton);
         if !is_cold || !is_newton || !self.iterate_small(Step { h, ..step }) {
             return false;
         }
