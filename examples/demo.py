@@ -3,7 +3,7 @@
 Andrews' squeezing mechanism, seven bodies in three closed loops, and the car axis, whose right foot
 follows a bumpy road; both are index-3 problems of the IVP Test Set. The script prints the distance
 of the end state from the quadruple-precision reference; the figure shows the motion and the
-residuals of the conserved quantities.
+residuals of the conserved quantities, and a page beside it has the first mechanism in motion.
 
 Run as ``python examples/demo.py [figure]``; the figure goes to build/demo.png by default.
 """
@@ -64,9 +64,13 @@ def main(path="build/demo.png"):
     figure = Figure(figsize=(10.5, 5.8), layout="constrained")
     rows = figure.subplots(2, 3)
     print(f"{METHOD}\n{'':12}{'h':>9}{'steps':>7}{'error in q':>12}{'error in v':>12}{'ms':>8}")
+    page = Path(path).with_suffix(".html")
+    page.parent.mkdir(parents=True, exist_ok=True)
     for name, row in zip(TITLES, rows, strict=True):
         problem = problems.load(name)
         solution, errors = integrate(problem)
+        if name == "andrews":
+            plot.view(solution, outline=problem.outline, path=page)
         steps, seconds = solution.stats["steps"], solution.stats["seconds"]
         print(
             f"{name:12}{solution.h:9.2g}{steps:7}{errors['q']:12.1e}{errors['v']:12.1e}"
@@ -79,9 +83,8 @@ def main(path="build/demo.png"):
             ax.set_title(title, loc="left", fontsize=10)
             ax.tick_params(labelsize=8)
             ax.spines[["top", "right"]].set_visible(False)
-    Path(path).parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(path, dpi=110)
-    print(f"figure: {path}")
+    print(f"figure: {path}\nthe mechanism in motion, for a browser: {page}")
 
 
 if __name__ == "__main__":

@@ -36,7 +36,7 @@ class Joining(Linking):
         b: Which,
         *,
         at: Any,
-        axis: ArrayLike,
+        axis: ArrayLike = (0, 0, 1),
         damping: Value = 0.0,
         torque: Effort | None = None,
         spring: Value = 0.0,
@@ -57,7 +57,7 @@ class Joining(Linking):
             Its bodies, or their names.
         at : array_like, shape (3,) or (2, 3), or callable
             The joint's point in the world as drawn, or one on each body where the drawing is open.
-        axis : array_like, shape (3,) or (2, 3)
+        axis : array_like, shape (3,) or (2, 3), default (0, 0, 1)
             Its direction in the world as drawn, of any length, or one in each body.
         damping : float or callable, default 0
             Times the rate of the angle a torque against it, in N m s.
