@@ -73,7 +73,7 @@ PACKAGE_FLOORS = (
     ("analysis", "distribute", "planner"),
     ("runners",),
     ("ensemble", "integrate"),
-    ("determinant", "exponents", "fitting", "gradients", "optimal", "section"),
+    ("determinant", "exponents", "extrapolation", "fitting", "gradients", "optimal", "section"),
     ("bridges", "convergence", "export", "fem", "plot", "problems"),
     ("stored",),
     ("cli",),

@@ -65,6 +65,7 @@ if _typing.TYPE_CHECKING:
     from liouville.bridges import torch as torch
     from liouville.exponents import lyapunov as lyapunov
     from liouville.export import load as load
+    from liouville.extrapolation import extrapolate as extrapolate
     from liouville.fitting import fit as fit
     from liouville.gradients import GradientCheck as GradientCheck
     from liouville.gradients import Pullback as Pullback
@@ -94,6 +95,7 @@ _LATER = {
     "thermal_state": "analysis",
     "lyapunov": "exponents",
     "load": "export",
+    "extrapolate": "extrapolation",
     "fit": "fitting",
     "GradientCheck": "gradients",
     "Pullback": "gradients",

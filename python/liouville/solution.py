@@ -61,6 +61,8 @@ class Solution(States, Drifts, Motions):
     balance : dict of str to ndarray, shape (k,)
         Where the energy of a Lagrangian or a Structure went, if the method records it: ``work``
         and ``dissipated``, which are attributes too. Empty otherwise.
+    error : dict of str to ndarray, shape (k, n)
+        Estimates of the errors of the states, by :func:`~liouville.extrapolate`; empty otherwise.
     events : dict of str to Points
         Where the functions of ``events=`` changed their sign, by name, with the states there; of an
         ensemble those of one member after another.
@@ -156,6 +158,7 @@ class Solution(States, Drifts, Motions):
     params: dict[str, Any] = field(default_factory=dict)
     balance: dict[str, Array] = field(default_factory=dict)
     tolerances: dict[str, Any] = field(default_factory=dict)
+    error: dict[str, Array] = field(default_factory=dict)
     events: dict[str, Points] = field(default_factory=dict)
     dense_order: int = 0
     choice: Any = None

@@ -281,6 +281,12 @@ class Mechanics(TracedSystem):
         return found
 
     @cached_property
+    def is_autonomous(self) -> bool:
+        """Whether time has no part in its functions."""
+        columns = self._expressions.columns.values()
+        return not any(ca.depends_on(x, self._symbols.t) for x in columns)
+
+    @cached_property
     def second_order(self) -> _core.SecondOrder:
         """The system as a second order equation.
 
