@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import replace
+from fractions import Fraction
 from itertools import permutations
 
 import numpy as np
@@ -229,6 +230,27 @@ def test_a_plan_says_which_pieces_why_and_what_they_cost():
     scores = [trial.score for trial in plan.trials]
     assert scores == sorted(scores)
     assert plan.cost <= plan.trials[0].cost  # the costliest first and last, or what is better
+
+
+def test_the_pieces_are_named_in_the_order_of_the_second_half_of_a_step():
+    """Against a step of Strang's splitting in rational numbers."""
+    names = ("a", "b", "c")
+    field = PolynomialField(
+        lambda t, x, params: [x[1] ** 2 - x[2], x[0] * x[2], x[0] ** 2 * x[1]], x=names
+    )
+    rates = [lambda s: s[1] ** 2 - s[2], lambda s: s[0] * s[2], lambda s: s[0] ** 2 * s[1]]
+    plan = lv.plan(field, V(composition="S2"), h=1 / 64, x=[0.5, 0.25, -0.5])
+    text = str(plan).split("pieces, in the order of the second half of a step\n")[1]
+    said = [names.index(line.split()[3][0]) for line in text.splitlines()[:3]]
+    end = lv.integrate(field, plan, t=(0, 1 / 64), steps=1, x=[0.5, 0.25, -0.5]).x[-1]
+    ends = []
+    for second in (said, said[::-1]):
+        state = [Fraction(1, 2), Fraction(1, 4), Fraction(-1, 2)]
+        for i in (*second[::-1], *second):
+            state[i] += Fraction(1, 128) * rates[i](state)
+        ends.append(np.array(state, dtype=float))
+    assert (end == ends[0]).all()
+    assert np.abs(end - ends[1]).max() > 1e-8
 
 
 def test_the_order_that_is_taken_is_better_than_most():

@@ -57,7 +57,8 @@ class FieldPlan(Plan):
     method : VolumeSplitting
         The method, without ``"auto"``.
     order : tuple of int
-        The order in which its pieces follow one another.
+        The order in which its pieces follow one another in the second half of a step; the first
+        half has them the other way round.
     directions : tuple of int
         Which direction of shears each variable takes; empty where that has no choice.
     n, terms : int
@@ -132,7 +133,7 @@ class FieldPlan(Plan):
             f"  {self.n} variables, {self.terms} {self.counted}, h = {self.h:g}; "
             f"a step takes about {self.cost:.3g} operations",
             *self._why,
-            "pieces, in the order of the first half of a step",
+            "pieces, in the order of the second half of a step",
             *(f"  {text}" for text in self.pieces),
         ]
         if len(self.order) > len(self.pieces):
