@@ -9,7 +9,7 @@ import xarray
 from scipy.io import netcdf_file
 
 import liouville as lv
-from liouville.systems.gridded import potential, reading
+from liouville.systems.gridded import conventions, potential, reading
 
 V = lv.VolumeSplitting
 
@@ -326,7 +326,7 @@ def test_dates_of_other_calendars_are_times():
     sea = {name: reading.Variable(name, data[name].dims, data[name].values, data[name].attrs)
            for name in data.variables}  # fmt: skip
     sea["time"] = reading.Variable("time", ("time",), dates)
-    assert reading.arguments(sea, {"u": None, "v": None}, {})["t"][-1] == 20 * 86400
+    assert conventions.arguments(sea, {"u": None, "v": None}, {})["t"][-1] == 20 * 86400
 
 
 @pytest.mark.parametrize(

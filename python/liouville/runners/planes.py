@@ -81,12 +81,23 @@ class PlaneRunner(FieldRunner):
         return LAST * longest_step(system, plan.method.composition, system.extended(x, t))
 
     def remark(self, t: np.ndarray, rows: np.ndarray, events: Mapping[str, Points]) -> str:
-        """Return a sentence on records that cannot be right; empty where there is none.
+        """Return sentences on starts on land, and on records that cannot be right.
 
         Those are where steps are longer than any that is taken there.
         """
         said = super().remark(t, rows, events)
-        return "; ".join(filter(None, [said, self._too_long(t, rows)]))
+        return "; ".join(filter(None, [said, self._on_land(), self._too_long(t, rows)]))
+
+    def _on_land(self) -> str:
+        """Say which starts are on land, where nothing moves."""
+        system = _planar(self.system)
+        found = np.flatnonzero(system.is_land(self.x[:, : len(system.coordinates)]))
+        if not found.size:
+            return ""
+        if not self.members:
+            return "the start is on land, where nothing moves"
+        which = f"the first of them member {found[0]}"
+        return f"{found.size} of {len(self.x)} members start on land, {which}"
 
     def _too_long(self, t: np.ndarray, rows: np.ndarray) -> str:
         """Say which record is the first where steps are too long, and how long they may be."""

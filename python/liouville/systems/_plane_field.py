@@ -66,6 +66,10 @@ class PlaneField(Field):
         del rows
         return None
 
+    def is_land(self, x: np.ndarray) -> np.ndarray:
+        """Return which of the states x, shape (..., n), are where nothing ever moves."""
+        return np.zeros(x.shape[:-1], dtype=bool)
+
     @abstractmethod
     def operations(self, number: int) -> int:
         """Return about how many operations a flow of a plane takes."""

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from liouville.errors import hinted
 from liouville.systems import _trace
 from liouville.systems.gridded.axis import Array, Axis, Bounds
+from liouville.systems.gridded.coordinates import TURNS, Turn
 
 #: Degrees of the splines.
 DEGREES = (3, 5)
@@ -22,6 +23,12 @@ EQUAL = 1e-6
 #: Nodes are rounded by so many units of the last digit of their type, and of a distance this part.
 LAST_DIGITS, MOST_ROUNDED = 4, 1e-2
 
+#: Nodes meet after a period where they are nearer than this part of their distance.
+MEETS = 1e-3
+
+#: Values differ by roundoff where they differ by this part of the largest difference.
+CLOSE = 1e-6
+
 #: Splines in time have this degree, or that of the polynomial through fewer samples.
 IN_TIME = 3
 
@@ -30,7 +37,12 @@ SILENT, MOST_DIVERGENCE = 1e-3, 5e-2
 
 
 def axes_of(
-    nodes: Mapping[str, Any], periodic: Any, walls: Any, degree: Any, is_of_faces: bool
+    nodes: Mapping[str, Any],
+    periodic: Any,
+    walls: Any,
+    degree: Any,
+    is_of_faces: bool,
+    kind: str,
 ) -> tuple[list[Axis], list[bool]]:
     """Return the axes, and whether the values of each are to be reversed."""
     if isinstance(degree, bool) or degree not in DEGREES:
@@ -40,13 +52,15 @@ def axes_of(
     if both := [name for name in walls if name in periods]:
         raise ValueError(f"'{both[0]}' is periodic and has walls; it is one of them or none")
     axes, reversed_ = [], []
-    for name, given in nodes.items():
+    for place, (name, given) in enumerate(nodes.items()):
         points = _points(name, given)
         is_reversed = bool(points[0] > points[-1])
         points = points[::-1] if is_reversed else points
         bounds: Bounds = "open"
         if name in periods:
-            bounds, points = "periodic", _with_period(name, points, periods[name])
+            turn = TURNS.get(kind)
+            turn = turn if turn is not None and turn.place == place else None
+            bounds, points = "periodic", _with_period(name, points, periods[name], turn)
         elif name in walls:
             bounds = "wall"
         least = degree + 2 if bounds == "periodic" else degree + 1
@@ -100,13 +114,55 @@ def arrays_of(
 def check_ends(what: str, arrays: Sequence[Array], axes: Sequence[Axis], lead: int) -> None:
     """Refuse periodic data whose last values are the first ones."""
     for k, axis in enumerate(axes):
-        if not axis.is_periodic:
-            continue
-        ends = [(np.take(x, 0, lead + k), np.take(x, -1, lead + k)) for x in arrays]
-        is_one = all(np.array_equal(*pair, equal_nan=True) for pair in ends)
-        if is_one and any(np.any(np.diff(x, axis=lead + k)) for x in arrays):
+        if axis.is_periodic and _are_closed([np.moveaxis(x, lead + k, 0) for x in arrays]):
             sentence = f"{what} at the last '{axis.name}' is that at the first"
             raise ValueError(hinted(sentence, "leave out the last one, which is a period later"))
+
+
+def _are_closed(arrays: Sequence[Array]) -> bool:
+    """Return whether the last values along the first axis are the first ones, a period later."""
+
+    def size(*values: Array) -> float:
+        return max(float(np.abs(np.nan_to_num(each)).max(initial=0.0)) for each in values)
+
+    if any((np.isnan(x[0]) != np.isnan(x[-1])).any() for x in arrays):
+        return False
+    gap, largest = size(*(x[-1] - x[0] for x in arrays)), size(*arrays)
+    if gap > CLOSE * largest:
+        return False
+    varied = CLOSE * max(size(x - x[0]) for x in arrays)
+    if gap > varied or not varied:
+        return False
+    if any(size(x[i] - x[-1 - i]) > varied for x in arrays for i in (1, 2)):
+        return True
+    # values alike on both sides of the seam: it is the reading that makes them smoother
+    seams = [(-4, -3, -2, 0, 1, 2, 3), (-4, -3, -2, -1, 0, 1, 2, 3)]
+    closed, given = (max(size(np.diff(x[list(seam)], 4, axis=0)) for x in arrays) for seam in seams)
+    return closed <= given
+
+
+def check_gaps(missing: Any, axes: Sequence[Axis], time: Axis) -> None:
+    """Refuse data that are missing at some times only, which are no land."""
+    hint = "fill the gap, or leave the sample out"
+    times = time.edges
+    if (empty := missing.reshape(len(missing), -1).all(1)).any() and not empty.all():
+        first = int(np.argmax(empty))
+        raise ValueError(
+            hinted(f"velocity is NaN at all nodes of the sample at t = {times[first]:g}", hint)
+        )
+    gaps = missing & ~missing.all(0)
+    if not gaps.any():
+        return
+    first, *place = np.argwhere(gaps)[0].tolist()
+    names = ", ".join(axis.name for axis in axes)
+    where = ", ".join(f"{axis.edges[k]:g}" for axis, k in zip(axes, place, strict=True))
+    count = int(gaps.any(0).sum())
+    nodes = "1 node" if count == 1 else f"{count} nodes"
+    sentence = (
+        f"velocity is NaN at some times only at {nodes}, first at t = {times[first]:g} and "
+        f"({names}) = ({where})"
+    )
+    raise ValueError(hinted(sentence, "fill the gaps, or give mask=, which is land at all times"))
 
 
 def gauge_of(gauge: str | None, what: str, axes: Sequence[Axis]) -> str:
@@ -158,16 +214,35 @@ def _points(name: str, given: ArrayLike) -> Array:
     return ideal if is_even else points
 
 
-def _with_period(name: str, points: Array, period: float | None) -> Array:
+def _with_period(name: str, points: Array, period: float | None, turn: Turn | None) -> Array:
     steps = np.diff(points)
     if np.ptp(steps) > EQUAL * steps.max():
         sentence = f"'{name}' is periodic, and its nodes are not equidistant"
         raise ValueError(hinted(sentence, "interpolate the data to equidistant nodes"))
     whole = (points[-1] - points[0]) * points.size / (points.size - 1)
-    if period is not None and abs(period - whole) > 1e-3 * steps[0]:
-        sentence = f"'{name}' has period {period:g}, and its nodes one of {whole:g}"
-        raise ValueError(hinted(sentence, "the last node is not the first one a period later"))
-    found: Array = np.linspace(points[0], points[0] + (period or whole), points.size + 1)
+    wanted = _turned(name, whole, period, turn) if turn else period
+    if wanted is not None and abs(wanted - whole) > MEETS * steps[0]:
+        unit = turn.unit if turn else ""
+        sentence = f"'{name}' has period {wanted:g}{unit}, and its nodes one of {whole:g}{unit}"
+        hint = "the last node is not the first one a period later"
+        if abs(whole - steps[0] - wanted) <= MEETS * steps[0]:
+            hint = "leave out the last node, which is the first one a period later"
+        elif turn and any(abs(whole - x.length) <= MEETS * steps[0] for x in TURNS.values()):
+            hint = turn.advice
+        raise ValueError(hinted(sentence, hint))
+    found: Array = np.linspace(points[0], points[0] + (wanted or whole), points.size + 1)
+    return found
+
+
+def _turned(name: str, whole: float, period: float | None, turn: Turn) -> float:
+    """Return the period of an angle, a turn over a whole number; of longitudes one that is said."""
+    count = round(turn.length / (period or whole))
+    if period is None and turn.unit:
+        return turn.length
+    found = turn.length / max(count, 1)
+    if period is not None and abs(period - found) > MEETS * found:
+        sentence = f"'{name}' has a period of {turn.length:g}{turn.unit} over a whole number"
+        raise ValueError(f"{sentence}, not {period:g}")
     return found
 
 

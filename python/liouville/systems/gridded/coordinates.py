@@ -26,6 +26,23 @@ POLE = 1e-9
 
 
 @dataclass(frozen=True)
+class Turn:
+    """A coordinate that is an angle: its place among the axes, a whole turn and its unit."""
+
+    place: int
+    length: float
+    unit: str
+    advice: str
+
+
+#: The angles that an axis may go round.
+TURNS = {
+    "cylindrical": Turn(1, 2 * np.pi, "", "angles are in radians: np.radians"),
+    "spherical": Turn(0, 360.0, " degrees", "angles are in degrees: np.degrees"),
+}
+
+
+@dataclass(frozen=True)
 class Coordinates:
     """The way from a user's coordinates to those that are stepped.
 
@@ -46,14 +63,22 @@ class Coordinates:
             return ("q", "phi", "Z")
         return ("lon", "mu") if self.kind == "spherical" else given
 
-    def inward(self, x: Array) -> Array:
-        """Return states of points, the coordinate last."""
+    def inward(self, x: Array, span: tuple[float, float] | None = None) -> Array:
+        """Return states of points, the coordinate last.
+
+        Longitudes that are in a span but for a turn are brought there.
+        """
         x = np.array(x, dtype=float)
         if self.kind == "cylindrical":
             x[..., 0] = x[..., 0] ** 2 / 2
         elif self.kind == "spherical":
             x = np.radians(x)
             x[..., 1] = np.sin(x[..., 1])
+            if span is not None:
+                lon, turn = x[..., 0], 2 * np.pi
+                turned = lon + turn * np.ceil((span[0] - lon) / turn)
+                is_off = (lon < span[0]) | (lon > span[1])
+                x[..., 0] = np.where(is_off & (turned <= span[1]), turned, lon)
         return x
 
     def outward(self, x: Array) -> Array:
@@ -74,6 +99,12 @@ class Coordinates:
         if self.kind == "spherical":
             cosine = np.cos(np.radians(second))
             return [components[0] / (self.radius * cosine), components[1] * cosine / self.radius]
+        return list(components)
+
+    def fluxes(self, components: Sequence[Array]) -> list[Array]:
+        """Return fluxes through faces in the coordinates of the states."""
+        if self.kind == "spherical":
+            return [each / self.radius**2 for each in components]
         return list(components)
 
     def potential(self, components: Sequence[Array], first: Array) -> list[Array]:

@@ -72,7 +72,7 @@ class Given:
 
     def land(self, arrays: list[Array], mask: Any, turned: Sequence[bool]) -> tuple[Any, Any]:
         """Return which nodes and which cells are land, None where there is none."""
-        what, axes, lead = self.what, self.axes, self.lead
+        what, axes = self.what, self.axes
         bad = [np.isnan(array) for array in arrays]
         if any(np.isinf(array).any() for array in arrays):
             sentence = f"{what} is infinite at {sum(int(np.isinf(x).sum()) for x in arrays)} places"
@@ -90,7 +90,12 @@ class Given:
             if what != "velocity":
                 raise ValueError(hinted(f"{what} has values that are not finite", "give 0 on land"))
             missing = np.logical_or.reduce(bad)
-            missing = missing.any(0) if lead else missing
+            if self.time is not None:
+                known = np.zeros(missing.shape[1:], dtype=bool) if land is None else land
+                checks.check_gaps(missing & ~known, axes, self.time)
+                missing = missing.all(0)
+            if missing.all():
+                raise ValueError("velocity is NaN at all nodes")
             land = missing if land is None else land | missing
         if land is None:
             return None, None
@@ -112,7 +117,8 @@ class Given:
             return [Axis(first.name, first.edges**2 / 2, first.p, first.bounds), *axes[1:]]
         if self.kind.kind == "spherical":
             if np.abs(second.edges).max() > 90 * (1 - POLE):
-                raise ValueError("latitudes are between -90 and 90 degrees, without the poles")
+                sentence = "latitudes are between -90 and 90 degrees, without the poles"
+                raise ValueError(hinted(sentence, "cut the data at 89 degrees or before"))
             mu = np.sin(np.radians(second.edges))
             lon = Axis(first.name, np.radians(first.edges), first.p, first.bounds)
             return [lon, Axis(second.name, mu, second.p, second.bounds)]
@@ -141,7 +147,7 @@ class Given:
         what, lead, kind = self.what, self.lead, self.kind
         nodes = [axis.edges[: axis.nodes] for axis in self.axes]
         if what == "fluxes":
-            return solved(fluxes_of_faces(arrays, axes, lead), axes, lead)
+            return solved(fluxes_of_faces(kind.fluxes(arrays), axes, lead), axes, lead)
         if what == "velocity":
             rates = kind.velocity(arrays, nodes[0], nodes[1])
             return solved(fluxes_of_nodes(rates, axes, lead), axes, lead)

@@ -14,7 +14,7 @@ from liouville.systems import _trace
 from liouville.systems._expressions import Symbols
 from liouville.systems._observer import Observer
 from liouville.systems._plane_field import PlaneField, Planes, planes_of
-from liouville.systems.gridded import checks, islands, reading
+from liouville.systems.gridded import checks, conventions, islands, reading
 from liouville.systems.gridded.axis import Array
 from liouville.systems.gridded.coordinates import KINDS, Coordinates
 from liouville.systems.gridded.data import Given
@@ -48,15 +48,17 @@ class GriddedField(PlaneField):
         samples are joined by a line, three by a parabola.
     velocity : sequence of array_like, optional
         The components at the nodes, each of shape ([T,] nx, ny[, nz]). In the plane, nodes where
-        they are NaN are land.
+        they are NaN, at all times, are land.
     potential : sequence of array_like, optional
         The components of A at the nodes instead; in the plane the stream function
         :math:`\psi` with :math:`v = (\psi_y, -\psi_x)`.
     fluxes : sequence of array_like, optional
-        Fluxes through the faces of cells instead, as C-grids have them: volume in unit time. Along
-        its own axis a component has a value on every edge, along others one in every cell.
+        Fluxes through the faces of cells instead, as C-grids have them: volume in unit time, in the
+        plane and on a sphere the velocity times the length of the face. Along its own axis a
+        component has a value on every edge, along others one in every cell.
     periodic : sequence of str, or mapping of str to float
-        Names of periodic axes, with their periods if they are to be checked.
+        Names of periodic axes, with their periods if they are to be checked. That of longitudes is
+        360 degrees, unless another is given, and that of phi :math:`2\pi` over a whole number.
     walls : sequence of str
         Names of axes with walls at both ends, through which nothing flows. The ends of others are
         open: a trajectory may leave there, and has failed then.
@@ -170,7 +172,7 @@ class GriddedField(PlaneField):
             if len(named) != n:
                 raise ValueError(f"names has {len(named)} names, wanted {n}")
         nodes = dict(zip(named, (x, y, z), strict=False))
-        axes, turned = checks.axes_of(nodes, periodic, walls, degree, what == "fluxes")
+        axes, turned = checks.axes_of(nodes, periodic, walls, degree, what == "fluxes", coordinates)
         time = None if t is None else checks.time_axis(t)
         given = Given(what, self._kind, axes, time)
         arrays = given.arrays(data, turned)
@@ -202,14 +204,16 @@ class GriddedField(PlaneField):
         dataset : xarray.Dataset
             Or what has its attributes. Components are found by their standard names, such as
             "eastward_sea_water_velocity", or by names such as "u"; axes by the attribute ``axis``,
-            standard names, units, or names such as "x", "lon", "time". NaN is land.
+            standard names, units, or names such as "x", "lon", "time". NaN is land. An upward
+            velocity is turned where levels count downwards, by the attribute ``positive`` or by
+            names such as "depth".
         u, v, w : str, optional
             Names of the components, if they are to be others. Without levels there is no w.
         **options
             As for :class:`GriddedField`: ``walls``, ``periodic``, ``degree`` and so on, with the
             names of axes as the data set has them or as the field has them. Of longitudes and
             latitudes the coordinates are spherical, on the earth, and periodic where longitudes go
-            round.
+            round, in any numbering, with the last meridian given or not.
 
         Returns
         -------
@@ -222,8 +226,13 @@ class GriddedField(PlaneField):
         TypeError
             It is no data set.
         ValueError
-            A component or an axis is not found, units do not fit or are not known, or as for the
-            class.
+            A component or an axis is not found, units do not fit or are not known, a grid is
+            curvilinear or a C-grid, or as for the class.
+
+        Warns
+        -----
+        UserWarning
+            The data reach a pole, and were cut at 89 degrees; or as for the class.
 
         Examples
         --------
@@ -270,7 +279,7 @@ class GriddedField(PlaneField):
         given: Mapping[str, str | None],
         options: Mapping[str, Any],
     ) -> Self:
-        made = reading.arguments(variables, given, options)
+        made = conventions.arguments(variables, given, options)
         return cls(*made.pop("xyz"), **made)
 
     def _finish(self, found: Potential, land: Any, most: float) -> None:
@@ -278,7 +287,7 @@ class GriddedField(PlaneField):
         axes, lead = self._axes, int(self._time is not None)
         self.divergence, self.mean, self.islands = found.divergence, found.mean, 0
         checks.check_divergence(found.divergence, most)
-        a = found.a
+        a, self._land = found.a, land
         if land is not None:
             psi, self.islands = islands.with_islands(a[0], self.mean, land, axes, lead)
             a = (psi,)
@@ -369,9 +378,18 @@ class GriddedField(PlaneField):
                 raise ValueError(hinted(sentence, hint) if hint else sentence)
         return x
 
+    def is_land(self, x: np.ndarray) -> np.ndarray:
+        """Return which of the states x, shape (..., n), are in cells of land."""
+        return super().is_land(x) if self._land is None else islands.at(x, self._land, self._axes)
+
     def states_of(self, points: ArrayLike) -> Array:
-        """Return the states of points in the user's coordinates, shape (..., n)."""
-        return self._kind.inward(np.asarray(points))
+        """Return the states of points in the user's coordinates, shape (..., n).
+
+        Longitudes of a region may be a turn off.
+        """
+        axis = self._axes[0]
+        span = None if axis.is_periodic else (axis.edges[0], axis.edges[-1])
+        return self._kind.inward(np.asarray(points), span)
 
     def points_of(self, x: ArrayLike) -> Array:
         """Return points in the user's coordinates of states x, shape (..., n)."""

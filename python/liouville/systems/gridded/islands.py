@@ -28,6 +28,17 @@ def cells_of_nodes(is_land: Mask, axes: Sequence[Axis]) -> Mask:
     return is_land
 
 
+def at(x: Array, land: Mask, axes: Sequence[Axis]) -> Mask:
+    """Return which of the states x, shape (..., 2), are in cells of land."""
+    places = []
+    for axis, each in zip(axes, np.moveaxis(x, -1, 0), strict=True):
+        first = axis.edges[0]
+        inside = first + (each - first) % axis.length if axis.is_periodic else each
+        found = np.searchsorted(axis.edges, inside, side="right") - 1
+        places.append(np.clip(found, 0, axis.n - 1))
+    return np.asarray(land[tuple(places)])
+
+
 def with_islands(
     psi: Array, mean: Array, land: Mask, axes: Sequence[Axis], lead: int
 ) -> tuple[Array, int]:
