@@ -63,6 +63,20 @@ def test_runs_keep_to_their_tolerance_and_every_call_is_counted(name):
     assert np.abs(energies).max() < 1e-4
 
 
+@pytest.mark.parametrize(
+    ("x", "z", "end"), [(0.5, 1, 5), (0.5, 1, 8), (0.5, 2, 5), (1, 2, 5), (2, 1, 8), (2, 2, 5)]
+)
+def test_a_product_whose_weight_is_zero_is_not_counted(x, z, end):
+    """It is not made: in the middle of a crossing, where rounding errors cancel."""
+    h0, h1 = np.array([[0.0, x], [x, 0.0]]), np.diag([z, -z])
+    product = Counted(h0, [(lambda t: t, h1)])
+    system, run = lv.Schrodinger((2, product)), {"t": (-end, end)}
+    plan = lv.plan(system, lv.Chebyshev(1e-6), **run)
+    product.calls = 0
+    solution = lv.integrate(system, plan, **run, psi=[1.0, 0.0])
+    assert solution.stats["products"] == product.calls - 2  # the energies at both ends
+
+
 def test_steps_of_a_size_are_those_of_the_same_drive():
     psi = FIRST + 0.5j
     driven = lv.Schrodinger(H0, drive=[(lambda t, _: ca.cos(t), H1)])

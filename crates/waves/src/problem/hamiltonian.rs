@@ -142,8 +142,13 @@ impl Hamiltonian {
 
     /// Products that one counts as: as many as the user's functions make, and at least one.
     pub fn products(&self) -> usize {
+        self.calls().max(1)
+    }
+
+    /// Calls of the user's functions in a product.
+    pub(crate) fn calls(&self) -> usize {
         let is_foreign = |term: &&Operator| matches!(term, Operator::Product(_));
-        self.terms.iter().filter(is_foreign).count().max(1)
+        self.terms.iter().filter(is_foreign).count()
     }
 
     /// The largest distance of an entry from the diagonal; none if any term is a whole one.

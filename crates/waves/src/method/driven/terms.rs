@@ -240,6 +240,7 @@ impl Terms {
             let mut sum = std::mem::take(&mut self.sums[k]);
             let diagonal = if k == 0 { -window.sigma } else { 0.0 };
             if sum.is_empty() && k > 0 && fit.weights[k] == 0.0 {
+                self.products -= self.groups[k].hamiltonian().calls();
                 continue;
             }
             if sum.is_empty() {
