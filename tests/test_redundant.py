@@ -148,6 +148,15 @@ def test_orders_are_those_of_independent_constraints(s, order):
         assert np.log2(errors[0] / errors[1]) == pytest.approx(order, abs=0.5)
 
 
+def test_bricards_start_is_that_of_a_cube_to_the_bit():
+    """Velocities were off by 2e-13, and both by roundings that differ by processor."""
+    for values in bricard.start.values():
+        assert set(np.abs(values)) <= {0.0, 0.5, 1.0, 1.5, 3.0}
+    moved = bricard.system.consistent(**bricard.start)
+    for name, values in bricard.start.items():
+        np.testing.assert_allclose(moved[name], values, rtol=0, atol=1e-15)
+
+
 def test_starts_are_moved_onto_redundant_constraints():
     rng = np.random.default_rng(3)
     q, v = (np.array(hinged_fourbar.start[key]) for key in "qv")

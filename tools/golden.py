@@ -2,7 +2,8 @@
 
 ``python tools/golden.py --write`` integrates all cases and writes ``tests/data/golden.json``;
 ``--check`` integrates them again and prints for each whether it has the same bits, or else the
-largest relative difference; ``--check pendulum`` only those whose names contain "pendulum".
+largest relative difference. ``--write pendulum`` and ``--check pendulum`` do so with those alone
+whose names contain "pendulum".
 ``golden_cases.py`` has the cases. The value of one is a hash of the bits of all end states, and for
 each state, as hexadecimal floats, its components or, of more than three, the first, the last and
 the correctly rounded sum, of an ensemble that alone.
@@ -21,13 +22,12 @@ import hashlib
 import json
 import math
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-from golden_cases import NAMES, Case, cases, run
+from golden_cases import DATA, NAMES, Case, cases, run
 
-PLACE = Path(__file__).resolve().parent.parent / "tests" / "data" / "golden.json"
+PLACE = DATA / "golden.json"
 
 #: Less than any size, and not zero.
 TINY = np.finfo(float).tiny
@@ -131,16 +131,17 @@ def load() -> dict[str, Any]:
     return found
 
 
-def write() -> None:
-    """Run all cases and write them, one a line; what was written by hand stays."""
+def write(part: str) -> None:
+    """Run the cases whose names contain `part` and write all, one a line, with what stays."""
     kept = load() if PLACE.exists() else {"resolved": [], "machine": []}
     states, refused = {}, {}
     for case in (case for problem in NAMES for case in cases(problem)):
-        found = outcome(case)
+        name = str(case)
+        found = outcome(case) if part in name else kept["refused"].get(name)
         if isinstance(found, str):
-            refused[str(case)] = found
+            refused[name] = found
         else:
-            states[str(case)] = written(found)
+            states[name] = kept["cases"][name] if found is None else written(found)
     parts = {"resolved": kept["resolved"], "machine": kept["machine"]}
     parts |= {"refused": refused, "cases": states}
     PLACE.write_text(as_lines(parts), encoding="utf-8")
@@ -179,11 +180,11 @@ def check(part: str) -> bool:
 def main() -> int:
     """Read the command line."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--write", action="store_true", help="write the file anew")
+    parser.add_argument("--write", nargs="?", const="", metavar="PART", help="write it anew")
     parser.add_argument("--check", nargs="?", const="", metavar="PART", help="compare with it")
     given = parser.parse_args()
-    if given.write:
-        write()
+    if given.write is not None:
+        write(given.write)
     return 0 if given.check is None else int(not check(given.check))
 
 
