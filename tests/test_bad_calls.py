@@ -3,7 +3,9 @@
 One table, one row a mistake. None of them returns numbers.
 """
 
+import copy
 import math
+import pickle
 
 import casadi as ca
 import numpy as np
@@ -715,3 +717,38 @@ def test_arguments_have_any_other_names():
     still(observe={"x": lambda t, q, p, params: q[0]}, events={"e": lambda t, q, p, *_: q[0] - 1.2})
     with pytest.raises(TypeError, match=r"observed 'x' is called with \(t, q, v, params\)"):
         still(observe={"x": lambda t, q, p, params: [q[0], np.array([1, p[0]])]})
+
+
+@pytest.mark.parametrize(
+    "made",
+    [
+        lambda: system(
+            params={"m": 1.0, "g": [9.81, 1.0]}, lagrangian=lambda t, q, v, p: p.m * v[0]
+        ),
+        lambda: lv.PolynomialField(
+            lambda t, x, p: [p.m * p.g[0] * x[1], 0], x=2, params={"m": 1.0, "g": [1.0, 1.0]}
+        ),
+        lambda: lv.Schrodinger(
+            np.eye(2),
+            drive=[(lambda t, p: p.m * p.g[0] * t, np.eye(2))],
+            params={"m": 1.0, "g": [1.0, 1.0]},
+        ),
+    ],
+    ids=["mechanics", "field", "wave"],
+)
+def test_parameters_of_a_system_cannot_be_changed_in_place(made):
+    params = made().params
+    for change in (
+        lambda: params.__setitem__("m", 2.0),
+        lambda: params.__delitem__("m"),
+        lambda: params.update(m=2.0),
+        lambda: params.pop("m"),
+        lambda: params.__ior__({"m": 2.0}),
+    ):
+        with pytest.raises(TypeError, match=r"cannot be changed\nhint: .* params=\{"):
+            change()
+    with pytest.raises(ValueError, match="read-only"):
+        params["g"][0] = 1.0
+    for own in (copy.deepcopy(params), pickle.loads(pickle.dumps(params)), params | {"m": 1.0}):
+        assert own["m"] == 1.0
+        own["m"] = 2.0  # a copy is the user's

@@ -35,6 +35,31 @@ def number(wanted: str, value: Any) -> float:
         return math.inf
 
 
+class ReadOnly(dict[str, Any]):
+    """A dict that refuses changes; a copy, or one from a pickle, is a plain dict."""
+
+    def _refuse(self, *args: Any, **kwargs: Any) -> Any:
+        """Say what changes a parameter."""
+        sentence = "the parameters of a system cannot be changed"
+        raise TypeError(hinted(sentence, "give other values to the call: params={...}"))
+
+    __setitem__ = __delitem__ = __ior__ = _refuse
+    update = setdefault = pop = popitem = clear = _refuse
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickle the entries alone."""
+        return dict, (dict(self),)
+
+
+def read_only(defaults: Mapping[str, np.ndarray]) -> ReadOnly:
+    """Return values of parameters by name: floats, and read-only copies of arrays."""
+    found = {name: x.copy() if x.ndim else float(x) for name, x in defaults.items()}
+    for x in found.values():
+        if isinstance(x, np.ndarray):
+            x.setflags(write=False)
+    return ReadOnly(found)
+
+
 def kept(given: Any) -> Any:
     """Return copies of arrays and lists, also those by name, and anything else as it is."""
     if isinstance(given, Mapping):

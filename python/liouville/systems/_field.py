@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from liouville import _core
+from liouville._arguments import read_only
 from liouville.errors import hinted
 from liouville.events import Event
 from liouville.systems import _trace
@@ -48,9 +49,8 @@ class Field(Pickled, ABC):
 
     @property
     def params(self) -> dict[str, float | np.ndarray]:
-        """The parameters' default values."""
-        defaults = self._symbols.params.defaults
-        return {name: x.copy() if x.ndim else float(x) for name, x in defaults.items()}
+        """The parameters' default values, read-only; a run takes others by its ``params=``."""
+        return read_only(self._symbols.params.defaults)
 
     @property
     def places(self) -> dict[str, tuple[str, ...]]:

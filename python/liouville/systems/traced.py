@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from liouville import _casadi as ca
 from liouville import _core
+from liouville._arguments import read_only
 from liouville._job import Reset
 from liouville.errors import Description, describe, hinted
 from liouville.events import Event, Impact
@@ -91,9 +92,8 @@ class TracedSystem(Pickled, ABC):
 
     @property
     def params(self) -> dict[str, float | np.ndarray]:
-        """The parameters' default values."""
-        defaults = self._symbols.params.defaults
-        return {name: x.copy() if x.ndim else float(x) for name, x in defaults.items()}
+        """The parameters' default values, read-only; a run takes others by its ``params=``."""
+        return read_only(self._symbols.params.defaults)
 
     @property
     @abstractmethod

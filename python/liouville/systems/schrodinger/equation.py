@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from liouville import _core
+from liouville._arguments import read_only
 from liouville.systems import _trace
 from liouville.systems.schrodinger import foreign, forms, graph, observed, time_functions
 from liouville.systems.schrodinger.bounded import Bounded
@@ -289,9 +290,8 @@ class Schrodinger(Bounded):
 
     @property
     def params(self) -> dict[str, float | np.ndarray]:
-        """The parameters' default values."""
-        defaults = self._params.defaults
-        return {name: x.copy() if x.ndim else float(x) for name, x in defaults.items()}
+        """The parameters' default values, read-only; a run takes others by its ``params=``."""
+        return read_only(self._params.defaults)
 
     def with_params(self, params: Mapping[str, ArrayLike] | None) -> Self:
         """Return the equation with other parameters; ValueError names an unknown one."""
