@@ -280,3 +280,45 @@ def test_friction_by_its_sign():
     )  # fmt: skip
     found, wanted = (lv.integrate(x, lv.Spark(2), **run).q for x in (system, own))
     assert found == pytest.approx(wanted, abs=1e-13)
+
+
+def choices():
+    x = me.dynamicsymbols("x")
+    k = sympy.Symbol("k")
+    return {
+        "Max": -100 * sympy.Max(x, 0, x**2),
+        "Min": sympy.Min(x, k, -0.2),
+        "Mod": sympy.Mod(x, 2),
+        "Mod of a negative number": sympy.Mod(x, -k),
+        "floor and ceiling": sympy.floor(3 * x) + sympy.ceiling(5 * x) ** 2,
+        "Heaviside": sympy.Heaviside(x) + sympy.Heaviside(x, 2),
+        "Piecewise": sympy.Piecewise((-100 * x, x > 0), (0, True)),
+        "Piecewise of conditions": sympy.Piecewise(
+            (-k * x, (x > 0.1) & (x <= 2)), (3, (x >= 5) | sympy.Ne(x, 0)), (sympy.Max(k, 1), True)
+        ),
+        "Piecewise without True": sympy.Piecewise((x, x > 0), (2 * x, x <= 0)),
+    }
+
+
+@pytest.mark.parametrize("case", choices())
+def test_functions_that_choose_are_those_of_sympy(case):
+    force, x = choices()[case], me.dynamicsymbols("x")
+    frame, point = me.ReferenceFrame("N"), me.Point("P")
+    point.set_vel(frame, x.diff(T) * frame.x)
+    lagrangian = me.Lagrangian(frame, me.Particle("p", point, 1))
+    method = me.LagrangesMethod(lagrangian, [x], forcelist=[(point, force * frame.x)], frame=frame)
+    system = lv.from_sympy(method, {"k": 7.0})
+    for at in (-0.31, 0.0, 0.31, 5.5):
+        wanted = float(force.subs({x: at, sympy.Symbol("k"): 7.0}))
+        found = lv.integrate(system, lv.HHT(), t=(0, 1e-9), steps=1, q=[at], v=[0])
+        assert found.acceleration[0, 0] == pytest.approx(wanted, rel=1e-14, abs=1e-14)
+
+
+def test_a_piecewise_that_leaves_a_gap_is_refused():
+    x, frame, point = me.dynamicsymbols("x"), me.ReferenceFrame("N"), me.Point("P")
+    point.set_vel(frame, x.diff(T) * frame.x)
+    lagrangian = me.Lagrangian(frame, me.Particle("p", point, 1))
+    load = (point, sympy.Piecewise((x, x > 0)) * frame.x)
+    method = me.LagrangesMethod(lagrangian, [x], forcelist=[load], frame=frame)
+    with pytest.raises(ValueError, match="none of its conditions holds\nhint: end it with"):
+        lv.from_sympy(method)

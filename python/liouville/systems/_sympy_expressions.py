@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import importlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import reduce
 from typing import Any
 
 from liouville import _casadi as ca
@@ -15,7 +16,24 @@ FUNCTIONS = {
     **{name: name for name in ("sin", "cos", "tan", "asin", "acos", "atan", "atan2")},
     **{name: name for name in ("sinh", "cosh", "tanh", "asinh", "acosh", "atanh")},
     **{name: name for name in ("exp", "log", "sqrt", "sign")},
-    "Abs": "fabs",
+    **{"Abs": "fabs", "floor": "floor", "ceiling": "ceil"},
+}
+
+#: Functions that choose, which :func:`_chosen` writes by `OPERATIONS`.
+CHOICES = ("Piecewise", "Heaviside", "Mod", "Max", "Min")
+
+#: What they are made of; conditions are numbers to CasADi.
+OPERATIONS: dict[str, Callable[..., Any]] = {
+    "_if_else": lambda condition, a, b: ca.if_else(ca.SX(condition), a, b),
+    "_max": lambda a, b: ca.fmax(a, b),
+    "_min": lambda a, b: ca.fmin(a, b),
+    "_mod": lambda a, b: a - b * ca.floor(ca.SX(a) / b),
+    "_and": lambda a, b: ca.logic_and(ca.SX(a), ca.SX(b)),
+    "_or": lambda a, b: ca.logic_or(ca.SX(a), ca.SX(b)),
+    "_not": lambda a: ca.logic_not(ca.SX(a)),
+    "_less": lambda a, b: ca.SX(a) < ca.SX(b),
+    "_not_more": lambda a, b: ca.SX(a) <= ca.SX(b),
+    "_equal": lambda a, b: ca.SX(a) == ca.SX(b),
 }
 
 Inputs = Mapping[str, Callable[..., Any]]
@@ -45,10 +63,65 @@ def compiled_of(symbols: Sequence[Any], expressions: Sequence[Any], **options: A
     """Return expressions as a function that makes CasADi's of these symbols."""
     sympy = imported("sympy")
     own = {name: getattr(ca, function) for name, function in FUNCTIONS.items()}
-    own["abs"] = own["Abs"]
-    # printed as a function, a sign is not one of Python's conditions
-    plain = [x.replace(sympy.sign, sympy.Function("sign")) for x in expressions]
+    own |= OPERATIONS | {"abs": own["Abs"]}
+    plain = [_chosen(sympy, x) for x in expressions]
     return sympy.lambdify(symbols, plain, modules=[own], **options)
+
+
+def _chosen(sympy: Any, expression: Any) -> Any:
+    """Write what chooses as functions: printed otherwise, it is one of Python's conditions."""
+
+    def apply(name: str, *args: Any) -> Any:
+        return sympy.Function(name)(*args)
+
+    def all_of(name: str, args: Iterable[Any]) -> Any:
+        return reduce(lambda a, b: apply(name, a, b), args)
+
+    def condition(x: Any) -> Any:
+        if x in (sympy.true, sympy.false):
+            return sympy.Integer(bool(x))
+        if x.is_Relational:
+            a, b = x.args
+            if x.rel_op in (">", ">="):
+                a, b = b, a
+            relation = {"==": "_equal", "!=": "_equal"}.get(x.rel_op)
+            relation = relation or ("_less" if x.rel_op in ("<", ">") else "_not_more")
+            return (
+                apply("_not", apply(relation, a, b)) if x.rel_op == "!=" else apply(relation, a, b)
+            )
+        for kind, name in ((sympy.And, "_and"), (sympy.Or, "_or")):
+            if isinstance(x, kind):
+                return all_of(name, map(condition, x.args))
+        if isinstance(x, sympy.Not):
+            return apply("_not", condition(x.args[0]))
+        raise ValueError(f"Piecewise has the condition {x}, which no model can have")
+
+    def piecewise(*pairs: Any) -> Any:
+        values, conditions = zip(*(x.args for x in pairs), strict=True)
+        if sympy.Or(*conditions) != sympy.true:
+            sentence = "a Piecewise has no value where none of its conditions holds"
+            raise ValueError(hinted(sentence, "end it with (value, True)"))
+        found = values[-1]
+        for value, own in reversed([*zip(values, conditions, strict=True)][:-1]):
+            found = apply("_if_else", condition(own), value, found)
+        return found
+
+    def heaviside(x: Any, at_zero: Any) -> Any:
+        above = apply("_if_else", apply("_less", 0, x), 1, at_zero)
+        return apply("_if_else", apply("_less", x, 0), 0, above)
+
+    for kind, written in (
+        (sympy.sign, sympy.Function("sign")),
+        (sympy.floor, sympy.Function("floor")),
+        (sympy.ceiling, sympy.Function("ceiling")),
+        (sympy.Max, lambda *args: all_of("_max", args)),
+        (sympy.Min, lambda *args: all_of("_min", args)),
+        (sympy.Mod, lambda a, b: apply("_mod", a, b)),
+        (sympy.Heaviside, heaviside),
+        (sympy.Piecewise, piecewise),
+    ):
+        expression = expression.replace(kind, written)
+    return expression
 
 
 class Reader:
@@ -142,11 +215,11 @@ class Reader:
                     raise ValueError(hinted(sentence, hint))
                 self._dummy_inputs.setdefault(function, sympy.Dummy())
             for function in expression.atoms(sympy.Function) - expression.atoms(applied):
-                if type(function).__name__ not in FUNCTIONS:
+                if type(function).__name__ not in (*FUNCTIONS, *CHOICES):
                     raise ValueError(
                         hinted(
                             f"{what} has {type(function).__name__}, which no model can have",
-                            f"there are {', '.join(FUNCTIONS)}",
+                            f"there are {', '.join([*FUNCTIONS, *CHOICES])}",
                         )
                     )
             seen |= expression.free_symbols - set(self._known.values()) - {self.t}
