@@ -766,3 +766,32 @@ def test_roundoff_of_springs_that_pull_from_afar_is_no_force_left(far):
         still["acceleration"] = np.zeros((1, 2))
         for name in ("q0", "q1"):
             lv.inverse_dynamics(mass, still, [name])
+
+
+def test_a_search_under_follower_forces_says_what_finds_the_equilibrium():
+    def column(t, q, v, params):  # Ziegler's, stable below a load of 2.086
+        kinetic = (3 * v[0] ** 2 + 2 * ca.cos(q[0] - q[1]) * v[0] * v[1] + v[1] ** 2) / 2
+        return kinetic - (q[0] ** 2 + (q[1] - q[0]) ** 2) / 2
+
+    def load(t, q, v, params):
+        return [2.0 * ca.sin(q[0] - q[1]), 0]
+
+    system = lv.Lagrangian(column, q=2, force=load)
+    hint = "hint: the stiffness is not symmetric, as under follower forces: stable=False finds"
+    with pytest.raises(ValueError, match=hint):
+        lv.equilibrium(system, q=[0.05, 0.05])
+    rest = lv.equilibrium(system, q=[0.05, 0.05], stable=False)
+    assert not lv.modes(system, **rest.start).unstable
+
+
+def test_inverse_dynamics_takes_a_joint_for_all_of_its_coordinates():
+    m = lv.bodies.Assembly(gravity=(0, 0, -G))
+    m.body("b", mass=2.0, inertia=(0.1, 0.2, 0.25), at=(0, 0, 0))
+    m.free("f", "b")
+    motion = lv.integrate(m.system(), lv.Spark(3), t=(0, 0.1), h=0.05, **m.start())
+    hover = motion.states | {"t": motion.t, "acceleration": np.zeros((3, 7))}
+    given = {name: hover[name] * (name != "v") for name in ("t", "q", "v", "acceleration")}
+    given["q"] = np.tile(motion.q[0], (3, 1))
+    found = lv.inverse_dynamics(m.system(), given, ["f"])
+    assert [*found.efforts] == [f"f.{x}_{axis}" for x in ("move", "spin") for axis in "xyz"]
+    np.testing.assert_allclose(found.efforts["f.move_z"], 2 * G, rtol=1e-14)

@@ -191,19 +191,14 @@ def test_bad_calls_are_refused_with_a_sentence(sentence):
 
 def test_functions_of_joints_are_refused_by_name():
     m = base()
-    m.revolute("A", m.ground, "rod", **AT, axis=Z, torque=lambda t, params: 1.0)
-    with pytest.raises(TypeError, match=r"torque of joint 'A' is called with \(t, angle, rate, p"):
-        m.system()
-    m = base()
     m.revolute("A", m.ground, "rod", **AT, axis=Z, damping=lambda params: params.c)
     with pytest.raises(
         ValueError, match="damping of joint 'A': there is no parameter 'c'; the sys"
     ):
         m.system({"d": 1.0})
     m = base()
-    m.revolute("A", m.ground, "rod", **AT, axis=(0, 1, 0), torque=lambda t, x, v, p: float(x))
     with pytest.raises(ValueError, match="torque of joint 'A' contains the constant nan") as raised:
-        m.system()
+        m.revolute("A", m.ground, "rod", **AT, axis=(0, 1, 0), torque=lambda t, x, v, p: float(x))
     assert not hasattr(raised.value, "__notes__")
     m = base()
     m.revolute("A", m.ground, "rod", **AT, axis=(0, 1, 0), motion=lambda t, params: 2 * t)
@@ -338,3 +333,63 @@ def test_starts_refuse_what_has_no_value_as_drawn(sentence):
     m.system(params={"x": 1.0})
     with pytest.raises(ValueError, match=sentence):
         m.start(params={"x": -1.0})
+
+
+SPRING = {"at": ((0, 0, 0), (0, 0, -1))}
+WRONG_LAWS = {
+    "force 'F' returns 2 values": lambda m: m.force("F", "rod", lambda t, x, v, p: [0, 0]),
+    "torque 'F' returns 1 values": lambda m: m.torque("F", "rod", lambda t, w, p: 1.0),
+    r"torque of joint 'F' is called with \(t, angle, rate, p": lambda m: m.revolute(
+        "F", m.ground, "rod", **AT, axis=Z, torque=lambda t, params: 1.0
+    ),
+    r"force of joint 'F' is called with \(t, slide, rate, p": lambda m: m.prismatic(
+        "F", m.ground, "rod", axis=Z, force=lambda t, params: 1.0
+    ),
+    "motion of joint 'F' returns 2 values": lambda m: m.revolute(
+        "F", m.ground, "rod", **AT, axis=Z, motion=lambda t, p: [t, t]
+    ),
+    "equations of joint 'F' are 3": lambda m: m.guide("F", m.ground, "rod", lambda x, p: x),
+    r"stiffness= of spring 'F' is called with \(params\)": lambda m: m.spring(
+        "F", m.ground, "rod", **SPRING, stiffness=lambda length, rate, params: 1.0
+    ),
+    r"damping= of joint 'F' is called with \(params\)": lambda m: m.revolute(
+        "F", m.ground, "rod", **AT, axis=Z, damping=lambda t, rate, params: 1.0
+    ),
+}
+
+
+@pytest.mark.parametrize("sentence", WRONG_LAWS)
+def test_a_wrong_law_is_refused_where_it_is_given_and_can_be_given_again(sentence):
+    m = base()
+    with pytest.raises((TypeError, ValueError), match=sentence):
+        WRONG_LAWS[sentence](m)
+    m.free("F", "rod")  # the name is free
+    assert m.system().joints == ("F",)
+
+
+def test_a_law_of_parameters_is_looked_at_once_they_have_values_and_taken_out_again():
+    m = base()
+    m.free("flight", "rod")
+    m.force("F", "rod", lambda t, x, v, p: p.F)  # three numbers or not
+    assert m.system({"F": [0.0, 0.0, 1.0]})
+    with pytest.raises(ValueError, match="force 'F' returns 1 values, wanted 3"):
+        m.system({"F": 1.0})
+    with pytest.raises(ValueError, match=r"there is an element called 'F' already\nhint: m.remove"):
+        m.force("F", "rod", lambda t, x, v, p: [p.F, 0, 0])
+    m.remove("F")
+    m.force("F", "rod", lambda t, x, v, p: [p.F, 0, 0])
+    assert m.system({"F": 1.0})
+
+
+def test_what_others_need_is_not_removed():
+    m = base()
+    m.cylindrical("A", m.ground, "rod", **AT, axis=Z)
+    m.gear("G", {"A": 1, ("A", "slide"): 31})
+    for name, user in (("rod", "A"), ("A", "G")):
+        with pytest.raises(ValueError, match=f"'{user}' needs '{name}'\nhint: m.remove.'{user}'"):
+            m.remove(name)
+    with pytest.raises(ValueError, match="has no 'B'\nhint: there is 'rod', 'A' and 'G'"):
+        m.remove("B")
+    for name in ("G", "A", "rod"):
+        m.remove(name)
+    assert repr(m) == "<Assembly of 0 bodies and 0 joints>"

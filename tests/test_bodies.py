@@ -836,3 +836,18 @@ def test_a_beam_bends_and_twists_as_a_cantilever_does():
     assert turned == pytest.approx(slopes, rel=1e-6)
     with pytest.raises(ValueError, match="the line between the ends of beam 'C' has length zero"):
         m.beam("C", m.ground, "tip", at=(ends[0],) * 2, axial=1, bending=1, torsion=1)
+
+
+def test_members_start_with_lengths_of_their_own():
+    m = lv.bodies.Assembly(gravity=G)
+    m.point_mass("bob", mass=1.0, at=lambda p: (p.l, 0, 0))
+    m.distance("rod", m.ground, "bob", at=((0, 0, 0), lambda p: (p.l, 0, 0)))
+    system = m.system({"l": 1.0})
+    start = m.start(params={"l": [1.0, 2.0, 0.5]})
+    for k, length in enumerate((1.0, 2.0, 0.5)):
+        alone = m.start(params={"l": length})
+        assert all(np.array_equal(start[name][k], alone[name]) for name in ("q", "v"))
+    many = lv.ensemble(system, lv.Spark(3), t=(0, 1), h=0.1, params={"l": [1.0, 2.0, 0.5]}, **start)
+    assert not many.failures
+    with pytest.raises(ValueError, match="member 1: "):
+        m.start(params={"l": [1.0, 0.0]})

@@ -66,8 +66,8 @@ TREE = """
 """
 
 
-def read(text, fuses=True):
-    return Reader(*_compiled(text, fuses=fuses), None)
+def read(text):
+    return Reader(*_compiled(text), None)
 
 
 def functions(system):
@@ -410,3 +410,31 @@ def test_a_missing_mujoco_is_named_with_its_extra(monkeypatch):
     monkeypatch.setitem(sys.modules, "mujoco", None)
     with pytest.raises(ImportError, match=r"pip install 'liouville\[robots\]'"):
         mjcf(FOURBAR)
+
+
+def floating(root, child="trunk"):
+    """Return a robot of one moving body, on a chain of fixed links, with a link fixed to it."""
+    turning = '<inertia ixx=".1" ixy="0" ixz="0" iyy=".2" iyz="0" izz=".25"/>'
+    mass = f'<inertial><mass value="{{}}"/>{turning}</inertial>'
+    return f"""<robot name="r"><link name="{root}"/><link name="base"/>
+<link name="{child}">{mass.format(3)}</link><link name="tip">{mass.format(1)}</link>
+<joint name="on" type="fixed"><parent link="{root}"/><child link="base"/></joint>
+<joint name="at" type="fixed"><origin xyz="0 0 1"/><parent link="{child}"/><child link="tip"/>
+</joint>
+<joint name="root" type="floating"><origin xyz="0 1 2"/><parent link="base"/><child link="{child}"/>
+</joint></robot>"""
+
+
+@pytest.mark.parametrize("root", ["world", "base_footprint"])
+def test_a_robot_floats_under_any_root(root):
+    system = urdf(floating(root)).system()
+    assert system.bodies == ("trunk",)
+    start = system.assemble()
+    np.testing.assert_allclose(start["q"][:3], [0, 1, 2.25], atol=1e-15)
+    # its links are known by name all the same, those that moved into others too
+    held = urdf(floating(root), loops={"ball": ("tip", "base", (0, 0, 0))})
+    start = held.start(rates={"root": (None, None, None, 1.0, 0, 0)})
+    end = lv.integrate(held.system(), lv.Spark(3), t=(0, 0.2), h=0.05, **start)
+    centre = end.body("trunk").position  # it turns about its tip, which the ground holds
+    np.testing.assert_allclose(np.linalg.norm(centre - [0, 1, 3], axis=1), 0.75, rtol=1e-12)
+    assert np.abs(centre - centre[0]).max() > 0.01

@@ -88,9 +88,9 @@ def inverse_dynamics(
         or arrays ``t`` of shape (k,), and ``q``, ``v`` (or ``y``, ``z``) and ``acceleration`` of
         shape (k, n), in the system's units.
     actuators : sequence of str, or mapping of str to callable
-        Where efforts act: joints of an assembly by name, ``"A"``, or ``"A.slide"`` where one has
-        several coordinates; coordinates; or by name functions ``rate(t, q, v, params)``, linear in
-        v.
+        Where efforts act: joints of an assembly by name, ``"A"``, with all of their coordinates, or
+        one of several, ``"A.slide"``; coordinates; or by name functions ``rate(t, q, v, params)``,
+        linear in v.
     params : mapping, optional
         Parameters that differ from their defaults; by default those of the solution.
     least_squares : bool, default False
@@ -220,7 +220,7 @@ def _actuators(
         if isinstance(actuators, str) or not isinstance(actuators, Sequence):
             hint = f"give a list, [{actuators!r}]" if isinstance(actuators, str) else "give names"
             raise TypeError(hinted(f"actuators are names or functions, not {actuators!r}", hint))
-        names = list(actuators)
+        names = [x for name in actuators for x in _rates_of(system, name)]
         places = [_place(system, name) for name in names]
         slopes = np.zeros((k, len(names), n))
         if any(is_joint for is_joint, _ in places):
@@ -232,6 +232,14 @@ def _actuators(
     if not names:
         raise ValueError("no actuators are named")
     return names, slopes
+
+
+def _rates_of(system: Mechanics, name: str) -> list[str]:
+    """Name all coordinates of a joint that has several, and no others."""
+    if name in system.coordinates or name not in getattr(system, "joints", ()):
+        return [name]
+    own = system.place(name).coordinates  # type: ignore[attr-defined]
+    return [f"{name}.{x}" for x in own] if len(own) > 1 else [name]
 
 
 def _place(system: Mechanics, name: str) -> tuple[bool, int]:

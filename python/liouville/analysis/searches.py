@@ -26,6 +26,8 @@ ENDLESS, ADRIFT = 1e-3, 5e-3
 ROUNDINGS = 4 * float(np.finfo(float).eps)
 #: Of the largest curvature, a smaller one is taken as this part.
 FLAT = 1e-8
+#: A stiffness whose skew part is above this part of it has forces without a potential in it.
+UNSYMMETRIC = 1e-6
 #: A step that overshoots by this part of the force it began with is made again, half as long.
 OVERSHOT = -0.5
 #: A constraint that moves faster than this part of the mechanism's size per unit of time is driven.
@@ -75,6 +77,10 @@ class Search(ABC):
         """Return whether no free direction is pushed away."""
         return None
 
+    def follows(self) -> bool:
+        """Return whether a stable state is sought under forces that have no potential."""
+        return False
+
     def move(self, change: Array) -> None:
         """Go by a change of the coordinates."""
         self.point = self.point.moved(self.point.y + change).at_rest()
@@ -123,6 +129,11 @@ class Search(ABC):
             )
         first = point.system.states[0]
         hint = f"start at another {first}, or take any kind with stable=False"
+        if self.follows():
+            hint = (
+                "the stiffness is not symmetric, as under follower forces: stable=False finds any "
+                "state of rest, and lv.modes says whether it is stable"
+            )
         raise ValueError(hinted(sentence, hint))
 
     def _refuse_drift(self, left: Array) -> None:
@@ -250,6 +261,16 @@ class Dense(Search):
         """The force along the free directions, by coordinates."""
         found: Array = (self.test / self.units[:, None] ** 2) @ self.force
         return found
+
+    def follows(self) -> bool:
+        """Return whether a stable state is sought under forces that have no potential."""
+        own = self.stiffness
+        is_square = own.shape[0] == own.shape[1] and own.size > 0
+        return (
+            self.stable
+            and is_square
+            and bool(np.abs(own - own.T).max() > UNSYMMETRIC * np.abs(own).max())
+        )
 
     def _returned(self) -> bool:
         """Move onto the constraints by Gauss-Newton steps, to roundoff; say whether they hold."""

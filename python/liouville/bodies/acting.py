@@ -13,9 +13,15 @@ from liouville.bodies.body import Value, check_size, column, given, numbers, uni
 from liouville.bodies.chaining import Which
 from liouville.bodies.elements import Element, beam_stiffness, check_matrix
 from liouville.bodies.joining import Joining
-from liouville.bodies.registry import Frames, apart, points_of, two_points
+from liouville.bodies.registry import Frames, apart, points_of, tried, two_points
 from liouville.errors import hinted
 from liouville.systems import _trace
+
+#: Sizes of what the function of a force or a torque is given, by name.
+FUNCTIONS = {
+    "force": {"t": 1, "position": 3, "velocity": 3},
+    "torque": {"t": 1, "angular_velocity": 3},
+}
 
 
 class Acting(Joining):
@@ -299,11 +305,11 @@ class Acting(Joining):
         points: tuple[Value, Value],
         values: Mapping[str, Value],
         frames: Frames | None = None,
-        function: Callable[..., Any] | None = None,
+        function: Any = None,
     ) -> Element:
         of = f"{kind} '{name}'"
-        if kind in ("force", "torque") and not callable(function):
-            raise TypeError(f"{of} is a function, not {function!r}")
+        if kind in FUNCTIONS:
+            tried(of, function, FUNCTIONS[kind], 3)
         a, b = self._sides(of, *sides)
         own = frames or self._frames(of, a, b)
         element = Element(self._new(name), kind, a, b, points, own, values, function)

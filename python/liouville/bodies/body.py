@@ -13,6 +13,7 @@ from liouville import _casadi as ca
 from liouville.bodies import rotations as rot
 from liouville.errors import hinted
 from liouville.systems import _trace
+from liouville.systems._signatures import check_signature
 
 #: The coordinates of each kind of body, after its name.
 PARTS = {
@@ -98,7 +99,10 @@ def stacked(points: Sequence[Any]) -> ca.SX:
 
 def given(what: str, value: Value, shape: tuple[int, ...]) -> Value:
     """Return a function of the parameters as it is, and numbers as an array of this shape."""
-    return value if callable(value) else numbers(what, value, shape)
+    if callable(value):
+        check_signature(what, value, {"params": None})
+        return value
+    return numbers(what, value, shape)
 
 
 def numbers(what: str, value: Any, shape: tuple[int, ...]) -> NDArray[np.float64]:
@@ -353,6 +357,12 @@ def called(
     return ca.substitute(
         found, ca.vertcat(*fresh.values()), ca.vertcat(*(ca.vec(ca.SX(x)) for x in args.values()))
     )
+
+
+def check_rows(what: str, rows: ca.SX | None) -> None:
+    """Refuse more equations of a guide than there are of a curve; None is not looked at."""
+    if rows is not None and rows.numel() > 2:
+        raise ValueError(f"{what} are {rows.numel()}, wanted 1 of a surface or 2 of a curve")
 
 
 class Known:

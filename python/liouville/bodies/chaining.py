@@ -27,6 +27,11 @@ class Gear:
     name: str
     ratios: Mapping[tuple[str, str], Value]
 
+    @property
+    def uses(self) -> set[str]:
+        """The joints that it relates."""
+        return {joint for joint, _ in self.ratios}
+
 
 @dataclass(frozen=True, eq=False)
 class Coupling:
@@ -35,6 +40,11 @@ class Coupling:
     name: str
     joints: tuple[tuple[str, str], ...]
     coefficients: tuple[float, ...]
+
+    @property
+    def uses(self) -> set[str]:
+        """The joints that it relates."""
+        return {joint for joint, _ in self.joints}
 
 
 class Chaining(Registry):
@@ -115,8 +125,9 @@ class Chaining(Registry):
         rotors = coordinate_values(of, names, "armature", armature, 0.0)
         for own, value in rotors.items():
             check_size(f"armature of '{own}' of {of}", "armature", value)
+        angles = [axis.name for axis in found if axis.turns]
         efforts, motions = (
-            functions_of(of, what, coordinate_values(of, names, what, value, None))
+            functions_of(of, what, coordinate_values(of, names, what, value, None), angles)
             for what, value in (("effort", effort), ("motion", motion))
         )
         rests = coordinate_values(of, names, "rest", rest, 0.0)

@@ -14,6 +14,9 @@ from liouville.bodies.body import numbers
 from liouville.bodies.reading import Reader
 from liouville.errors import hinted
 
+#: The prefix of the sites that are links.
+LINK = "link "
+
 #: A loop of :func:`from_urdf`.
 Loop = Sequence[Any]
 
@@ -67,7 +70,7 @@ def from_mjcf(
     <Assembly of 1 bodies and 1 joints>
     >>> start = m.start(values={"pin": 0.3})
     """
-    model, data = _compiled(source, fuses=True)
+    model, data = _compiled(source)
     return _read(model, data, without, controls).assembly
 
 
@@ -102,15 +105,19 @@ def from_urdf(
     ImportError, TypeError, ValueError
         As for :func:`from_mjcf`, or a loop names no link.
     """
-    model, data = _compiled(source, fuses=False)
+    model, data = _compiled(source, is_urdf=True)
     reader = _read(model, data, without, controls)
     for name, loop in (loops or {}).items():
         _close(reader, name, loop)
     return reader.assembly
 
 
-def _compiled(source: str | Path, *, fuses: bool) -> tuple[Any, Any]:
-    """Return the model that MuJoCo makes of a file, and its state at the reference pose."""
+def _compiled(source: str | Path, *, is_urdf: bool = False) -> tuple[Any, Any]:
+    """Return the model that MuJoCo makes of a file, and its state at the reference pose.
+
+    Links of URDF are sites too, as those that stand still lose their names when they are fused: a
+    root that is not fused with the world has no floating joint.
+    """
     try:
         import mujoco
     except ImportError as error:
@@ -122,8 +129,10 @@ def _compiled(source: str | Path, *, fuses: bool) -> tuple[Any, Any]:
     try:
         read = mujoco.MjSpec.from_string if is_text else mujoco.MjSpec.from_file
         spec = read(str(source))
-        if not fuses:
-            spec.compiler.fusestatic = False
+        if is_urdf:
+            spec.compiler.fusestatic = True
+            for body in spec.bodies:
+                body.add_site(name=LINK + body.name)
         model = spec.compile()
     except ValueError as error:
         what = "the text" if is_text else f"'{source}'"
@@ -144,18 +153,18 @@ def _close(reader: Reader, name: str, loop: Loop) -> None:
     if isinstance(loop, str) or not isinstance(loop, Sequence) or len(loop) not in (3, 4):
         hint = "write (link, other, point), and an axis of a hinge"
         raise ValueError(hinted(f"{of} is {loop!r}", hint))
-    links = [reader.link(of, link) for link in loop[:2]]
+    links = [reader.link(of, LINK, link) for link in loop[:2]]
     shape = np.shape(loop[2])
     points = numbers(f"point of {of}", loop[2], (2, 3) if shape == (2, 3) else (3,))
     if points.ndim == 2:
-        at: Any = tuple(reader.placed(own, x) for own, x in zip(links, points, strict=True))
+        at: Any = tuple(own.placed(x) for own, x in zip(links, points, strict=True))
     else:
-        at = reader.placed(links[0], points)
-    first, second = (reader.body_of(link) for link in links)
+        at = links[0].placed(points)
+    first, second = (link.body for link in links)
     if len(loop) == 3:
         reader.assembly.spherical(name, first, second, at=at)
         return
     axis = numbers(f"axis of {of}", loop[3], (3,))
-    turned = [reader.turned(link, axis) for link in links]
+    turned = [link.turned(axis) for link in links]
     own = turned[0] if points.ndim == 1 else turned
     reader.assembly.revolute(name, first, second, at=at, axis=own)

@@ -19,7 +19,7 @@ import numpy as np
 from liouville import _casadi as ca
 from liouville.bodies import rotations as rot
 from liouville.bodies import turns
-from liouville.bodies.body import Body, Value, called, column, resolved, row
+from liouville.bodies.body import Body, Value, called, check_rows, column, resolved, row
 from liouville.bodies.poses import Poses
 from liouville.bodies.rolling import height
 
@@ -307,8 +307,7 @@ class Group(Ends):
         joint = self.items[k]
         what = f"equations of joint '{joint.name}'"
         rows = called(what, joint.equations, {"position": place}, self.params, None)
-        if rows.numel() > 2:
-            raise ValueError(f"{what} are {rows.numel()}, wanted 1 of a surface or 2 of a curve")
+        check_rows(what, rows)
         return rows
 
     def drive(self, k: int, coordinate: str, t: ca.SX) -> ca.SX:

@@ -8,12 +8,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from liouville.bodies.body import Value, check_size, given, unit
+from liouville.bodies.body import Value, check_rows, check_size, given, unit
 from liouville.bodies.chaining import Chaining, Which
 from liouville.bodies.friction import Coulomb, frictions
 from liouville.bodies.joints import Joint
-from liouville.bodies.registry import along, apart, check_plane, points_of, two_points
+from liouville.bodies.registry import along, apart, check_plane, points_of, tried, two_points
 from liouville.errors import hinted
+
+#: Sizes of what the equations of a guide are given, by name.
+AT_PLACE = {"position": 3}
 
 
 class Linking(Chaining):
@@ -167,8 +170,7 @@ class Linking(Chaining):
         """
         of = f"joint '{name}'"
         first, second = self._sides(of, a, b)
-        if not callable(equations):
-            raise TypeError(f"equations of {of} are a function, not {equations!r}")
+        check_rows(f"equations of {of}", tried(f"equations of {of}", equations, AT_PLACE, None))
         point = second.at if at is None else given(f"at= of {of}", at, (3,))
         points, dry = (np.zeros(3), point), frictions(of, "guide", friction)
         return self._add("guide", name, (first, second), points, equations=equations, friction=dry)

@@ -17,7 +17,7 @@ from liouville.bodies.joints import Joint
 from liouville.bodies.model import Model, Place
 from liouville.bodies.normal_forces import Rubs
 from liouville.errors import Description, hinted, quoted
-from liouville.systems import Lagrangian
+from liouville.systems import Lagrangian, members
 from liouville.systems._expressions import Expressions
 from liouville.systems.mechanics import Mechanics
 from liouville.tape import record
@@ -168,12 +168,12 @@ class Mechanism(Lagrangian):
         t : float, default 0
             Time, for motions prescribed.
         params : mapping, optional
-            Parameters that differ from their defaults.
+            Parameters that differ from their defaults; a row for each of P members is taken too.
 
         Returns
         -------
         dict of str to ndarray
-            ``q`` and ``v`` for :func:`liouville.integrate`.
+            ``q`` and ``v`` for :func:`liouville.integrate`, of shape (P, n) for ``ensemble``.
 
         Raises
         ------
@@ -183,7 +183,11 @@ class Mechanism(Lagrangian):
         """
         from liouville.bodies.starting import assembled
 
-        return assembled(self, values, rates, t, params)
+        def started(_: Any, own: Mapping[str, ArrayLike]) -> dict[str, Array]:
+            return assembled(self, values, rates, t, own)
+
+        many = members.each(self, {}, params, started)
+        return assembled(self, values, rates, t, params) if many is None else many
 
     def stepped(  # type: ignore[override]
         self, t: float, y: Array, z: Array, params: Array

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from itertools import chain, count
 from typing import Any
 
@@ -20,6 +21,23 @@ Array = NDArray[np.float64]
 
 #: The code of a body among the kinds of objects that constraints join.
 OF_BODY = 1
+
+
+@dataclass(frozen=True)
+class Link:
+    """The axes of a link as drawn, and the body that it is part of."""
+
+    body: Body
+    place: Array
+    quat: Any
+
+    def placed(self, point: Array) -> Array:
+        """Return a point in its axes, in the world."""
+        return self.place + self.turned(point)
+
+    def turned(self, direction: Array) -> Array:
+        """Return a direction in its axes, in the world."""
+        return np.array(rot.rotate(self.quat, direction))
 
 
 class Reader:
@@ -87,12 +105,16 @@ class Reader:
         """Return the body of the assembly that a file's body is part of."""
         return self.bodies.get(int(self.model.body_weldid[body]), self.assembly.ground)
 
-    def link(self, of: str, name: Any) -> int:
-        """Return the number of a body by its name."""
-        known = [named(self.model, "body", k) for k in range(self.model.nbody)]
+    def link(self, of: str, prefix: str, name: Any) -> Link:
+        """Return a link by its name, which with the prefix is that of a site."""
+        sites = [named(self.model, "site", k) for k in range(self.model.nsite)]
+        known = [x.removeprefix(prefix) for x in sites if x.startswith(prefix)]
         if name not in known:
             raise ValueError(hinted(f"{of} has no link {name!r}", f"links are {', '.join(known)}"))
-        return known.index(name)
+        k, data = sites.index(prefix + name), self.data
+        body = int(self.model.site_bodyid[k])
+        quat = rot.product(data.xquat[body], self.model.site_quat[k])
+        return Link(self.body_of(body), data.site_xpos[k].copy(), quat)
 
     def _read_bodies(self) -> None:
         model, data = self.model, self.data

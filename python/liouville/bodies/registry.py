@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -12,7 +12,7 @@ from liouville import _casadi as ca
 from liouville.bodies import rotations as rot
 from liouville.bodies.body import Body, Value, check_size, column, given, numbers, resolved, unit
 from liouville.bodies.elements import Element
-from liouville.bodies.joints import KINDS, RATES, Joint
+from liouville.bodies.joints import ANGLES, KINDS, RATES, Joint
 from liouville.errors import hinted, quoted
 from liouville.systems import _trace
 
@@ -42,9 +42,39 @@ class Registry:
         kinds = ("body", self._bodies), ("joint", self._joints), ("element", self._elements)
         for kind, known in (*kinds, ("gear", self._gears)):
             if name in known:
-                raise ValueError(f"there is a {kind} called '{name}' already")
+                article = "an" if kind == "element" else "a"
+                sentence = f"there is {article} {kind} called '{name}' already"
+                hint = f"m.remove({name!r}) takes it out of the assembly m"
+                raise ValueError(hinted(sentence, hint) if name != "ground" else sentence)
         self._changed()
         return name
+
+    def remove(self, name: str) -> None:
+        """Take a body, joint, element, gear or coupling out again, so that its name is free.
+
+        Parameters
+        ----------
+        name : str
+            Its name.
+
+        Raises
+        ------
+        ValueError
+            There is nothing of this name, or something that is left needs it.
+        """
+        kinds = (self._bodies, self._joints, self._elements, self._gears)
+        known = next((own for own in kinds if name in own and name != "ground"), None)
+        if known is None:
+            there = quoted([x for own in kinds for x in own if x != "ground"]) or "nothing"
+            raise ValueError(hinted(f"the assembly has no {name!r}", f"there is {there}"))
+        held: list[Joint | Element] = [*self._joints.values(), *self._elements.values()]
+        users = [x.name for x in held if name in (x.a.name, x.b.name) and known is self._bodies]
+        users += [x.name for x in self._gears.values() if name in x.uses and known is self._joints]
+        if users:
+            sentence = f"{quoted(users)} {'needs' if len(users) == 1 else 'need'} {name!r}"
+            raise ValueError(hinted(sentence, f"m.remove({users[0]!r}) first"))
+        del known[name]
+        self._changed()
 
     def _body(self, body: Any, of: str) -> Body:
         """Return a body of this assembly, given itself or by name."""
@@ -180,16 +210,61 @@ def coordinate_values(
     for name, own in zip(names, value, strict=True):
         if own is None or (_is_number(own) and own == empty):
             continue
-        found[name] = own if callable(own) else numbers(f"{what}= of {of}", own, ())
+        is_law = empty is None and callable(own)  # a function of more than the parameters
+        found[name] = own if is_law else given(f"{what}= of {of}", own, ())
     return found
 
 
-def functions_of(of: str, what: str, values: dict[str, Any]) -> dict[str, Any]:
-    """Refuse what is no function."""
-    for value in values.values():
+def functions_of(
+    of: str, what: str, values: dict[str, Any], angles: Collection[str]
+) -> dict[str, Any]:
+    """Refuse what is no function along coordinates, some of which are angles."""
+    for name, value in values.items():
         if not callable(value):
             raise TypeError(f"{what}= of {of} is a function, not {value!r}")
+        measure = "angle" if name in angles else "slide"
+        args = ["t"] if what == "motion" else ["t", measure, "rate"]
+        word = what if what == "motion" else "torque" if name in (*angles, *RATES) else "force"
+        known = [x for x in args if x != measure or name not in RATES]
+        tried(f"{word} of {of}", value, dict.fromkeys(known, 1))
     return values
+
+
+def tried(
+    what: str, function: Callable[..., Any], sizes: Mapping[str, int], size: int | None = 1
+) -> ca.SX | None:
+    """Call a user's function once, to refuse it where it is given; returns what it returns.
+
+    Parameters have no values and no shapes yet: a function that uses them and does not fit with
+    scalars is left to ``system``.
+    """
+    guess = _Unknown({})
+    args = {name: ca.SX.sym(name, count) for name, count in sizes.items()}
+    try:
+        return _trace.column(what, function, {**args, "params": _Guessed(guess)}, size)
+    except Exception:
+        if not vars(guess):
+            raise
+        return None
+
+
+class _Unknown(_trace.Namespace):
+    """Parameters before they have values: a symbol for any name."""
+
+    def __getattr__(self, name: str) -> Any:
+        """Return a new symbol, and keep it."""
+        if name.startswith("__"):
+            raise AttributeError(name)
+        return self.__dict__.setdefault(name, ca.SX.sym(name))
+
+
+class _Guessed:
+    def __init__(self, namespace: _Unknown) -> None:
+        self.namespace = namespace
+
+    @property
+    def vector(self) -> ca.SX:
+        return _trace.vector_of(self.namespace)
 
 
 def check_damping(of: str, damping: Mapping[str, Value]) -> None:
@@ -205,7 +280,7 @@ def along(
     dampers = by_coordinate(of, kind, "damping", damping, 0.0)
     check_damping(of, dampers)
     efforts, motions = (
-        functions_of(of, what, by_coordinate(of, kind, what, value, None))
+        functions_of(of, what, by_coordinate(of, kind, what, value, None), ANGLES)
         for what, value in (("torque= or force", effort), ("motion", motion))
     )
     stiffness = by_coordinate(of, kind, "spring", spring, 0.0)

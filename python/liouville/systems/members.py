@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -130,6 +130,20 @@ def consistent(
         for name, value in start.items()
         if name in system.places and (array := _rows(name, value, system.places[name])) is not None
     }
+
+    def moved(given: dict[str, Any], values: dict[str, Any]) -> dict[str, np.ndarray]:
+        return system.consistent(params=values, **options, **(dict(start) | given))
+
+    return each(system, many, params, moved)
+
+
+def each(
+    system: Mechanics | SemiExplicit,
+    many: Mapping[str, np.ndarray],
+    params: Mapping[str, ArrayLike] | None,
+    started: Callable[[dict[str, Any], dict[str, Any]], dict[str, np.ndarray]],
+) -> dict[str, np.ndarray] | None:
+    """Start each member by its own row of `many` and its parameters; None where there is one."""
     _, of_params = parameters(system, params)
     counts = {name: len(x) for name, x in many.items()}
     counts |= {f"parameter '{name}'": count for name, count in of_params.items()}
@@ -138,13 +152,13 @@ def consistent(
     given: dict[str, Any] = dict(params or {})
     found = []
     for member in range(common(counts)):
-        own = dict(start) | {name: x[member] for name, x in many.items()}
+        own = {name: x[member] for name, x in many.items()}
         values = given | {name: given[name][member] for name in of_params}
         try:
-            found.append(system.consistent(params=values, **options, **own))
+            found.append(started(own, values))
         except ValueError as error:
             raise ValueError(f"member {member}: {error}") from None
-    return {name: np.stack([each[name] for each in found]) for name in system.states}
+    return {name: np.stack([one[name] for one in found]) for name in system.states}
 
 
 def check(
