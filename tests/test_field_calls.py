@@ -488,11 +488,12 @@ def test_a_strobe_map_says_who_failed():
     field = lv.PolynomialField(
         lambda t, x, params: [x[1] ** 2, x[2] ** 2, x[0] ** 2], x=("x", "y", "z")
     )
-    found = lv.section(field, V("shears"), x=[calm, burst], **strobe)
+    plan = lv.plan(field, V("shears"), h=0.05, x=[calm, burst])
+    found = lv.section(field, plan, x=[calm, burst], **strobe)
     assert "trajectories, 1 failed" in repr(found)
     step = found.failures[1].step
     assert f"step {step} of 39 at t = {found.failures[1].t:g} failed" in found.failures[1].message
     assert found.failures[1].t == pytest.approx(0.03 + (step - 1) * 0.05)
     with pytest.raises(lv.IntegrationError, match="1 of 1 members failed") as caught:
-        lv.section(field, V("shears"), x=[burst], **strobe)
+        lv.section(field, plan, x=[burst], **strobe)
     np.testing.assert_array_equal(caught.value.section.x, found.x[found.member == 1])

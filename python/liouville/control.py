@@ -208,7 +208,7 @@ def steps_of(
         if (h is None) == (steps is None):
             more = ", or rtol" if not steps and set(takes.controls) & {"error", *TRIAL} else ""
             raise TypeError(f"give either h or steps{more}")
-        return _equal(t0, t1, h, steps)
+        return equal_steps(t0, t1, h, steps)
     if steps is not None:
         asks = "control=Reversible(...)" if kind == "reversible" else "rtol, which controls them"
         raise TypeError(f"give either steps, which are equal, or {asks}")
@@ -302,7 +302,8 @@ def _bounds(t0: float, t1: float, h: Any, h_min: Any) -> tuple[float, float]:
     return first, least
 
 
-def _equal(t0: float, t1: float, h: Any, steps: Any) -> Steps:
+def equal_steps(t0: float, t1: float, h: Any, steps: Any) -> Steps:
+    """Return so many equal steps, or as few that none is longer than h."""
     if h is None:
         n = float(min(count("steps", steps), MOST_STEPS))
     else:

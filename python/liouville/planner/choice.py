@@ -8,7 +8,8 @@ from typing import Any, overload
 import numpy as np
 from numpy.typing import ArrayLike
 
-from liouville._arguments import count, number, times_of
+from liouville._arguments import count, interval, number, times_of
+from liouville.control import equal_steps
 from liouville.methods import VolumeSplitting
 from liouville.planner.fields.choice import plan_field
 from liouville.planner.fields.plan import FieldPlan
@@ -25,7 +26,7 @@ def plan(
     *,
     h: float,
     x: ArrayLike,
-    t: float = 0.0,
+    t: float | tuple[float, float] = 0.0,
     params: Mapping[str, ArrayLike] | None = None,
     seed: int = 0,
     trials: int = 50,
@@ -66,12 +67,13 @@ def plan(
         What is fixed already; nothing by default. A ``VolumeSplitting`` for a field; for a wave
         function a ``SchrodingerSplitting``, ``Chebyshev`` or ``Lanczos``, with its ``tol``.
     t : float, or sequence of float
-        Of a field, the time of the states, 0 by default. Of a wave function the times of the start
-        and of all states to keep.
+        Of a field the interval (t0, t1) of a run from the states x, whose own plan this is; or the
+        time of the states, 0 by default. Of a wave function the times of the start and of all
+        states to keep.
     h : float
         The step that the splitting of a field is to be good for.
     x : array_like, shape (n,) or (P, n)
-        Typical states of a field; up to 32 of them are tried.
+        Typical states of a field, or starts of a run; up to 32 of them are tried.
     psi : array_like, shape (N,), optional
         Start of a wave function: a real one makes a Chebyshev series shorter.
     params : mapping, optional
@@ -95,8 +97,9 @@ def plan(
     -----
     Splittings of a field are compared by cost times error to the power 1/order, the cost at equal
     error, over four steps of h and eight of h/2. Fields of more than 2000 variables are split by
-    their structure alone. Of a single state x, those it passes through are tried. The bounds for
-    wave functions are those of :doc:`/theory/schrodinger`.
+    their structure alone. With an interval, states are tried that x passes through, over all of it
+    or its first 16,000 steps; else x itself, and of a single state those of its next 128 steps. The
+    bounds for wave functions are those of :doc:`/theory/schrodinger`.
 
     Examples
     --------
@@ -132,11 +135,15 @@ def _of_field(
     for name, value in (("h", h), ("x", x)):
         if value is None:
             raise TypeError(f"{name} is missing: a plan for a field takes h= and x=")
-    step, time = number("h is a number", h), number("t is a number", t)
-    if not (np.isfinite(step) and step > 0):
-        raise ValueError(f"h is positive and finite, not {step}")
-    if not np.isfinite(time):
-        raise ValueError(f"t is finite, not {time}")
+    if np.ndim(t) == 0:
+        step, time, steps = number("h is a number", h), number("t is a number", t), None
+        if not (np.isfinite(step) and step > 0):
+            raise ValueError(f"h is positive and finite, not {step}")
+        if not np.isfinite(time):
+            raise ValueError(f"t is finite, not {time}")
+    else:
+        run = equal_steps(*interval(t, "of a run"), h, None)
+        step, time, steps = run.mean(run.t1, run.count), run.t0, run.count
     if isinstance(seed, bool) or not isinstance(seed, int) or seed < 0:
         raise ValueError(f"seed is an integer from 0 on, not {seed!r}")
     states = np.atleast_2d(system.start({"x": x}, np.ndim(x) == 2))
@@ -148,8 +155,8 @@ def _of_field(
         assert isinstance(system, PlaneField)
         return plan_planes(system, method or VolumeSplitting(), step, rows)[0]
     found, _ = plan_field(
-        system.terms, method or VolumeSplitting(), step, rows, seed, count("trials", trials),
-        system.variables,
+        system.terms, method or VolumeSplitting(), step, rows, steps, seed,
+        count("trials", trials), system.variables,
     )  # fmt: skip
     return found
 

@@ -169,10 +169,11 @@ class FieldRunner(Runner):
     ) -> tuple[FieldPlan, Split]:
         """Return the plan of a method, for steps h, and the field split by it."""
         # what leaves nothing open depends on neither step nor start
-        trial = (h, self.x.shape, blake2b(self.x.tobytes()).digest()) if method.is_open else None
+        count, start = self.steps.count, blake2b(self.x.tobytes()).digest()
+        trial = (h, count, self.x.shape, start) if method.is_open else None
         plan, parts = system.kept(
             (method, trial),
-            lambda: plan_field(system.terms, method, h, self.x, names=system.variables),
+            lambda: plan_field(system.terms, method, h, self.x, count, names=system.variables),
         )
         return replace(plan, h=h), parts
 
@@ -220,7 +221,8 @@ class FieldRunner(Runner):
         assert isinstance(system, PolynomialField)
         if not isinstance(method, FieldPlan):
             states = system.extended(x, t)
-            method, _ = plan_field(system.terms, method, h, states, names=system.variables)
+            count = ceil(abs((self.steps.t1 - t) / h))
+            method, _ = plan_field(system.terms, method, h, states, count, names=system.variables)
         order = method.method.order
         assert order is not None, "a plan leaves nothing open"
         return method, order, h
@@ -359,7 +361,7 @@ def _split_by(
     except ValueError:
         if terms.n != plan.n or len(terms) > plan.terms:
             raise
-        return plan_field(terms, plan.method, h, x, names=names)
+        return plan_field(terms, plan.method, h, x, 1, names=names)
 
 
 def _have_same_basis(one: Split, other: Split) -> bool:

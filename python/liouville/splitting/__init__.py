@@ -2,6 +2,7 @@
 
 from liouville.splitting.border import to_core as to_core
 from liouville.splitting.choice import split as split
+from liouville.splitting.commuting import commuting as commuting
 from liouville.splitting.describe import described as described
 from liouville.splitting.describe import variables_of as variables_of
 from liouville.splitting.exponential import has_pairs as has_pairs

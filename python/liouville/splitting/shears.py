@@ -8,6 +8,7 @@ from itertools import combinations
 import numpy as np
 
 from liouville.errors import hinted
+from liouville.splitting.commuting import commuting
 from liouville.splitting.directions import along
 from liouville.splitting.elimination import NOISE, SingularError, solved
 from liouville.splitting.pieces import Shear, one_component, same_kind
@@ -23,7 +24,8 @@ LEFT_OVER = 1e-8
 def shears(terms: Terms, directions: np.ndarray | None = None) -> tuple[list[Shear], Terms]:
     """Take shears from a field so that what is left is off-diagonal.
 
-    Of degree m only the first m directions are used.
+    A field that is shears as it is has these and no rest. Otherwise, of degree m only the first m
+    directions are used.
 
     Parameters
     ----------
@@ -45,6 +47,8 @@ def shears(terms: Terms, directions: np.ndarray | None = None) -> tuple[list[She
         The directions are too few or not in general position, or the result would be too large.
     """
     terms = terms.merged()
+    if whole := commuting(terms):
+        return whole, Terms.none(terms.n, terms.is_exact)
     diagonal = terms.diagonal()
     d = diagonal.degree
     if terms.n * len(diagonal) > MOST_TERMS:

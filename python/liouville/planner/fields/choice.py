@@ -39,13 +39,15 @@ def plan_field(
     method: VolumeSplitting,
     h: float,
     x: np.ndarray,
+    count: int | None,
     seed: int = 0,
     trials: int = 50,
     names: Sequence[str] | None = None,
 ) -> tuple[FieldPlan, Split]:
-    """Choose whatever a method leaves open, for a field at states x of shape (P, n) and a step h.
+    """Choose whatever a method leaves open, for runs of `count` steps h from x of shape (P, n).
 
-    Returns the plan and the field split by it. Messages name the variables as in `names`.
+    Without a count x are typical states. Returns the plan and the field split by it. Messages name
+    the variables as in `names`.
     """
     names = names or numbered(terms.n)
     if not method.is_open:
@@ -63,7 +65,7 @@ def plan_field(
     if terms.n > MOST_TRIED or (len(candidates) == 1 and len(splits[0].pieces) == 1):
         order = costly_outside(splits[0])
         return _plan(terms, names, candidates[0], splits[0], order, (), h, seed, reasons, [])
-    runs = TrialRun(splits, states, h)
+    runs = TrialRun(list(zip(candidates, splits, strict=True)), states, h, count)
     found = [
         (runs.trial(candidate, parts), candidate, parts)
         for candidate, parts in zip(candidates, splits, strict=True)
@@ -77,9 +79,10 @@ def plan_field(
         return _plan(terms, names, candidate, parts, order, (), h, seed, reasons, tried)
     trials = trials if len(terms) <= MOST_TERMS else min(trials, FEW)
     order, directions, best = search(terms, runs, candidate, parts, rng, trials)
+    where = _counted(len(runs.x), "state") + (f" by steps of {runs.h:.3g}" if runs.h != h else "")
     reasons = [
         *reasons,
-        f"{_counted(len(found), 'candidate')} on {_counted(len(runs.x), 'state')}, then {trials} "
+        f"{_counted(len(found), 'candidate')} on {where}, then {trials} "
         f"orders of the best: cost at equal error {best.score / trial.score:.2f} of the first's",
     ]
     return _plan(terms, names, candidate, parts, order, directions, h, seed, reasons, tried)

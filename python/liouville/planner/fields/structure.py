@@ -9,7 +9,7 @@ from math import comb
 import numpy as np
 
 from liouville.methods import VolumeSplitting
-from liouville.splitting import has_pairs
+from liouville.splitting import commuting, has_pairs
 from liouville.terms import Terms
 
 #: A field with fewer than this part of all terms of its degree is sparse.
@@ -37,7 +37,7 @@ def affine_part(
     )
     rate = float(np.linalg.norm(matrix, 2)) * abs(h)
     parts = [np.linalg.norm(part.to_float().evaluate(states)) for part in (affine, terms - affine)]
-    if rate > 0.5 and parts[0] > parts[1]:
+    if rate > 0.5 and parts[0] > parts[1] and not commuting(terms):
         return "exact", [f"the affine part is fast, |A| h = {rate:.2g}: it is integrated exactly"]
     return "split", []
 
@@ -72,6 +72,8 @@ def _by_structure(
         return [method.diagonal], offs, ["the diagonal part is as asked for"]
     if not len(terms):
         return ["exponentials"], ["natural"], []
+    if commuting(terms):
+        return ["shears"], offs[:1], ["the field is constant along its values: it is shears itself"]
     if not len(diagonal):
         reasons = ["no component contains its own variable: no diagonal part, no fill-in"]
         return ["exponentials"], offs, reasons

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -19,6 +19,18 @@ REFERENCE, FINER = "SS8s21", 4
 
 #: States of a trial run, and its steps.
 STATES, STEPS = 32, 4
+
+#: Steps from a single state, where no run is said.
+PASSED = 128
+
+#: The path that states are taken from has steps longer by this factor where these will do, and so
+#: many at most.
+LONGER, MOST_STEPS = 8, 2000
+#: Its records, after the start, are at the same times for all steps.
+RECORDS = STATES - 1
+
+#: Errors of a trial are small below this part of the states.
+FINE = 1e-4
 
 #: The cost of a root, an exponential or a logarithm, in multiplications, as ensembles take them.
 FUNCTION = 50
@@ -50,28 +62,65 @@ def costly_outside(parts: Split) -> tuple[int, ...]:
 
 
 class TrialRun:
-    """Short runs from some states, compared with a much better one.
+    """Short runs from states of a run of `count` steps h, compared with much better ones.
 
-    Of a single state, those that it passes through are taken.
+    The states are those that the starts x pass through, over all of the run as far as it is tried;
+    without a count x themselves, and those that a single x passes through. Trials do not go beyond
+    the end of the run. Where errors are small their steps are longer than h, by a power of two, so
+    that runs of h and h/2 have one plan, and none is chosen by roundoff.
     """
 
-    def __init__(self, splits: Iterable[Split], x: np.ndarray, h: float) -> None:
-        self.h = h
-        self.x, self.reference = x, None
-        for parts in splits:
-            if len(x) == 1:
-                path = _path(parts, REFERENCE, x, h, (STATES - 1) * STEPS, every=STEPS)
-                if path is None:
-                    continue
-                self.x = np.ascontiguousarray(path[:, 0])
-            self.reference = self._end(parts, REFERENCE, FINER)
+    h: float
+    x: np.ndarray
+    reference: np.ndarray | None
+
+    def __init__(
+        self,
+        candidates: Sequence[tuple[VolumeSplitting, Split]],
+        x: np.ndarray,
+        h: float,
+        count: int | None,
+    ) -> None:
+        if count is None:
+            count = PASSED if len(x) == 1 else STEPS
+        self.steps = min(STEPS, count)
+        for method, parts in candidates:
+            path, covered = _passed(parts, x, h, count)
+            self._take(parts, path, h, (count - self.steps) / covered)
+            longer = 1
+            while (doubled := self._doubled(method, parts)) and 2 * longer * self.steps <= count:
+                while 2**doubled * longer * self.steps > count:
+                    doubled -= 1
+                longer *= 2**doubled
+                before = self.h, self.x, self.reference
+                self._take(parts, path, h * longer, (count - self.steps * longer) / covered)
+                if not self._doubled(method, parts):
+                    self.h, self.x, self.reference = before
+                    break
             if self.reference is not None:
                 break
 
+    def _take(self, parts: Split, path: np.ndarray, h: float, part: float) -> None:
+        """Take trials of steps h from states of a part of a path, and make their reference."""
+        self.h, self.x = h, _spread(path, min(part, 1.0))
+        self.reference = self._end(parts, REFERENCE, FINER)
+
+    def _doubled(self, method: VolumeSplitting, parts: Split) -> int:
+        """Return how often the step can be doubled at once; 0 where errors are not small.
+
+        They are measured beside the states, among which a time may be large.
+        """
+        sizes = np.sort(np.sqrt(np.mean(self.x**2, axis=0)))
+        error = self.trial(method, parts).error
+        fine = FINE * float(sizes[(sizes.size - 1) // 2])
+        if not error <= fine < np.inf:
+            return 0
+        return max(1, int(np.log2(fine / error) / ((method.order or 1) + 1)) - 1)
+
     def _end(self, parts: Split, scheme: str, finer: int) -> np.ndarray | None:
-        steps = STEPS * finer
+        steps = self.steps * finer
         path = _path(parts, scheme, self.x, self.h / finer, steps, every=steps)
-        return None if path is None else path[-1]
+        return None if path is None or path.shape[1] < len(self.x) else path[-1]
 
     def trial(self, method: VolumeSplitting, parts: Split) -> Trial:
         """Try a split field with the step asked for and half of it."""
@@ -92,10 +141,40 @@ class TrialRun:
         )
 
 
+def _passed(parts: Split, x: np.ndarray, h: float, count: int) -> tuple[np.ndarray, float]:
+    """Return where x of shape (P, n) go in `count` steps h, and how many steps h that covers.
+
+    The path, of shape (k, P, n), is made by a method of high order, in longer steps where these
+    will do. Starts that do not come to its end are left out; where none does, all have no path.
+    """
+    for longer in (LONGER, 1) if count > STEPS else ():
+        every = min(-(-count // (longer * RECORDS)), MOST_STEPS // RECORDS)
+        steps = every * RECORDS
+        size = min(count / steps, longer)
+        path = _path(parts, REFERENCE, x, h * size, steps, every)
+        if path is not None and path.shape[1] > 0:
+            return path, size * steps
+    return x[None], count
+
+
+def _spread(path: np.ndarray, part: float) -> np.ndarray:
+    """Return STATES states of the first part of a path, of many starts each at another time."""
+    length, starts = path.shape[:2]
+    if length == 1:
+        return np.ascontiguousarray(path[0])
+    time = np.linspace(0, part * (length - 1), STATES).round().astype(int)
+    if starts > 1:
+        time = np.random.default_rng(0).permutation(time)
+    return np.ascontiguousarray(path[time, np.arange(STATES) % starts])
+
+
 def _path(
     parts: Split, scheme: str, x: np.ndarray, h: float, steps: int, every: int
 ) -> np.ndarray | None:
-    """Return where states x of shape (P, n) go, shape (k, P, n), None if a step fails."""
+    """Return where states x of shape (P, n) go, shape (k, P, n), None if all steps fail.
+
+    States whose steps fail are left out.
+    """
     n = parts.n
     tape = _core.Tape([1, n, 0], 0, np.empty((0, 4), dtype=np.int64), np.empty(0))
     job = Job(
@@ -103,9 +182,10 @@ def _path(
         seen=(n, parts.outward), is_ensemble=True,
     )  # fmt: skip
     run = _core.run(to_core(parts), VolumeSplitting(composition=scheme), job)
-    if isinstance(run, dict) or run.advance(1e6) != "done" or run.failures():
+    if isinstance(run, dict) or run.advance(1e6) != "done":
         return None
-    return run.take()[1]
+    failed = [failure["member"] for failure in run.failures()]
+    return np.delete(run.take()[1], failed, axis=1)
 
 
 def search(
