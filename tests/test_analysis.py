@@ -348,6 +348,17 @@ def test_large_structures_take_sparse_matrices():
     assert damped.angular_frequencies == pytest.approx(sizes, rel=1e-6)
 
 
+@pytest.mark.parametrize("damping", [0.0, 1e-3])
+def test_modes_of_a_large_structure_have_their_multiplicities(damping):
+    """Forty equal springs in parallel for each frequency: one Krylov space sees few of them."""
+    stiffness = np.repeat(1.0 + np.arange(LARGE // 40), 40) ** 2
+    system = lv.Structure(np.ones(LARGE), stiffness, damping=np.full(LARGE, damping))
+    found = lv.modes(system, count=45, q=np.zeros(LARGE))
+    wanted = np.sqrt(stiffness[:45])
+    assert found.angular_frequencies == pytest.approx(wanted, rel=1e-11)
+    assert np.linalg.matrix_rank(found.shapes, tol=1e-6) == 45
+
+
 @pytest.mark.parametrize("unit", [1.0, 1e6, 1e-6])
 def test_large_free_structures_miss_no_slow_decay_in_any_unit_of_time(unit):
     """Overdamped modes are farther from a shift than faster vibrations are."""

@@ -34,10 +34,86 @@ def test_errors_of_a_ground_state_are_within_its_bounds(terms, hbar):
     ground = lv.ground_state(system)
     assert abs(ground.energy - exact[0]) < 1e-13 * np.ptp(exact)
     assert np.linalg.norm(matrix @ ground.psi - ground.energy * ground.psi) < 2 * ground.bound
-    assert ground.gap == pytest.approx(exact[1] - exact[0], abs=1e-8)
+    level = exact[exact > exact[0] + 1e-9]
+    assert ground.gap == pytest.approx(level[0] - exact[0], abs=1e-8)
+    assert ground.multiplicity == exact.size - level.size
     run = lv.integrate(system, lv.Chebyshev(), t=(0, 1), **ground.start)
     turned = np.exp(-1j * ground.energy / hbar) * ground.psi
     assert np.linalg.norm(run.psi[-1] - turned) < 1e-7
+
+
+FERROMAGNET = [("xx", -1.0), ("yy", -1.0), ("zz", -1.0)]
+
+
+@pytest.mark.parametrize(
+    ("length", "terms", "multiplicity"),
+    [
+        (9, TWISTED, 2),
+        (9, EXCHANGE, 4),
+        (9, FERROMAGNET, 10),
+        (10, FERROMAGNET, 11),
+        (10, [("zz", -1.0), ("x", 0.3)], 1),
+        (10, [("zz", -1.0), ("x", 0.05)], 2),
+        (9, [("zz", 0.0)], 512),
+        (3, [("zz", 0.0)], 8),
+        (1, ["x"], 1),
+    ],
+)
+def test_a_ground_level_has_all_its_states_and_the_gap_to_the_next_level(
+    length, terms, multiplicity
+):
+    ring = lv.SpinSystem(length, terms, periodic=length > 2)
+    matrix = ring.matrix().toarray()
+    exact = np.linalg.eigvalsh(matrix)
+    ground = lv.ground_state(lv.Schrodinger(ring))
+    assert ground.multiplicity == multiplicity
+    states = ground.states
+    assert np.abs(states.conj() @ states.T - np.eye(multiplicity)).max() < 1e-12
+    assert np.abs(states @ matrix.T - exact[0] * states).max() < 2e-9 * max(np.ptp(exact), 1)
+    gap = exact[multiplicity] - exact[0] if multiplicity < exact.size else np.inf
+    assert ground.gap == pytest.approx(gap, abs=1e-8)
+
+
+def _random_hermitian(rng, energies, is_complex):
+    """Return a matrix with these eigenvalues."""
+    size = energies.size
+    entries = rng.normal(size=(size, size)) + (1j * is_complex) * rng.normal(size=(size, size))
+    vectors, _ = np.linalg.qr(entries if is_complex else entries.real)
+    matrix = (vectors * energies) @ vectors.conj().T
+    return (matrix + matrix.conj().T) / 2
+
+
+@pytest.mark.parametrize(("multiplicity", "is_complex"), [(1, 0), (3, 1), (4, 0), (7, 1), (12, 0)])
+def test_the_multiplicity_of_a_random_matrix_is_found(multiplicity, is_complex):
+    rng = np.random.default_rng(multiplicity)
+    energies = np.sort(rng.uniform(0.01, 1.0, 300))
+    energies[:multiplicity] = 0.0
+    matrix = _random_hermitian(rng, energies, is_complex)
+    ground = lv.ground_state(lv.Schrodinger(matrix))
+    assert ground.multiplicity == multiplicity
+    assert ground.gap == pytest.approx(energies[multiplicity], abs=1e-8)
+
+
+def test_a_level_of_more_states_than_are_sought_has_no_gap():
+    energies = np.r_[np.zeros(1200), 1.0]
+    ground = lv.ground_state(lv.Schrodinger((1201, lambda x: energies * x)))
+    assert (ground.multiplicity, ground.gap) == (96, 0.0)
+    assert abs(ground.energy) < 1e-12
+    assert "96 or more states" in repr(ground)
+
+
+def test_a_gap_below_the_tolerance_is_not_told():
+    ground = lv.ground_state(lv.Schrodinger(lv.Lattice(3000)), tol=1e-2)
+    assert ground.gap == 0.0
+    assert -2 < ground.energy < -2 + ground.estimate
+
+
+def test_a_cold_state_of_a_degenerate_level_has_all_its_entropy():
+    ring = lv.SpinSystem(9, TWISTED, periodic=True)
+    exact = np.linalg.eigvalsh(ring.matrix().toarray())
+    thermal = lv.thermal_state(lv.Schrodinger(ring), 1e-3, states=60)
+    assert thermal.energy == pytest.approx(exact[0], abs=1e-9)
+    assert thermal.log_partition + exact[0] / 1e-3 == pytest.approx(np.log(2), abs=0.4)
 
 
 def test_a_ground_state_of_a_driven_system_is_that_of_its_time():

@@ -163,7 +163,7 @@ def modes(
     On the tangent space of the constraints, :math:`K \phi = \omega^2 M \phi`; with damping or
     gyroscopic forces the eigenvalues of the state matrix of :func:`linearize`. Of more than 1000
     coordinates the lowest modes are found by ARPACK from sparse matrices, whose constraints stay
-    beside them.
+    beside them, and sought beside those found until none is missing of equal frequency.
 
     Parameters
     ----------

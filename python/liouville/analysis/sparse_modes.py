@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import cached_property
 from typing import Any
 
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from liouville import _core
 from liouville._scipy import scipy
+from liouville.analysis.multiplicities import largest, nearest
 from liouville.analysis.point import Array, Point
 from liouville.errors import hinted
 
@@ -125,6 +126,13 @@ def sparse_modes(point: Point, count: int) -> tuple[NDArray[Any], NDArray[Any]]:
         raise ValueError(hinted(sentence, "take fewer, or more")) from None
 
 
+def _random(size: int) -> Iterator[Array]:
+    """Give random vectors."""
+    rng = np.random.default_rng(0)
+    while True:
+        yield rng.standard_normal(size)
+
+
 def _undamped(pencil: Pencil, count: int) -> tuple[NDArray[Any], NDArray[Any]]:
     squares, shapes = _shifted(pencil, count, 0.0)
     found = 1j * np.sqrt(squares.astype(complex))
@@ -138,14 +146,13 @@ def _shifted(pencil: Pencil, count: int, shift: float) -> tuple[NDArray[Any], ND
         solve = pencil.solver(pencil.stiffness - shift * pencil.mass)
     except RuntimeError:  # exactly singular
         return _shifted(pencil, count, 10 * shift or -SHIFT * (highest or 1.0))
-    n = pencil.point.n
-    operator = pencil.linalg.LinearOperator((n, n), matvec=solve, dtype=float)
     # what ARPACK begins with has to keep the constraints
-    begin = solve(pencil.mass @ np.random.default_rng(0).standard_normal(n))
-    search = pencil.linalg.eigsh if pencil.is_symmetric else pencil.linalg.eigs
-    squares, shapes = search(
-        pencil.stiffness, count, pencil.mass, sigma=shift, OPinv=operator, v0=begin
-    )
+    starts = (solve(pencil.mass @ x) for x in _random(pencil.point.n))
+    if pencil.is_symmetric:
+        inverses, shapes = nearest(pencil.linalg, solve, pencil.mass, count, starts)
+    else:
+        inverses, shapes = largest(pencil.linalg, lambda x: solve(pencil.mass @ x), count, starts)
+    squares = shift + 1 / inverses
     still = np.abs(squares) <= ZERO * highest
     squares[still] = 0.0
     if shift == 0 and still.any() and not still.all():
@@ -170,13 +177,12 @@ def _damped(pencil: Pencil, count: int) -> tuple[NDArray[Any], NDArray[Any]]:
         y = solve(-second - (damping @ first + shift * (mass @ first)))
         return np.concatenate([y, (first + shift * y) / rate])
 
-    operator = pencil.linalg.LinearOperator((2 * n, 2 * n), matvec=inverse, dtype=float)
-    begin = inverse(inverse(np.random.default_rng(0).standard_normal(2 * n)))
     number, most = 2 * count + 2, 2 * pencil.freedoms - 2
-    largest = max(rate, np.sqrt(pencil.highest))
+    fastest = max(rate, np.sqrt(pencil.highest))
     while True:
-        inverses, vectors = pencil.linalg.eigs(operator, number, which="LM", v0=begin)
-        eigenvalues = with_double_zeros(shift + 1 / inverses, largest)
+        starts = (inverse(inverse(x)) for x in _random(2 * n))
+        inverses, vectors = largest(pencil.linalg, inverse, number, starts)
+        eigenvalues = with_double_zeros(shift + 1 / inverses, fastest)
         kept = eigenvalues.imag >= 0
         within = np.abs(eigenvalues[kept]) <= np.abs(1 / inverses).max() - shift
         if number == most or np.count_nonzero(within) >= count:
