@@ -14,7 +14,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 from index2_systems import nonlinear, nonlinear_at
-from scipy.integrate import solve_ivp
+from ordinary import propagated
 
 import liouville as lv
 from liouville.problems import load
@@ -219,15 +219,6 @@ def random_state(n, seed=0):
     return psi / np.linalg.norm(psi)
 
 
-def integrated(product, t, psi):
-    """Return the state at the end of a span, from H(t) psi, by a Runge-Kutta method of order 8."""
-    found = solve_ivp(
-        lambda t, y: -1j * product(t, y), t, psi.astype(complex), method="DOP853",
-        rtol=1e-13, atol=1e-14,
-    )  # fmt: skip
-    return found.y[:, -1]
-
-
 def chain():
     energies, vectors = np.linalg.eigh(CHAIN.entries().dense())
     psi = random_state(8)
@@ -248,7 +239,7 @@ def driven():
         def product(t, y):
             return still @ y + 0.4 * t * (2 - t) * (DRIVE @ y)
 
-        return {"psi": integrated(product, (t0, t), psi)}
+        return {"psi": propagated(product, (t0, t), psi)[-1]}
 
     return Problem(system, {"psi": psi}, (t0, 2.3), exact=exact)
 
@@ -284,7 +275,7 @@ def moving_grid():
         def product(t, y):
             return still @ y + (2 * np.sin(2 * t) * x) * y
 
-        return {"psi": integrated(product, (t0, t), psi / np.linalg.norm(psi))}
+        return {"psi": propagated(product, (t0, t), psi / np.linalg.norm(psi))[-1]}
 
     return Problem(system, {"psi": psi / np.linalg.norm(psi)}, (t0, 8.4), exact=exact)
 

@@ -6,7 +6,7 @@ import casadi as ca
 import numpy as np
 import pytest
 import sympy
-from scipy.integrate import solve_ivp
+from ordinary import solved
 
 import liouville as lv
 from liouville.splitting import Exponential, Natural, Scaling, split
@@ -51,10 +51,9 @@ def made(name):
     t, x = ca.SX.sym("t"), ca.SX.sym("x", n)
     velocity = ca.Function("f", [t, x], [ca.vertcat(*function(t, x, None))])
     start = np.linspace(0.3, 0.8, n)
-    end = solve_ivp(
-        lambda t, x: velocity(t, x).full()[:, 0], (0, 2), start, "DOP853", rtol=1e-13, atol=1e-14
-    )
-    return lv.PolynomialField(function, x=n), start, end.y[:, -1]
+    times = KNOTS.x if name == "table" else (0, 2)
+    end = solved(lambda t, x: velocity(t, x).full()[:, 0], times, start)[-1]
+    return lv.PolynomialField(function, x=n), start, end
 
 
 def method(composition="BM4", **more):

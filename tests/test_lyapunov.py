@@ -3,7 +3,7 @@
 import casadi as ca
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
+from ordinary import solved
 
 import liouville as lv
 from liouville.problems import abc_flow, load
@@ -20,7 +20,7 @@ def henon_heiles():
 
 
 def variational(x, v, intervals, length):
-    """Return the same exponents by DOP853, in the same orthonormal bases.
+    """Return the same exponents by another method, in the same orthonormal bases.
 
     The largest stiffness at the start is 1.2, so that lengths are those of (1.2 ** 0.5 dy, dp).
     """
@@ -37,7 +37,7 @@ def variational(x, v, intervals, length):
     state, basis, total = np.array([*x, *v]), np.eye(4)[:, [0, 1, 3, 2]], np.zeros(4)
     for _ in range(intervals):
         start = np.concatenate([state, (basis / unit).ravel()])
-        end = solve_ivp(rates, (0, length), start, method="DOP853", rtol=1e-12, atol=1e-13).y[:, -1]
+        end = solved(rates, (0, length), start)[-1]
         state, (basis, upper) = end[:4], np.linalg.qr(unit * end[4:].reshape(4, 4))
         total += np.log(np.abs(np.diagonal(upper)))
     return total / (intervals * length)

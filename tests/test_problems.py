@@ -115,7 +115,7 @@ def test_start_is_consistent(case):
     moved = problem.system.consistent(**problem.start)
     for key, values in problem.start.items():
         size = max(1.0, np.abs(values).max())
-        # the equations are met to roundoff; what solves them is so to roundoff times their condition
+        # what meets equations to roundoff is known to roundoff times their condition
         np.testing.assert_allclose(moved[key], values, rtol=0, atol=1e-14 * size)
 
 

@@ -1,6 +1,8 @@
 """Published and independently computed values, to the digits they have."""
 
+import re
 from fractions import Fraction
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -173,3 +175,10 @@ def by_definition(mp, s):
         "b_hat": b_hat,
         "c_hat": c_hat,
     }
+
+
+def test_one_file_alone_solves_ordinary_differential_equations():
+    """It does so near roundoff; those that others called were as wrong as the tests' tolerances."""
+    solver = re.compile(r"\b(solve_ivp|odeint)\(|\bintegrate\.(ode|RK|DOP|LSODA|BDF|Radau)")
+    files = Path(__file__).parent.glob("*.py")
+    assert {x.name for x in files if solver.search(x.read_text("utf-8"))} == {"ordinary.py"}

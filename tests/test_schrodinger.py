@@ -4,7 +4,7 @@ import casadi as ca
 import numpy as np
 import pytest
 import scipy.sparse as sp
-from scipy.integrate import solve_ivp
+from ordinary import solved
 from scipy.sparse.linalg import aslinearoperator
 
 import liouville as lv
@@ -51,12 +51,8 @@ def propagated(matrix, t, psi):
 
 
 def integrated(h, t, psi):
-    """Return the state at the end of a span, H(t) an array, by a Runge-Kutta method of order 8."""
-    found = solve_ivp(
-        lambda t, y: -1j * (h(t) @ y), t, psi.astype(complex), method="DOP853",
-        rtol=1e-13, atol=1e-14,
-    )  # fmt: skip
-    return found.y[:, -1]
+    """Return the state at the end of a span, H(t) an array."""
+    return solved(lambda t, y: -1j * (h(t) @ y), t, psi.astype(complex))[-1]
 
 
 def off(psi, wanted):

@@ -7,7 +7,7 @@ import casadi as ca
 import numpy as np
 import pytest
 import scipy.sparse as sp
-from scipy.integrate import solve_ivp
+from ordinary import propagated
 from scipy.linalg import expm
 from scipy.sparse.linalg import LinearOperator, expm_multiply
 
@@ -193,10 +193,11 @@ def driven_system():
 
 def driven_reference(parts, t1, psi):
     v, even, odd = parts
-    return solve_ivp(
-        lambda t, y: -1j * (v @ y + np.cos(np.sin(t)) * (even @ y) + np.sin(np.sin(t)) * (odd @ y)),
-        (0, t1), psi, "DOP853", rtol=1e-13, atol=1e-14,
-    ).y[:, -1]  # fmt: skip
+
+    def product(t, y):
+        return v @ y + np.cos(np.sin(t)) * (even @ y) + np.sin(np.sin(t)) * (odd @ y)
+
+    return propagated(product, (0, t1), psi)[-1]
 
 
 def test_a_ring_in_an_oscillating_field_by_series_and_by_magnus():
@@ -226,13 +227,14 @@ def test_a_circular_drive_takes_six_tenths_of_the_products_of_dop853():
     exact = lv.integrate(system, lv.Chebyshev(1e-11), t=span, psi=psi).psi[-1]
     solution = lv.integrate(system, lv.Chebyshev(1e-6), t=span, psi=psi)
     error = np.linalg.norm(solution.psi[-1] - exact)
-    other = solve_ivp(
-        lambda t, y: -1j * (parts[0] @ y + sum(f(t) * (h @ y) for f, h in parts[1])),
-        span, psi.astype(complex), "DOP853", rtol=1e-8, atol=1e-10,
-    )  # fmt: skip
+
+    def product(t, y):
+        return parts[0] @ y + sum(f(t) * (h @ y) for f, h in parts[1])
+
+    other, count = driven_products.dop853(product, 0.0, span, psi.astype(complex), 1e-8)
     assert error <= 1e-6
-    assert error <= np.linalg.norm(other.y[:, -1] - exact) <= 1e-6
-    assert solution.stats["products"] <= 0.6 * other.nfev
+    assert error <= np.linalg.norm(other - exact) <= 1e-6
+    assert solution.stats["products"] <= 0.6 * count
 
 
 def test_grids_and_products_take_complex_drives():
@@ -247,19 +249,14 @@ def test_grids_and_products_take_complex_drives():
     def matrix(t):
         return kinetic + np.diag(x**2 / 2 + np.sin(t) * x) + np.cos(2 * t) * kick
 
-    wanted = solve_ivp(
-        lambda t, y: -1j * (matrix(t) @ y), (0, 1.5), psi, "DOP853", rtol=1e-13, atol=1e-14
-    ).y[:, -1]
+    wanted = propagated(lambda t, y: matrix(t) @ y, (0, 1.5), psi)[-1]
     solution = lv.integrate(system, lv.Chebyshev(1e-9), t=(0, 1.5), psi=psi)
     assert np.linalg.norm(solution.psi[-1] - wanted) < 1e-9
     energy = solution.observed["energy"]
     assert energy[-1] == pytest.approx((wanted.conj() @ matrix(1.5) @ wanted).real)
     still = kinetic.real + np.diag(x**2 / 2)
     system = lv.Schrodinger((n, lambda y: still @ y), drive=[(lambda t, p: ca.cos(2 * t), kick)])
-    wanted = solve_ivp(
-        lambda t, y: -1j * (still @ y + np.cos(2 * t) * (kick @ y)), (0, 1.5), psi, "DOP853",
-        rtol=1e-13, atol=1e-14,
-    ).y[:, -1]  # fmt: skip
+    wanted = propagated(lambda t, y: still @ y + np.cos(2 * t) * (kick @ y), (0, 1.5), psi)[-1]
     solution = lv.integrate(system, lv.Chebyshev(1e-9), t=(0, 1.5), psi=psi)
     assert np.linalg.norm(solution.psi[-1] - wanted) < 1e-9
 
