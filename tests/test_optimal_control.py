@@ -389,15 +389,48 @@ def test_a_whole_final_state_on_moving_constraints_is_that_of_one_time():
         lv.optimal_control(moving, lv.Spark(2), final=there, final_time=(1, 4), **call)
 
 
-def test_states_beyond_their_bounds_within_steps_are_told():
-    """A mean velocity of 1 is met with at most 0.5 at nodes."""
-    call = {"method": lv.Spark(2), "cost": effort, **CAR}
-    found = lv.optimal_control(bounds={"v": (None, 0.5)}, steps=4, **call)
-    assert found.v.max() <= 0.5 + 1e-9
-    assert found.solution(found.stage_t.ravel()).v.max() > 1
-    assert "within steps v of 'x' is up to 0.62 beyond its bounds" in found.message
-    for bounds in ({"v": (None, 1.2)}, {"q": {"x": (-0.1, 1.1)}}, {}):
-        assert lv.optimal_control(bounds=bounds, steps=32, **call).message == ""
+@pytest.mark.parametrize("steps", [4, 10, 40])
+def test_a_bound_that_no_motion_meets_is_named(steps):
+    """A mean velocity of 1 is wanted with at most 0.5."""
+    sentence = "without bounds v of 'x' goes to 1.[45].*, beyond its bound of 0.5"
+    with pytest.raises(lv.OptimizationError, match=sentence) as none:
+        lv.optimal_control(
+            method=lv.Spark(2), cost=effort, **CAR, bounds={"v": (None, 0.5)}, steps=steps
+        )
+    assert none.value.status == "Infeasible_Problem_Detected"
+
+
+@pytest.mark.parametrize("stages", [1, 2, 3])
+def test_bounds_of_states_hold_at_stages_and_leave_the_closed_optimum(stages):
+    """The velocity rises as a parabola to its bound V, stays there for a while, and falls."""
+    V = 1.2
+    rise = 1.5 * (1 - 1 / V)
+    wanted = 4 * V**2 / (3 * rise)
+    off = []
+    for steps in (20, 40):
+        call = {"method": lv.Spark(stages), "cost": effort, "steps": steps, **CAR}
+        found = lv.optimal_control(bounds={"v": {"x": (None, V)}}, **call)
+        assert found.solution(found.stage_t.ravel()).v.max() < V + 1e-6
+        off.append(abs(found.cost / wanted - 1))
+    assert off[0] < (0.011 if stages == 1 else 1e-7)
+    assert off[1] < (0.0026 if stages == 1 else 1e-7)
+
+
+def test_bounds_of_positions_hold_at_stages():
+    """Thrown at a wall at l and back in the same time: Bryson's least effort, l over 1/6."""
+    for least, most, call in ((0, 0.2, {"v": [1], "final": {"q": [0], "v": [-1]}}),):
+        found = lv.optimal_control(
+            method=lv.Spark(2), cost=effort, steps=12, bounds={"q": {"x": (least, most)}},
+            **(CAR | call),
+        )  # fmt: skip
+        assert found.solution(found.stage_t.ravel()).q.max() <= most + 1e-9
+        assert found.cost == pytest.approx(2 + 6 * (1 - 4 * most) ** 2, rel=1e-8)
+    tight = lv.optimal_control(
+        method=lv.Spark(3), cost=effort, steps=24, bounds={"q": {"x": (None, 1 / 8)}},
+        **(CAR | {"v": [1], "final": {"q": [0], "v": [-1]}}),
+    )  # fmt: skip
+    assert tight.solution(tight.stage_t.ravel()).q.max() <= 1 / 8 + 1e-9
+    assert tight.cost == pytest.approx(4 / 9 * 8, rel=1e-3)
 
 
 @pytest.mark.parametrize(("more", "sentence"), [

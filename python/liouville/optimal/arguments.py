@@ -18,6 +18,9 @@ from liouville.systems import Mechanics, _trace
 
 Array = NDArray[np.float64]
 
+#: What goes beyond a bound by less than this part of it is at the bound.
+BEYOND = 1e-6
+
 
 @dataclass(frozen=True)
 class Controls:
@@ -175,6 +178,28 @@ class Bounds:
                 known = ", ".join([*controls.names, *system.states])
                 raise ValueError(hinted(f"bounds has no use for {name!r}", f"it takes {known}"))
         return cls(states, np.concatenate([x.reshape(2, -1) for x in own.values()], axis=1))
+
+    def without(self, *, controls: bool) -> Bounds:
+        """Return bounds that leave states free, and controls if asked."""
+        sides = np.array([-np.inf, np.inf])
+        free = np.broadcast_to(sides[:, None], self.controls.shape)
+        states = np.broadcast_to(sides[:, None, None], self.states.shape)
+        return Bounds(states.copy(), free.copy() if controls else self.controls)
+
+    def beyond(self, system: Mechanics, controls: Controls, values: Sequence[Array]) -> str:
+        """Name the bound that rows of y, z and u go beyond by most of it, empty if none do."""
+        names = [f"{state} of '{x}'" for state in system.states for x in system.coordinates]
+        names += [f"'{x}'" for x, shape in controls.shapes.items() for _ in range(math.prod(shape))]
+        most, words = BEYOND, ""
+        low, high = np.hstack([self.states.reshape(2, -1), self.controls]).tolist()
+        columns = [column for rows in values for column in rows.T]
+        for name, column, least, largest in zip(names, columns, low, high, strict=True):
+            for reached, side in ((column.min(), least), (column.max(), largest)):
+                off = max(reached - largest, least - reached)
+                if off > most * (abs(side) or float(np.abs(column).max())):
+                    most = off / (abs(side) or float(np.abs(column).max()))
+                    words = f"{name} goes to {reached:.3g}, beyond its bound of {side:g}"
+        return words
 
     def check(self, system: Mechanics, place: int, values: Array, when: str) -> None:
         """Refuse a state, y (0) or z (1), outside its bounds."""

@@ -94,8 +94,7 @@ def optimal_control(
         Limits of the end, which is free between them and begins with that of `t`.
     bounds : mapping, optional
         Least and largest values, ``{"F": (-10, 10), "q": {"x": (-1, 1)}, "v": (None, 2)}``, of
-        controls at the stages and of states at the nodes; None leaves a side open. The result's
-        message says where states go beyond theirs within steps.
+        controls at the stages and of states at the nodes and the stages; None leaves a side open.
     guess : OptimalControl, Solution or mapping, optional
         Where IPOPT begins: another result, a run, or arrays by name with the times as their first
         axis, evenly spaced unless ``"t"`` is among them. By default states go straight from start
@@ -120,7 +119,8 @@ def optimal_control(
     MemoryError
         So many steps do not fit in memory.
     OptimizationError
-        IPOPT found no solution; the error has its status, and the last iterate as ``result``.
+        IPOPT found no solution, as where no motion stays within the bounds, which the message then
+        names; the error has its status, and the last iterate as ``result``.
     KeyboardInterrupt
         IPOPT was interrupted (Ctrl-C); CasADi keeps no iterate then.
 

@@ -39,9 +39,6 @@ REACHED = 1e-6
 #: Equations that IPOPT leaves by less than this, in its units, hold.
 HOLDS = 1e-8
 
-#: A state may go beyond its bounds within steps by this part of its size.
-BEYOND = 1e-2
-
 #: So many steps at most are made again to see whether a run follows them.
 MOST, TINY = 20, 1e-12
 
@@ -66,9 +63,13 @@ class Problem:
             self.reduced, self.controls, self.params, self._costs(cost, final_cost)
         )
         self._check_end()
-        self.transcription = Transcription(
-            self.reduced, self.method.stages, self.equations, times, self.final, self.params
-        )
+        self.transcription = self._transcribed(self.bounds)
+
+    def _transcribed(self, bounds: Bounds) -> Transcription:
+        return Transcription(
+            self.reduced, self.method.stages, self.equations, self.times, self.final, self.params,
+            bounds,
+        )  # fmt: skip
 
     def _costs(self, cost: Any, final_cost: Any) -> dict[str, ca.SX]:
         given = {"cost": cost, "final_cost": final_cost}
@@ -96,10 +97,11 @@ class Problem:
 
     def solve(self, guess: Any, options: Mapping[str, Any]) -> OptimalControl:
         """Solve it from a guess."""
+        self.options = options
         begun = perf_counter()
         transcription, program = self.transcription, self.transcription.program
         path = path_of(guess, self)
-        limits = transcription.bounds(self.bounds, self.start)
+        limits = transcription.bounds(self.start)
         x0 = np.clip(transcription.guess(self.start, path), *limits)
         with np.errstate(all="ignore"):
             found, stats = program.solve(x0, limits, transcription.sizes(x0), options)
@@ -108,7 +110,7 @@ class Problem:
         result = self._result(found, stats, perf_counter() - begun)
         if stats["return_status"] not in SOLVED:
             free = int(np.count_nonzero(limits[0] < limits[1]))
-            raise self._error(found["g"], stats, free, result)
+            raise self._error(found, stats, free, result)
         self._check_reached(result)
         self._check_leaps(result, found["x"][transcription.layout.V])
         return result
@@ -127,7 +129,6 @@ class Problem:
         repeated = self.final.repeated(self.reduced, end, (y[-1], z[-1]), self.params)
         if repeated is not None:
             message = f"{repeated} repeats others at the end found, where costates are not unique"
-        message = "; ".join(filter(None, [message, self._beyond(x, h)]))
         lam = self._multipliers(t, y, z, nodal)
         states = system.states_at(t, np.hstack([y, z, lam]), self.params)
         table, names = self.transcription.table, self.controls.names
@@ -210,24 +211,6 @@ class Problem:
             "them that says more"
         )
 
-    def _beyond(self, x: Array, h: float) -> str:
-        """Return a remark on the state that goes farthest beyond a bound within steps, if any."""
-        layout, a = self.transcription.layout, self.transcription.table["a_v"]
-        y, z = x[layout.y], x[layout.z]
-        inside = y[:-1, None] + h * np.einsum("ij,njk->nik", a, x[layout.V]), x[layout.Z]
-        parts: list[tuple[float, str]] = []
-        for place, (stages, nodes) in enumerate(zip(inside, (y, z), strict=True)):
-            low, high = self.bounds.states[:, place]
-            off = np.maximum(stages - high, low - stages).max(axis=(0, 1))
-            part = off / np.maximum(np.abs(nodes).max(axis=0), TINY)
-            k = int(np.argmax(part))
-            name = f"{self.system.states[place]} of '{self.system.coordinates[k]}'"
-            parts.append((part[k], f"{name} is up to {off[k]:.2g} beyond its bounds"))
-        part, words = max(parts)
-        if not part > BEYOND:
-            return ""
-        return f"within steps {words}, which hold at their ends: more steps leave less"
-
     def _multipliers(self, t: Array, y: Array, z: Array, u: Array) -> Array:
         """Return the multipliers at nodes, from accelerations there; NaN where there are none."""
         params, rows = self.params.copy(), []
@@ -289,22 +272,29 @@ class Problem:
                 raise self._failed(hinted(sentence, hint), result)
 
     def _error(
-        self, g: Array, stats: Mapping[str, Any], free: int, result: OptimalControl
+        self,
+        found: Mapping[str, Array],
+        stats: Mapping[str, Any],
+        free: int,
+        result: OptimalControl,
     ) -> OptimizationError:
         """Return the error of a run of IPOPT with so many unknowns that found nothing."""
+        g, program = found["g"], self.transcription.program
         row = int(np.argmax(np.abs(g))) if np.isfinite(g).all() else 0
-        label, copy = self.transcription.program.label(row)
+        label, copy = program.label(row)
         step = "" if label.startswith("final") else f" in step {copy}"
         off = f"{label}{step} is {abs(g[row]):.1e} off"
         if holds := stats["off"] < HOLDS:
             off = "its equations hold, and its cost may not be the least"
         counted = f"IPOPT stopped after {result.iterations} iterations, {result.status}"
         match result.status:
-            case "Infeasible_Problem_Detected" if free < (count := len(g)):
+            case "Infeasible_Problem_Detected" if free < (count := program.conditions):
                 sentence = f"{free} unknowns of the steps cannot meet {count} conditions: {off}"
                 hint = "take more steps, wider bounds or fewer final conditions"
             case "Infeasible_Problem_Detected":
                 sentence = f"no motion meets all conditions near the last one: {off}"
+                if broken := self._broken(found["x"]):
+                    sentence += f"; without bounds {broken}"
                 hint = "allow more time, wider bounds or fewer final conditions, or give a guess"
             case status if status in EXCEEDED:
                 sentence = f"no optimum is found yet: {off}"
@@ -333,6 +323,22 @@ class Problem:
                 sentence = f"no optimum is found: {off}"
                 hint = "give a guess nearer to it, or bounds that keep away from singular positions"
         return self._failed(hinted(f"{sentence} ({counted})", hint), result)
+
+    def _broken(self, guess: Array) -> str:
+        """Name the bound that a motion needs to break, empty where none is found."""
+        for controls in (False, True):
+            bounds = self.bounds.without(controls=controls)
+            transcription = self._transcribed(bounds)
+            layout, limits = transcription.layout, transcription.bounds(self.start)
+            sizes = transcription.sizes(guess)
+            with np.errstate(all="ignore"):
+                found, stats = transcription.program.solve(guess, limits, sizes, self.options)
+            if stats["return_status"] in SOLVED:
+                x = found["x"]
+                z = np.vstack([x[layout.z], x[layout.Z].reshape(-1, self.equations.n)])
+                u = x[layout.u].reshape(-1, self.controls.size)
+                return self.bounds.beyond(self.system, self.controls, (x[layout.y], z, u))
+        return ""
 
     def _flat(self, result: OptimalControl) -> str | None:
         """Name a condition of the end whose gradient is none where IPOPT stopped."""

@@ -117,6 +117,12 @@ class Program:
         return int(self._firsts[-1])
 
     @property
+    def conditions(self) -> int:
+        """The number of constraints that are equations."""
+        low, high = self.limits
+        return int(np.count_nonzero(low == high))
+
+    @property
     def limits(self) -> tuple[Array, Array]:
         """Least and largest values of all constraints."""
         both = [np.tile(np.array(block.limits), block.copies) for block in self.blocks]
@@ -143,9 +149,9 @@ class Program:
     ) -> tuple[dict[str, Array], dict[str, Any]]:
         """Solve it by IPOPT, whose tolerances are absolute, in units of these sizes.
 
-        Returns x, f, g and their multipliers, and IPOPT's own numbers; "off" is how far constraints
-        are, in these units. Sizes that are NaN follow from the others, the same for places that are
-        alike.
+        Returns x, f, how far g is beyond its limits, and multipliers, and IPOPT's own numbers;
+        "off" is the farthest, in these units. Sizes that are NaN follow from the others, the same
+        for places that are alike.
         """
         units = Units.of(self, guess, *sizes)
         x, p = ca.MX.sym("x", self.size), ca.MX.sym("p", 0)
@@ -171,6 +177,7 @@ class Program:
             x0=guess / units.x, p=[], lbx=least, ubx=most, lbg=low / units.g, ubg=high / units.g
         )
         arrays = {name: np.array(value).ravel() for name, value in found.items()}
+        arrays["g"] -= np.clip(arrays["g"], low / units.g, high / units.g)
         off = float(np.abs(arrays["g"]).max(initial=0.0))
         return units.undone(arrays), {**solver.stats(), "off": off}
 

@@ -148,10 +148,11 @@ class Transcription:
         times: Times,
         final: Final,
         params: Array,
+        bounds: Bounds,
     ) -> None:
         self.system, self.stages, self.times, self.equations = system, stages, times, equations
         self.table = _core.spark_tableau(stages, "gauss")
-        self._final, self._params = final, params
+        self._final, self._params, self._bounds = final, params, bounds
         self._end = ca.SX.sym("end", times.limits is not None)
         y, z = ca.SX.sym("y", equations.n), ca.SX.sym("z", equations.n)
         found = final.block(system, self._time(times.steps), y, z, params, times.end)
@@ -160,8 +161,9 @@ class Transcription:
 
     @cached_property
     def program(self) -> Program:
-        """The program: blocks of all steps, and of the end."""
-        return Program(self.layout.size, [self.step, self.last])
+        """The program: blocks of all steps, of the end, and of positions within bounds."""
+        inside = [] if self.inside is None else [self.inside]
+        return Program(self.layout.size, [self.step, self.last, *inside])
 
     @property
     def _h(self) -> ca.SX:
@@ -191,6 +193,26 @@ class Transcription:
         zero = np.zeros(rows.numel())
         variables = ca.vertcat(*own, self._end)
         return Block("step", variables, number, cost, rows, (zero, zero), labels, places)
+
+    @cached_property
+    def inside(self) -> Block | None:
+        """Positions at the stages of a step where they are bounded; at nodes they are unknowns."""
+        low, high = self._bounds.states[:, 0]
+        own = np.flatnonzero(np.isfinite(low) | np.isfinite(high)).tolist()
+        if not own:
+            return None
+        layout, steps, names = self.layout, self.times.steps, self.system.coordinates
+        y0, V = ca.SX.sym("y0", len(own)), ca.SX.sym("V", len(own), self.stages)
+        a = ca.DM(self.table["a_v"])
+        rows = ca.vec(ca.repmat(y0, 1, self.stages) + self._h * ca.mtimes(V, a.T))
+        parts = [layout.y[:-1, own], layout.V[:, :, own], np.tile(layout.end, (steps, 1))]
+        places = np.concatenate([x.reshape(steps, -1) for x in parts], axis=1)
+        return Block(
+            "inside", ca.vertcat(y0, ca.vec(V), self._end), ca.SX.sym("number"), ca.SX(0), rows,
+            (np.tile(low[own], self.stages), np.tile(high[own], self.stages)),
+            tuple(f"the bound of {self.system.states[0]} of '{names[k]}'" for k in own)
+            * self.stages, places,
+        )  # fmt: skip
 
     @property
     def _unknowns(self) -> list[Any]:
@@ -263,12 +285,13 @@ class Transcription:
         number = ca.SX.sym("number")
         return Block("last", variables, number, cost, rows, (zero, zero), labels, places)
 
-    def bounds(self, bounds: Bounds, start: tuple[Array, Array]) -> tuple[Array, Array]:
+    def bounds(self, start: tuple[Array, Array]) -> tuple[Array, Array]:
         """Return least and largest values of all unknowns, of the start its own."""
-        layout, found = self.layout, []
+        layout, bounds, found = self.layout, self._bounds, []
         for k, sign in enumerate((-1.0, 1.0)):
             x = np.full(layout.size, sign * np.inf)
             x[layout.y], x[layout.z] = bounds.states[k]
+            x[layout.Z] = bounds.states[k, 1]
             x[layout.y[0]], x[layout.z[0]] = start
             x[layout.u] = bounds.controls[k]
             if self.times.limits is not None:
