@@ -1,5 +1,7 @@
 """Fits recover what made the data, say how well it is known, and refuse what cannot be known."""
 
+import re
+
 import casadi as ca
 import numpy as np
 import pytest
@@ -419,3 +421,73 @@ def test_units_of_length_time_and_mass_change_nothing(units, free):
         return [found.params["g"] * time**2 / length, found.params["c"]]
 
     assert fitted(*units) == pytest.approx(fitted(1, 1, 1), rel=1e-7)
+
+
+def spring(noise):
+    t, w, half = np.linspace(0, 10, 201), np.sqrt(100 - 1e-4), 0.01
+    x = np.exp(-half * t) * (np.cos(w * t) + half / w * np.sin(w * t))
+    return {"t": t, "x": x + noise * np.random.default_rng(0).standard_normal(t.size)}
+
+
+SPRING = lv.Lagrangian(
+    lambda t, q, v, params: (v[0] ** 2 - params.k * q[0] ** 2) / 2,
+    force=lambda t, q, v, params: -params.c * v[0],
+    q=("x",),
+    params={"k": 99.0, "c": 0.03},
+)
+SOUGHT = {"h": 0.05, "params": ["k", "c"], "q": [1.0], "v": [0.0]}
+
+
+@pytest.mark.parametrize(
+    ("method", "moved"),
+    [(lv.Spark(3), None), (lv.HHT(-0.1), -5.41 * 3 / 4), (lv.LobattoPair(2), 2.066 * 3 / 4)],
+    ids=["Spark", "HHT", "LobattoPair"],
+)
+@pytest.mark.parametrize("sigma", [1e-3, None])
+def test_a_fit_says_where_the_step_decides(method, moved, sigma):
+    found = lv.fit(SPRING, method, spring(1e-3), sigma=sigma, **SOUGHT)
+    assert found.dof == 199
+    scale = 1.0 if sigma is None else sigma
+    assert found.chi2 == pytest.approx(np.sum(found.residuals**2))
+    mean = np.sqrt(found.chi2 / found.dof) * scale
+    assert f"sigma = {mean:.3g}" in repr(found) or sigma is not None
+    assert f"chi2/dof = {found.chi2 / found.dof:.3g}" in repr(found) or sigma is None
+    if moved is None:
+        assert found.message == ""
+        assert abs(found.params["k"] - 100) < 3 * found.errors["params.k"]
+        return
+    said = re.search(r"half of it moves params.k by (\S+), (\S+) of its", found.message)
+    # that of a method of order two leaves three quarters of its error behind
+    assert float(said[1]) == pytest.approx(moved, rel=0.3)
+    assert float(said[2]) > 3000
+
+
+def test_a_fit_says_where_residuals_are_not_of_the_size_of_sigma():
+    right = lv.fit(SPRING, lv.Spark(3), spring(1e-3), sigma=1e-3, **SOUGHT)
+    assert 0.7 < right.chi2 / right.dof < 1.3
+    assert right.message == ""
+    large = lv.fit(SPRING, lv.Spark(3), spring(1e-3), sigma=1e-2, **SOUGHT)
+    assert "residuals are 0.096 times as large as sigma: sigma is too large" in large.message
+    small = lv.fit(SPRING, lv.Spark(3), spring(1e-3), sigma=1e-4, **SOUGHT)
+    assert "residuals are 9.6 times as large as sigma: the model, the minimum" in small.message
+    data = {"t": spring(0)["t"], "x": np.cos(3 * spring(0)["t"])}  # far from the guess, k = 9
+    far = lv.fit(SPRING, lv.Spark(3), data, sigma=0.05, **SOUGHT | {"params": {"k": 5.0}})
+    assert "the minimum found or sigma is not right" in far.message
+
+
+def test_data_of_one_coordinate_are_a_column_or_a_frame():
+    pandas = pytest.importorskip("pandas")
+    data = spring(1e-3)
+    wanted = lv.fit(SPRING, lv.Spark(3), data, sigma=1e-3, **SOUGHT)
+    frame = pandas.DataFrame(data)
+    for given, sigma in (
+        ({"t": data["t"], "q": data["x"]}, 1e-3),
+        ({"t": data["t"], "q": data["x"][:, None]}, {"q": np.full(201, 1e-3)}),
+        (frame, 1e-3),
+        (frame.set_index("t"), {"x": 1e-3}),
+        (frame.rename(columns={"x": "q"}), 1e-3),
+    ):
+        found = lv.fit(SPRING, lv.Spark(3), given, sigma=sigma, **SOUGHT)
+        assert found.params == wanted.params
+    with pytest.raises(TypeError, match="data has no 't'"):
+        lv.fit(SPRING, lv.Spark(3), frame[["x"]], **SOUGHT)

@@ -14,7 +14,7 @@ from liouville.analysis.point import Array
 from liouville.errors import IntegrationError, hinted, quoted
 from liouville.fitting.freedoms import FreeStart, movable
 from liouville.fitting.measurements import Measurements, System
-from liouville.fitting.result import Fit
+from liouville.fitting.result import Fit, of_size, of_step
 from liouville.fitting.unknowns import Unknowns
 from liouville.integrate import integrate
 from liouville.methods import Method
@@ -64,11 +64,11 @@ def fit(
     method : Method
         Any that has tangents of the system: of mechanics ``Spark``, ``LobattoPair`` or a
         ``Composition`` of them, ``HHT``, ``GeneralizedAlpha`` or ``ArnoldBruls``.
-    data : mapping of str to array_like
+    data : mapping of str to array_like, or DataFrame
         ``"t"``, shape (k,), increasing, and measured values by the name of a coordinate or unknown,
-        shape (k,), or of a state of the system such as ``"q"``, shape (k, n). NaN is no
-        measurement. Times at equal distances are ends of steps; others lie within steps, as those
-        of ``t_eval=``.
+        shape (k,), or of a state of the system such as ``"q"``, shape (k, n), or (k,) of one
+        coordinate. NaN is no measurement. Times at equal distances are ends of steps; others lie
+        within steps, as those of ``t_eval=``.
     h : float
         The largest step, in the system's unit of time.
     params : sequence of str, or mapping
@@ -189,7 +189,7 @@ class _Problem:
                 break
         if not is_least:
             raise self._unfound()
-        return self._fit(covariance, residuals)
+        return self._fit(covariance, residuals, jacobian)
 
     def _unfound(self) -> ValueError:
         sentence = f"no fit is found in {self.evaluations} runs"
@@ -333,7 +333,7 @@ class _Problem:
         sentence = f"the measurements do not determine {what}"
         raise ValueError(hinted(sentence, "fix something of it, or measure what it changes"))
 
-    def _fit(self, covariance: Array, residuals: Array) -> Fit:
+    def _fit(self, covariance: Array, residuals: Array, jacobian: Array) -> Fit:
         """Return what was found, with the covariance of parameters and of the start."""
         sigma, unknowns = None, len(covariance)
         if self.data.is_absolute:
@@ -352,11 +352,36 @@ class _Problem:
         spread[:own, :own] = np.eye(own)
         if rows:
             spread[own:] = self._slopes_of_start()[rows]
+        spread_out, dof = spread @ covariance @ spread.T, residuals.size - unknowns
+        moved = spread @ self._moved_by_half_a_step(jacobian)
+        words = [of_size(residuals, dof)] if sigma is None else []
+        words.append(of_step(names, moved, np.sqrt(np.diagonal(spread_out))))
         return Fit(
-            params=self.params, start=self.start, names=tuple(names),
-            covariance=spread @ covariance @ spread.T, residuals=-residuals, sigma=sigma,
-            evaluations=self.evaluations, solution=self.last.run,
+            params=self.params, start=self.start, names=tuple(names), covariance=spread_out,
+            residuals=-residuals, sigma=sigma, dof=dof, evaluations=self.evaluations,
+            message="; ".join(filter(None, words)), solution=self.last.run,
         )  # fmt: skip
+
+    def _moved_by_half_a_step(self, jacobian: Array) -> Array:
+        """Return how far the unknowns move with half the step, by one step of Gauss and Newton.
+
+        They are NaN where no such run is.
+        """
+        run = self.data.run | {"steps": 2 * self.data.run["steps"]}
+        if "every" in run:
+            run["every"] *= 2
+        self.evaluations += 1
+        try:
+            half = integrate(self.system, self.method, params=self.params, **run, **self.start)
+        except IntegrationError:
+            return np.full(jacobian.shape[1], np.nan)
+        change = (self._of(finished(half).states) - self._of(self.last.run.states))[
+            self.data.first :
+        ]
+        scales = np.linalg.norm(jacobian, axis=0)
+        off = (change / self.data.weights)[self.data.is_there]
+        found: Array = -np.linalg.lstsq(jacobian / scales, off, rcond=None)[0] / scales
+        return found
 
 
 @dataclass(frozen=True)

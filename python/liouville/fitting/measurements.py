@@ -33,6 +33,15 @@ def _numbers(what: str, value: Any) -> np.ndarray:
     raise TypeError(f"{what} is made of real numbers")
 
 
+def _of_frame(frame: Any) -> dict[str, Any]:
+    """Return the columns of a DataFrame by name; its index has the times where no column does."""
+    found = {name: np.asarray(frame[name]) for name in frame.columns}
+    index = getattr(frame, "index", None)
+    if "t" not in found and getattr(index, "name", None) == "t":
+        found["t"] = np.asarray(index)
+    return found
+
+
 def _are_whole(places: np.ndarray) -> bool:
     """Return whether numbers are whole but for roundoff."""
     return bool(np.abs(places - np.round(places)).max() <= EVEN * max(len(places), places.max()))
@@ -65,6 +74,8 @@ class Measurements:
     """
 
     def __init__(self, system: System, data: Any, h: float, sigma: Any, t0: float | None) -> None:
+        if not isinstance(data, Mapping) and hasattr(data, "columns"):
+            data = _of_frame(data)
         self._take_times(data, number("h is a number", h), t0)
         self._take_data(system, data, sigma)
 
@@ -123,9 +134,13 @@ class Measurements:
                 raise ValueError(hinted(f"data has {name!r}, which is no state", hint))
             place: Any = parts[name] if name in parts else components.index(name)
             values = _numbers(f"data {name!r}", data[name])
-            if values.shape != self.values[:, place].shape:
-                wanted = self.values[:, place].shape
-                raise ValueError(f"data {name!r} has shape {values.shape}, wanted {wanted}")
+            wanted = self.values[:, place].shape
+            if values.shape == (self._count,) and wanted == (self._count, 1):
+                values = values[:, None]
+            if values.shape != wanted:
+                sentence = f"data {name!r} has shape {values.shape}, wanted {wanted}"
+                hint = f"one column alone is given by its name: data={{{components[0]!r}: ...}}"
+                raise ValueError(hinted(sentence, hint) if values.ndim == 1 else sentence)
             if given[place].any():
                 sentence = f"data {name!r} gives again what other data of the same state give"
                 raise ValueError(hinted(sentence, "give the state, or its coordinates"))
@@ -137,6 +152,8 @@ class Measurements:
             if deviation is None:
                 continue
             weights = _numbers("sigma", deviation)
+            if weights.shape == (self._count,) and wanted == (self._count, 1):
+                weights = weights[:, None]
             if weights.shape not in ((), values.shape[1:], values.shape):
                 sentence = f"sigma of {name!r} has shape {weights.shape}"
                 raise ValueError(f"{sentence}, wanted a number or {values.shape}")

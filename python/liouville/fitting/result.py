@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,6 +11,11 @@ import numpy as np
 from liouville.analysis.point import Array
 from liouville.fitting.freedoms import values_of
 from liouville.solution import Solution
+
+#: Sums of squares so many standard deviations from what is expected are not by chance.
+UNLIKELY = 5.0
+#: A step that moves a value by more than this part of its standard deviation decides it.
+DECIDES = 0.5
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -30,10 +36,19 @@ class Fit:
         the parameters in them alone.
     residuals : ndarray, shape (N,)
         Measured minus computed values over their standard deviations, or over 1 without `sigma`.
+    chi2 : float
+        Their sum of squares.
+    dof : int
+        N - K, the number of measurements less that of unknowns. Where `sigma` is given and the
+        model is right, ``chi2`` is about this, with a standard deviation of ``sqrt(2 * dof)``.
     sigma : float or None
         The standard deviation of the measurements found from the residuals, where none was given.
     evaluations : int
         Runs that were made.
+    message : str
+        Where residuals are not of the size of the `sigma` given, and where the step and not the
+        data decides: values would move by more than half of their standard deviation with half the
+        step. Empty otherwise.
     solution : Solution
         The run that fits best, at the times of the measurements.
     """
@@ -44,8 +59,15 @@ class Fit:
     covariance: Array
     residuals: Array
     sigma: float | None
+    dof: int
     evaluations: int
+    message: str
     solution: Solution
+
+    @property
+    def chi2(self) -> float:
+        """The sum of squares of the residuals."""
+        return float(self.residuals @ self.residuals)
 
     @property
     def errors(self) -> dict[str, float]:
@@ -54,7 +76,39 @@ class Fit:
         return dict(zip(self.names, sizes.tolist(), strict=True))
 
     def __repr__(self) -> str:
-        """Return the values found with their standard deviations."""
+        """Return the values found with their standard deviations, and how well they fit."""
         values = values_of(self.params, self.start, self.solution.names)
         shown = ", ".join(f"{x} = {values[x]:.6g} ± {size:.1g}" for x, size in self.errors.items())
-        return f"<Fit: {shown}; {self.residuals.size} values, {self.evaluations} runs>"
+        good = f"chi2/dof = {self.chi2 / self.dof:.3g}" if self.dof else "chi2 of no freedom"
+        if self.sigma is not None:
+            good = f"sigma = {self.sigma:.3g}"
+        counts = f"{self.residuals.size} values, {self.evaluations} runs"
+        return f"<Fit: {shown}; {good}; {counts}{self.message and chr(10) + ' '}{self.message}>"
+
+
+def of_size(residuals: Array, dof: int) -> str:
+    """Say where residuals are not of the size of the deviation given."""
+    if not dof:
+        return ""
+    chi2 = float(residuals @ residuals)
+    if abs(chi2 - dof) <= UNLIKELY * np.sqrt(2 * dof):
+        return ""
+    times = np.sqrt(chi2 / dof)
+    why = (
+        "the model, the minimum found or sigma is not right" if times > 1 else "sigma is too large"
+    )
+    return f"residuals are {times:.2g} times as large as sigma: {why}"
+
+
+def of_step(names: Sequence[str], moved: Array, errors: Array) -> str:
+    """Say where the step decides, and not the data."""
+    if not np.isfinite(moved).all():
+        return "the run with half the step fails, so that nothing is known of the step"
+    parts = np.abs(moved) / np.maximum(errors, np.finfo(float).tiny)
+    k = int(np.argmax(parts))
+    if not parts[k] > DECIDES:
+        return ""
+    return (
+        f"the step decides more than the data: half of it moves {names[k]} by {moved[k]:.2g}, "
+        f"{parts[k]:.2g} of its standard deviations; take a smaller h or a method of higher order"
+    )
