@@ -203,7 +203,7 @@ impl Alpha {
     fn start_cold(&mut self, step: AlphaStep) -> Result<(), StepError> {
         let AlphaState { y, z, phi, .. } = step.state;
         self.acceleration
-            .solve(&mut self.model.general, step.t, y, z)?;
+            .begin(&mut self.model.general, step.t, y, z)?;
         let at = &mut self.solver;
         copy(&mut at.phi, phi);
         for reaction in &mut at.reactions {
@@ -223,7 +223,8 @@ impl Alpha {
             self.matrix
                 .update(&mut self.model, &mut self.solver, step)?;
         }
-        let mut equations = self.solver.start(&mut self.model, &mut self.matrix, step);
+        let at = (step, self.acceleration.borne);
+        let mut equations = self.solver.start(&mut self.model, &mut self.matrix, at);
         let outcome = if is_full {
             newton::solve_full(&mut equations)
         } else {

@@ -93,8 +93,8 @@ impl AlphaEquations<'_> {
     /// two roundings of the coordinates.
     fn is_roundoff(&self) -> bool {
         let AlphaStep { h, state, .. } = self.step;
-        let unit = max_norm(&state.y) / (h * h) + max_norm(&state.z) / h.abs();
         let at = &*self.solver;
+        let unit = (max_norm(&state.y) / (h * h) + max_norm(&state.z) / h.abs()).max(self.borne);
         let n = at.force.len();
         let (force, rest) = at.delta.split_at(n);
         let (pulls, constraints) = rest.split_at(2 * n);

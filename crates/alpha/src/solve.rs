@@ -7,7 +7,7 @@ use super::reaction::Reaction;
 use super::{AlphaState, Reactions};
 use liouville_base::error::StepError;
 use liouville_base::linalg::{add_scaled, copy, copy_scaled, furthest, max_norm};
-use liouville_base::newton::{Broyden, Equations, Stop};
+use liouville_base::newton::{Broyden, Equations, Stop, own_yardstick};
 use liouville_base::tableau::Alpha;
 use liouville_problem::SecondOrderModel;
 
@@ -64,6 +64,8 @@ pub(super) struct AlphaEquations<'a> {
     pub(super) step: AlphaStep<'a>,
     /// The size of the coordinates plus that of h times the velocity, at the start; 0 where none is needed.
     pub(super) yardstick: f64,
+    /// The largest acceleration that forces and reactions take from one another.
+    pub(super) borne: f64,
     /// How far the last correction has moved y1.
     moved_y: f64,
     /// Whether the next correction has factors of its own.
@@ -158,12 +160,12 @@ impl AlphaSolver {
         }
     }
 
-    /// The equations of a step, from where the unknowns are now.
+    /// The equations of a step, from where the unknowns are now, where so much acceleration is borne.
     pub(super) fn start<'a>(
         &'a mut self,
         model: &'a mut SecondOrderModel,
         matrix: &'a mut AlphaMatrix,
-        step: AlphaStep<'a>,
+        (step, borne): (AlphaStep<'a>, f64),
     ) -> AlphaEquations<'a> {
         self.broyden.restart();
         let AlphaStep { h, state, .. } = step;
@@ -171,7 +173,8 @@ impl AlphaSolver {
         let yardstick = if self.is_affine {
             0.0
         } else {
-            max_norm(&state.y) + h.abs() * max_norm(&state.z)
+            let own = max_norm(&state.y) + h.abs() * max_norm(&state.z);
+            own_yardstick(own, h * h * borne)
         };
         AlphaEquations {
             solver: self,
@@ -179,6 +182,7 @@ impl AlphaSolver {
             matrix,
             step,
             yardstick,
+            borne,
             moved_y: 0.0,
             is_refreshed: false,
             factorizations: 0,
@@ -299,7 +303,8 @@ impl AlphaEquations<'_> {
         let [eta, zeta] = self.moved_by();
         self.moved_y = eta;
         let (at, h) = (&*self.solver, self.step.h.abs());
-        let (y, z, phi) = (max_norm(&at.y), max_norm(&at.z), max_norm(&at.phi));
+        let (y, z) = (max_norm(&at.y), max_norm(&at.z));
+        let phi = max_norm(&at.phi).max(self.borne);
         let of_y = relative(eta, y.max(h * z).max(h * h * phi));
         match at.reactions_by {
             Reactions::Position => of_y,

@@ -24,6 +24,8 @@ pub struct Acceleration<R = f64> {
     pub z_dot: Vec<R>,
     /// λ, then ν, as last solved for; the start of the next solve where r is nonlinear in it.
     pub lam: Vec<R>,
+    /// The largest acceleration that forces and reactions take from one another, by [`Acceleration::begin`].
+    pub borne: R,
     force: Vec<R>,
     drift: Vec<R>,
     correction: Vec<R>,
@@ -45,6 +47,7 @@ impl<R: Real> Acceleration<R> {
             saddle: Saddle::new(model),
             z_dot: vec![R::splat(0.0); n],
             lam: vec![R::splat(0.0); m],
+            borne: R::splat(0.0),
             force: vec![R::splat(0.0); n],
             drift: vec![R::splat(0.0); m],
             correction: vec![R::splat(0.0); m],
@@ -55,6 +58,36 @@ impl<R: Real> Acceleration<R> {
     /// Lets the next solve start from zero.
     pub fn reset(&mut self) {
         self.lam.fill(R::splat(0.0));
+    }
+
+    /// [`Acceleration::solve`] for the start of an integration, and b, the largest acceleration that is borne:
+    ///
+    ///     b = max_k min(|a_f,k|, |a_r,k|),   M a_f = f − p_y v − p_t,   a_r = z' − a_f
+    ///
+    /// Roundoff of f + r moves velocities by ε h b.
+    ///
+    /// # Errors
+    /// As [`Acceleration::solve`].
+    #[inline(never)]
+    pub fn begin(
+        &mut self,
+        model: &mut Model<R>,
+        t: f64,
+        y: &[R],
+        z: &[R],
+    ) -> Result<(), StepError> {
+        self.solve(model, t, y, z)?;
+        self.borne = R::splat(0.0);
+        if self.lam.is_empty() {
+            return Ok(());
+        }
+        self.saddle.mass.solve(&mut self.force);
+        for (of_force, sum) in self.force.iter().zip(&self.z_dot) {
+            let of_reaction = *sum - *of_force;
+            let both = of_force.zip(of_reaction, |f, r| f.abs().min(r.abs()));
+            self.borne = self.borne.zip(both, f64::max);
+        }
+        Ok(())
     }
 
     /// Solves for `z_dot` and `lam` at (t, y, z).
@@ -156,10 +189,11 @@ impl<R: Real> Equations<R> for AccelerationEquations<'_, R> {
     }
 }
 
-// Multipliers, where the next solve starts from.
-liouville_base::checkpoint!([R: Scalar] Acceleration<R> { lam });
+// Multipliers, where the next solve starts from, and the unit of corrections.
+liouville_base::checkpoint!([R: Scalar] Acceleration<R> { lam, borne });
 
 compiled!(R in [f64, MemberLanes] {
     Acceleration::<R>::new as fn(_) -> _,
     Acceleration::<R>::solve as fn(_, _, _, _, _) -> _,
+    Acceleration::<R>::begin as fn(_, _, _, _, _) -> _,
 });

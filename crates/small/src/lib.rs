@@ -96,6 +96,8 @@ pub struct Fixed<L: Layout, const N: usize, const M: usize> {
     v0: [L; N],
     yardstick: L,
     rest: L,
+    /// h times the largest acceleration that forces and reactions take from one another.
+    borne: L,
     speed: L,
     /// The relative size of the last correction.
     size: L,
@@ -214,6 +216,7 @@ impl<L: Layout, const N: usize, const M: usize> Fixed<L, N, M> {
             v0: [L::splat(0.0); N],
             yardstick: L::splat(0.0),
             rest: L::splat(0.0),
+            borne: L::splat(0.0),
             speed: L::splat(0.0),
             size: L::splat(f64::INFINITY),
             deviation: L::splat(0.0),
@@ -261,7 +264,7 @@ impl<L: Layout, const N: usize, const M: usize> Fixed<L, N, M> {
             return self.start_cold(model, acceleration, step);
         }
         self.start.update(held);
-        self.extrapolate(held, step);
+        self.extrapolate(held, acceleration.borne, step);
         Some(())
     }
 }

@@ -11,7 +11,7 @@ use liouville_problem::{Acceleration, Model, State, Step};
 
 impl<L: Layout, const N: usize, const M: usize> Fixed<L, N, M> {
     /// Z, λ and z1 from the step before, and v0.
-    pub(super) fn extrapolate(&mut self, held: &newton::Predictor<L>, step: Step<L>) {
+    pub(super) fn extrapolate(&mut self, held: &newton::Predictor<L>, borne: L, step: Step<L>) {
         let (s, k) = (self.tables.stages, self.tables.intervals);
         let (n, m) = (self.problem.n, self.problem.m);
         let [z, lam] = [Z, LAM].map(|curve| &held.curves[curve].values);
@@ -43,7 +43,7 @@ impl<L: Layout, const N: usize, const M: usize> Fixed<L, N, M> {
                         |j| lam[(j, c)],
                     );
                 }
-                self.measure(step);
+                self.measure(step, borne);
             },
         );
     }
@@ -56,7 +56,7 @@ impl<L: Layout, const N: usize, const M: usize> Fixed<L, N, M> {
         step: Step<L>,
     ) -> Option<()> {
         let State { y, z, .. } = step.state;
-        solver.solve(model, step.t, y, z).ok()?;
+        solver.begin(model, step.t, y, z).ok()?;
         for (q, (z, rate)) in z.iter().zip(&solver.z_dot).enumerate() {
             for row in 0..L::rows(self.tables.stages) {
                 let moved = rate.every() * (L::factor(&self.tables.c, row) * step.h);
@@ -68,18 +68,19 @@ impl<L: Layout, const N: usize, const M: usize> Fixed<L, N, M> {
         for (out, lam) in self.lam.iter_mut().zip(&solver.lam) {
             out.as_mut().fill(lam.every());
         }
-        self.measure(step);
+        self.measure(step, solver.borne);
         Some(())
     }
 
     /// The speed that moves the coordinates by their size, and the yardstick, as in `yardstick` of `crates/spark`.
     #[inline(always)]
-    fn measure(&mut self, step: Step<L>) {
+    fn measure(&mut self, step: Step<L>, borne: L) {
+        self.borne = borne * step.h.abs();
         self.rest = max_norm(&step.state.y) / L::splat(step.h.abs());
         self.yardstick = if self.problem.is_affine() {
             L::splat(0.0)
         } else {
-            max_norm(&self.v0) + self.rest
+            newton::own_yardstick(max_norm(&self.v0) + self.rest, self.borne)
         };
     }
 
@@ -104,7 +105,8 @@ impl<L: Layout, const N: usize, const M: usize> Fixed<L, N, M> {
         );
     }
 
-    /// The size of a correction, relative to the largest velocity plus the one that moves the coordinates by their size.
+    /// The size of a correction, relative to the largest velocity plus the one that moves the coordinates by their size,
+    /// or to what is borne in a step where that is larger.
     #[inline(always)]
     pub(super) fn relative(&mut self, size: L) -> L {
         let rows = L::rows(self.tables.stages);
@@ -114,7 +116,11 @@ impl<L: Layout, const N: usize, const M: usize> Fixed<L, N, M> {
                 largest = larger(largest, *z);
             }
         }
-        self.speed = L::largest(largest) + self.rest;
+        self.speed = (L::largest(largest) + self.rest).zip(
+            self.borne,
+            #[inline(always)]
+            |speed: f64, borne| speed.max(borne),
+        );
         size.zip(
             self.speed,
             #[inline(always)]

@@ -81,7 +81,7 @@ impl<R: Real> Predictor<R> {
         } else {
             held.rows() - 1
         };
-        stages.begin(step, held.row(start));
+        stages.begin(step, held.row(start), self.acceleration.borne);
         dispatch_simd_long::<R, _>(
             z1.len(),
             #[inline(always)]
@@ -117,7 +117,7 @@ impl<R: Real> Predictor<R> {
     ) -> Result<(), StepError> {
         let Step { t, h, state } = step;
         let lag = if is_uniform { 0.0 } else { h };
-        self.acceleration.solve(model, t, &state.y, &state.z)?;
+        self.acceleration.begin(model, t, &state.y, &state.z)?;
         let z_dot = &self.acceleration.z_dot;
         let [_, _, v] = model.end(t, &state.y, &state.z);
         if !self.velocity_is_z {
@@ -128,7 +128,7 @@ impl<R: Real> Predictor<R> {
         } else {
             self.v.row(0)
         };
-        stages.begin(step, velocity);
+        stages.begin(step, velocity, self.acceleration.borne);
         for i in 0..stages.tableau.stages {
             let (c, t) = (stages.tableau.c[i], stages.stage_time(step, i));
             let z = stages.unknowns.z.row_mut(i);

@@ -87,8 +87,7 @@ impl<R: Real> Stages<R> {
         let perturbed = self.evaluate(model, step);
         self.unknowns.copy_from(&probe.unknowns);
         let units = (self.stop.tolerance / f64::EPSILON).max(1.0);
-        let unit =
-            max_norm(self.unknowns.v.flat()) + max_norm(&step.state.y) * (1.0 / step.h.abs());
+        let unit = self.unit(step);
         let least = [0.0, 2.0 * f64::EPSILON, 2.0 * f64::EPSILON * step.h.abs()];
         let blocks = [
             (&probe.momentum, &self.momentum_residual),

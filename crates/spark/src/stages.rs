@@ -92,6 +92,8 @@ pub(super) struct Stages<R = f64> {
     /// the start, the same for all iterates; 0 where none is needed.
     pub(super) v0: Vec<R>,
     pub(super) yardstick: R,
+    /// The largest acceleration that forces and reactions take from one another.
+    pub(super) borne: R,
     /// Whether V and Z are the same.
     pub(super) velocity_is_z: bool,
     /// Whether the equations are linear, with one solution wherever it lies.
@@ -137,6 +139,7 @@ impl<R: Real> Stages<R> {
             stop: Stop::default(),
             v0: vec![R::splat(0.0); n],
             yardstick: R::splat(0.0),
+            borne: R::splat(0.0),
             speed: R::splat(0.0),
             size: R::splat(0.0),
             wanted: R::splat(1.0),

@@ -3,14 +3,15 @@
 
 use super::stages::{Stages, Unknowns};
 use liouville_base::linalg::{copy, furthest, max_norm};
-use liouville_base::newton::scaled_size;
+use liouville_base::newton::{own_yardstick, scaled_size};
 use liouville_base::real::Real;
 use liouville_problem::Step;
 
 impl<R: Real> Stages<R> {
-    /// Begins a step with these velocities at its start.
-    pub(super) fn begin(&mut self, step: Step<R>, v: &[R]) {
+    /// Begins a step with these velocities at its start, where so much acceleration is borne.
+    pub(super) fn begin(&mut self, step: Step<R>, v: &[R], borne: R) {
         copy(&mut self.v0, v);
+        self.borne = borne;
         self.begin_again(step);
     }
 
@@ -20,7 +21,8 @@ impl<R: Real> Stages<R> {
         self.yardstick = if self.is_affine {
             R::splat(0.0)
         } else {
-            max_norm(&self.v0) + max_norm(&step.state.y) / R::splat(step.h.abs())
+            let own = max_norm(&self.v0) + max_norm(&step.state.y) / R::splat(step.h.abs());
+            own_yardstick(own, self.borne * step.h.abs())
         };
     }
 }
@@ -57,16 +59,25 @@ impl<R: Real> Stages<R> {
         if correction.all(|correction| correction == 0.0) {
             return correction;
         }
-        let y = max_norm(&step.state.y) / R::splat(step.h.abs());
-        let speed = max_norm(self.unknowns.v.flat()) + y;
-        self.speed = speed;
+        self.speed = self.unit(step);
         correction.zip(
-            speed,
+            self.speed,
             #[inline(always)]
             |correction, speed| match correction {
                 0.0 => 0.0,
                 _ => correction / speed,
             },
+        )
+    }
+
+    /// The largest velocity plus the one that moves the coordinates by their size, and not below what is borne in a step.
+    #[inline(always)]
+    pub(super) fn unit(&self, step: Step<R>) -> R {
+        let rest = max_norm(&step.state.y) / R::splat(step.h.abs());
+        (max_norm(self.unknowns.v.flat()) + rest).zip(
+            self.borne * step.h.abs(),
+            #[inline(always)]
+            |speed: f64, borne| speed.max(borne),
         )
     }
 

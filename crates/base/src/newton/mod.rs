@@ -30,7 +30,7 @@ pub use block_matrix::{BlockGrid, BlockHandle, BlockLayout, BlockMatrix};
 pub use broyden::Broyden;
 pub use predictor::{Continuation, Polynomial, Predictor};
 pub use reuse::{Renewal, Reuse};
-pub use stop::{Projection, Stop, scaled_size};
+pub use stop::{Projection, Stop, own_yardstick, scaled_size};
 
 use crate::error::StepError;
 use crate::real::Real;

@@ -134,6 +134,23 @@ impl<R: Real> Projection<R> {
     }
 }
 
+/// Motions below so many roundings of what is borne are themselves roundoff.
+const BORNE: f64 = 4096.0 * f64::EPSILON;
+
+/// The yardstick of a step by the size of the motion itself; 0, for none, where that is but roundoff of what forces and
+/// reactions would each do alone.
+#[inline(always)]
+#[allow(clippy::inline_always)] // other functions are compiled without the caller's instruction set
+pub fn own_yardstick<R: Real>(motion: R, borne: R) -> R {
+    motion.zip(
+        borne,
+        #[inline(always)]
+        |motion, borne| {
+            if motion > BORNE * borne { motion } else { 0.0 }
+        },
+    )
+}
+
 /// A size relative to a speed, in a yardstick; 0 where there is none.
 #[inline(always)]
 #[allow(clippy::inline_always)] // other functions are compiled without the caller's instruction set
