@@ -14,9 +14,10 @@ from numpy.typing import ArrayLike
 from liouville import _core
 from liouville._arguments import MOST_STEPS, check_memory, interval, number
 from liouville.errors import IntegrationError, hinted
-from liouville.events import DIRECTIONS, Event
+from liouville.events import DIRECTIONS, Event, named
 from liouville.failure import Failure, counted_on, summary_of
 from liouville.methods import VolumeSplitting
+from liouville.points import Points
 from liouville.progress import Progress
 from liouville.runners import Request, runner_of
 from liouville.runners.execute import advance, execute, explain, failures_of
@@ -62,6 +63,10 @@ class Section:
         ``"done"``, or ``"interrupted"`` or ``"failed"`` with what was found before.
     failures : dict of int to Failure
         Members that failed, with the step, its time and why; their crossings are those before.
+    events : dict of str to Points
+        The points of other events, by name.
+    endings : dict of int to str
+        Members that an event ended, with which and when; their crossings are those before.
     """
 
     x: Array
@@ -75,6 +80,8 @@ class Section:
     direction: str = "both"
     status: str = "done"
     failures: dict[int, Failure] = field(default_factory=dict)
+    events: dict[str, Points] = field(default_factory=dict)
+    endings: dict[int, str] = field(default_factory=dict)
 
     def __len__(self) -> int:
         """Return how many crossings there are."""
@@ -82,9 +89,10 @@ class Section:
 
     def __repr__(self) -> str:
         """Return how many crossings of how many trajectories, and how many of these failed."""
+        ended = f", {len(self.endings)} ended by events" if self.endings else ""
         failed = f", {len(self.failures)} failed" if self.failures else ""
         crossings = f"{len(self)} crossings of {self.members} trajectories"
-        return f"<Section {self.status}: {crossings}{failed}>"
+        return f"<Section {self.status}: {crossings}{ended}{failed}>"
 
 
 def section(
@@ -101,6 +109,7 @@ def section(
     params: Mapping[str, ArrayLike] | None = None,
     progress: Progress = None,
     threads: int | None = None,
+    events: Mapping[str, Event | Callable[..., Any]] | None = None,
     x: ArrayLike,
 ) -> Section:
     r"""Find where trajectories cross the plane :math:`a \cdot x = c`, without keeping their states.
@@ -126,6 +135,9 @@ def section(
     direction : {"both", "up", "down"}
         Whether :math:`a \cdot x` must grow or fall in the order of the run, also of one backwards
         in time. Times have no direction.
+    events : mapping of str to Event or callable, optional
+        Other events, as for :func:`liouville.ensemble`: a terminal one ends its trajectory, such as
+        one that leaves a basin or comes near a singularity. Members are not in lock-step then.
     x : array_like, shape (P, n)
         Starts of P trajectories.
 
@@ -163,28 +175,36 @@ def section(
     from liouville.runners.field import FieldRunner
     from liouville.splitting import to_core
 
-    cuts, names = _cuts(offset, period, direction), system.coordinates
+    cuts, names, others = _cuts(offset, period, direction), system.coordinates, named(events)
+    if SURFACE in others:
+        raise ValueError(f"'{SURFACE}' is the event of the section itself: give it another name")
+    is_strobe = isinstance(plane, str) and plane == "t" and "t" not in names
+    if is_strobe and others:
+        hint = "lv.ensemble(..., t_eval=times, events=...) has states at given times"
+        raise ValueError(hinted("events= is for planes and surfaces, and plane='t' is none", hint))
+    normal = np.zeros(len(names)) if callable(plane) or is_strobe else _plane(plane, names)
+    surface = plane if callable(plane) else _level(normal, cuts) if others else None
+    own = surface if surface is None else _surface(surface, cuts, direction, callable(plane))
     request = Request(
         t=t, h=h, steps=steps, every=MOST_STEPS, params=params, threads=threads, start={"x": x},
-        events=_surface(plane, cuts, direction), is_ensemble=True,
+        events=None if own is None else own | others, is_ensemble=True,
     )  # fmt: skip
     runner = runner_of(system, method, request)
     assert isinstance(runner, FieldRunner)
-    if isinstance(plane, str) and plane == "t" and "t" not in names:
+    if is_strobe:
         return _with_some_left(_strobed(runner, request, cuts, progress))
-    normal, job = np.zeros(len(names)), runner.job
-    if not callable(plane):
-        normal = _plane(plane, names)
-        job = replace(job, observer=(normal, *cuts))
+    job = runner.job if own else replace(runner.job, observer=(normal, *cuts))
     made = runner.steps
     run = _core.run(to_core(runner.split), runner.choice.method, job)
     outcome = run if isinstance(run, dict) else advance(run, runner, progress)
-    rows = np.empty((0, 2 + len(names)))
+    rows, points, endings = np.empty((0, 2 + len(names))), dict[str, Points](), dict[int, str]()
     if not isinstance(run, dict):
         _, rows = run.take()
-        if callable(plane):
-            met = runner.events(run)[0][SURFACE]
+        if own:
+            points, endings = runner.events(run)
+            met = points.pop(SURFACE)
             rows = np.column_stack([met.member, met.t, met.x])
+            rows = rows if callable(plane) else rows[_is_on(rows[:, 2:] @ normal, cuts)]
     failures = {} if isinstance(run, dict) else failures_of(run, runner)
     forwards = np.sign(made.t1 - made.t0)
     order = np.lexsort((forwards * rows[:, 1], rows[:, 0]))
@@ -193,6 +213,7 @@ def section(
         members=runner.members[0], names=names, plane=(normal, cuts[0]), method=runner.method,
         period=cuts[1], direction=direction,
         status="failed" if isinstance(outcome, dict) else outcome, failures=failures,
+        events=points, endings=endings,
     )  # fmt: skip
     if isinstance(outcome, dict):
         message, quantity = explain(outcome, runner)
@@ -214,27 +235,52 @@ def _with_some_left(found: Section) -> Section:
     return found
 
 
+def _level(normal: Array, cuts: tuple[float, float | None, int]) -> Callable[..., Any]:
+    """Return a function that is zero on planes; of parallel ones also half-way between them."""
+    offset, period, _ = cuts
+
+    def level(t: Any, x: Any, params: Any) -> Any:
+        del t, params
+        along = sum(float(a) * x[k] for k, a in enumerate(normal) if a)
+        if period is None:
+            return along - offset
+        return np.sin((along - offset) * (2 * np.pi / period))
+
+    return level
+
+
+def _is_on(along: Array, cuts: tuple[float, float | None, int]) -> np.ndarray:
+    """Return which points are on planes and not half-way between them."""
+    offset, period, _ = cuts
+    if period is None:
+        return np.ones(len(along), dtype=bool)
+    return np.asarray(np.cos((along - offset) * (2 * np.pi / period)) > 0)
+
+
 def _surface(
-    plane: Any, cuts: tuple[float, float | None, int], direction: str
-) -> dict[str, Event] | None:
-    """Return the event that a surface is, None of a plane."""
-    if not callable(plane):
-        return None
+    surface: Callable[..., Any],
+    cuts: tuple[float, float | None, int],
+    direction: str,
+    is_given: bool,
+) -> dict[str, Event]:
+    """Return the event of a function that is given, or of one that is zero on planes."""
+    if not is_given:
+        return {SURFACE: Event(surface, direction)}
     offset, period, _ = cuts
     if period is not None:
         hint = "return a function that is zero on all of them, such as sin(x[0])"
         raise ValueError(hinted("period= is that of planes, and plane= is a function", hint))
 
-    @functools.wraps(plane)  # its arguments are looked at
-    def surface(t: Any, x: Any, params: Any) -> Any:
-        found = plane(t, x, params)
+    @functools.wraps(surface)  # its arguments are looked at
+    def crossed(t: Any, x: Any, params: Any) -> Any:
+        found = surface(t, x, params)
         lone = found[0] if isinstance(found, (list, tuple)) and len(found) == 1 else found
         try:
             return lone - offset
         except TypeError:  # refused by name
             return found
 
-    return {SURFACE: Event(surface, direction)}
+    return {SURFACE: Event(crossed, direction)}
 
 
 def _strobed(

@@ -30,7 +30,7 @@ class VolumeSplitting:
 
     The *diagonal* part of a field are the terms of :math:`x_i'` that contain :math:`x_i`; the rest
     is *off-diagonal*. What is ``"auto"`` is chosen by :func:`liouville.plan` from the structure of
-    the field and a pilot run, always in the same way for the same field, start and step.
+    the field and trial runs, always in the same way for the same field, start, step and interval.
 
     Parameters
     ----------

@@ -133,8 +133,9 @@ class PlaneRunner(FieldRunner):
             )
         if error["kind"] == "not converged":
             return (
-                "the equation of a plane was not solved",
-                "try a smaller h",
+                "the velocity changes too much within the step for its equations to be solved",
+                "try a smaller h; a path that runs into a singularity has to end before it, by "
+                'events={"near": lv.Event(f, terminal=True)}',
                 "stages",
             )
         if error["kind"] == "singular function":
@@ -143,7 +144,8 @@ class PlaneRunner(FieldRunner):
             what = piece.described(self.system.variables)
             return (
                 f"the potential of the {what} is not finite, or its derivatives are not",
-                "keep away from where it is singular, or try a smaller h",
+                "keep away from where it is singular, or end there by an Event with terminal=True; "
+                "or try a smaller h",
                 "potential",
             )
         return super()._described(error)
