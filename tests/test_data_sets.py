@@ -320,3 +320,22 @@ def test_a_start_on_land_is_said():
     assert not lv.integrate(field, V(), x=[2.2, 1.5], **run).message
     found = lv.ensemble(field, V(), x=[[2.2, 1.5], [1.2, 1.5], [1.25, 1.45]], **run)
     assert found.message == "2 of 3 members start on land, the first of them member 1"
+
+
+@pytest.mark.parametrize("suffix", [".nc", ".zarr", ".npz"])
+def test_exports_of_a_sphere_have_degrees(tmp_path, suffix):
+    field = globe(np.arange(0, 360, 10.0), LAT, periodic=("lon",))
+    points = np.array([[358.0, 20.0], [30.0, 40.0]])
+    run = lv.ensemble(field, V(), t=(0, 86400), h=3600, x=field.states_of(points))
+    data, exact = run.to_xarray(), field.points_of(run.x)
+    assert (data.lon.values == exact[..., 0]).all()
+    assert (data.lat.values == exact[..., 1]).all()
+    assert data.lon[0].values == pytest.approx(points[:, 0])
+    assert (data.lon.units, data.lat.units) == ("degrees_east", "degrees_north")
+    path = tmp_path / f"run{suffix}"
+    run.save(path)
+    assert (lv.load(path).x == run.x).all()
+    run.sel(time=slice(0, 7200)).save(tmp_path / "run.csv")
+    head, first, *_ = (tmp_path / "run.csv").read_text().splitlines()
+    assert head == "member,t,x[lon],x[mu],lon,lat"
+    assert [float(x) for x in first.split(",")][-2:] == pytest.approx(points[0])

@@ -83,6 +83,7 @@ PACKAGE_FLOORS = (
 # integrate() what stores a run, a solution the method for states between its steps
 LAZY = {
     ("solution", "export"),
+    ("section", "export"),
     ("motions", "bodies"),
     ("integrate", "stored"),
     ("parts", "runners"),

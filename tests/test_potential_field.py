@@ -5,6 +5,7 @@ import pickle
 import casadi as ca
 import numpy as np
 import pytest
+import xarray
 from ordinary import solved
 
 import liouville as lv
@@ -217,7 +218,7 @@ def dipole(t, x, params):
     return [part / ca.norm_2(x) ** 3 for part in (-x[1], x[0], 0 * x[0])]
 
 
-def test_lines_that_run_into_a_singularity_are_ended_by_an_event():
+def test_lines_that_run_into_a_singularity_are_ended_by_an_event(tmp_path):
     """In sections too; what fails says what it is, since no step is short enough."""
     field, run = lv.PotentialField(dipole, x=("x", "y", "z")), {"t": (0, 20), "plane": "z"}
     for h in (0.02, 0.005):
@@ -233,6 +234,20 @@ def test_lines_that_run_into_a_singularity_are_ended_by_an_event():
     assert "3 ended by events" in repr(found)
     met = found.events["near"]
     assert np.sum(met.x**2, axis=-1) == pytest.approx(0.36, abs=1e-12)
+    data = found.to_xarray()
+    assert (data.x.values == found.x).all()
+    assert (data.t.values == found.t).all()
+    assert data.event_t_near.size == 3
+    found.save(tmp_path / "section.nc")
+    with xarray.open_dataset(tmp_path / "section.nc") as opened:
+        assert (opened.member.values == found.member).all()
+        assert list(opened.coordinate.values) == ["x", "y", "z"]
+        assert "near" in opened.endings
+    found.save(tmp_path / "section.csv")
+    rows = np.loadtxt(tmp_path / "section.csv", delimiter=",", skiprows=1)
+    assert (rows == np.column_stack([found.member, found.t, found.x])).all()
+    with pytest.raises(ValueError, match=r"a section is not saved to 'a.xyz'\nhint: use one of .nc"):
+        found.save("a.xyz")
     # z = 0 is where r = L, of the lines r = L sin^2
     r, rho = np.linalg.norm(starts, axis=1), np.hypot(*np.array(starts).T[:2])
     assert np.linalg.norm(found.x, axis=1) == pytest.approx((r**3 / rho**2)[[0, 2]], rel=1e-5)

@@ -2,6 +2,7 @@
 
 import matplotlib as mpl
 import pytest
+import xarray
 
 import liouville as lv
 from liouville import plot
@@ -66,3 +67,21 @@ def test_units_by_keywords_are_refused_with_the_mapping_that_is_wanted(run):
     sentence, hint = str(caught.value).splitlines()
     assert sentence == "with_units takes one mapping of names to units, not t='s', q='m'"
     assert hint == "hint: with_units({'t': 's', 'q': 'm'})"
+
+
+def test_variables_of_datasets_have_their_units(run, tmp_path):
+    named = run.with_units(UNITS)
+    data = named.to_xarray()
+    assert {name: data[name].attrs.get("units") for name in ("time", "q", "v", "lam")} == {
+        "time": "s", "q": "m", "v": "m/s", "lam": "N/m",
+    }  # fmt: skip
+    assert "units" not in run.to_xarray().time.attrs
+    mixed = run.with_units({"q": "m", f"q[{run.names['coordinates'][1]}]": "mm"}).to_xarray()
+    assert "units" not in mixed.q.attrs
+    named.save(tmp_path / "run.nc")
+    with xarray.open_dataset(tmp_path / "run.nc", decode_times=False) as opened:
+        assert opened.time.units == "s"
+        assert opened.q.units == "m"
+    again = lv.load(tmp_path / "run.nc")
+    assert again.units == UNITS
+    assert (again.q == run.q).all()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import math
+import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
@@ -25,6 +26,8 @@ from liouville.solution import Array
 from liouville.systems import Field
 
 if TYPE_CHECKING:
+    import xarray
+
     from liouville.planner import FieldPlan
     from liouville.runners.field import FieldRunner
 
@@ -86,6 +89,18 @@ class Section:
     def __len__(self) -> int:
         """Return how many crossings there are."""
         return self.t.size
+
+    def to_xarray(self) -> xarray.Dataset:
+        """Give the points as an xarray ``Dataset``, along the dimension ``crossing``."""
+        from liouville import export
+
+        return export.section_to_xarray(self)
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the points for other programs, to NetCDF (``.nc``) or a table (``.csv``)."""
+        from liouville import export
+
+        export.save_section(self, path)
 
     def __repr__(self) -> str:
         """Return how many crossings of how many trajectories, and how many of these failed."""

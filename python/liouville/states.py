@@ -63,7 +63,8 @@ class States:
         Returns
         -------
         Solution
-            It shares all arrays. Files keep the units.
+            It shares all arrays. Files keep the units, and variables of datasets that have one unit
+            have it as attribute ``units``.
 
         Raises
         ------

@@ -7,8 +7,10 @@ variables are the states under their own letters, ``invariants``, ``residuals``,
 ``reactions`` of a mechanical system with constraints, ``observed_NAME`` for each observed quantity,
 ``event_t_NAME`` for the times of events and ``event_q_NAME`` and so on for the states there,
 ``tangent_q_NAME`` and ``tangent_event_q_NAME_EVENT`` for the derivatives of all these; how the run
-went is in its attributes. What is saved comes back bit for bit. A wave function has the
-dimension ``place``, without labels; in NetCDF and Zarr, complex numbers are pairs along ``part``.
+went is in its attributes. Of a field on a sphere ``lon`` and ``lat`` are the points in degrees, of
+one on a cylinder ``R`` the radius; files have them for other programs. What is saved comes back
+bit for bit. A wave function has the dimension ``place``, without labels; in NetCDF and Zarr,
+complex numbers are pairs along ``part``.
 
 A file has checksums, and damage to it is found when it is loaded: a NetCDF file ends in a line with
 one, which other readers do not see; a NumPy file has one for each array; in a Zarr folder each
@@ -22,5 +24,7 @@ from liouville.export.files import ends as ends
 from liouville.export.files import write_zarr as write_zarr
 from liouville.export.layout import MARK as MARK
 from liouville.export.layout import SLASH as SLASH
+from liouville.export.sections import save_section as save_section
+from liouville.export.sections import section_to_xarray as section_to_xarray
 
 __all__ = ["SUFFIXES", "check", "load", "save", "to_xarray"]

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from liouville.export.layout import Layout, laid_out, read
+from liouville.export.layout import Layout, laid_out, read, unit_attribute
 from liouville.solution import Solution
 
 if TYPE_CHECKING:
@@ -39,10 +39,11 @@ def to_xarray(solution: Solution) -> xarray.Dataset:
         xarray is not installed.
     """
     layout = laid_out(solution)
-    names = {dim: x for dim, x in layout.labels.items() if dim != "time"}
+    names, times = dict(layout.labels), layout.labels["time"]
+    del names["time"]
     dataset: xarray.Dataset = needed("xarray").Dataset(
         layout.variables,
-        coords={"time": layout.labels["time"]}
+        coords={"time": ("time", times, unit_attribute(solution, "t"))}
         | {dim: np.array(labels, dtype=object) for dim, labels in names.items()},
         attrs=layout.attributes,
     )

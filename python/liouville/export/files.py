@@ -102,9 +102,16 @@ def save(solution: Solution, path: str | os.PathLike[str]) -> None:
     if lock.is_file():
         with locked(lock, f"{str(path)!r} is the store of a run that is going on"):
             pass
+    with replacing(path) as temporary:
+        WRITERS[path.suffix](solution, temporary)
+
+
+@contextmanager
+def replacing(path: Path) -> Iterator[Path]:
+    """Give a path beside this one to write to, which takes its place once all is written."""
     temporary = path.with_name(f".{path.name}.{os.getpid()}-{threading.get_ident()}.tmp")
     try:
-        WRITERS[path.suffix](solution, temporary)
+        yield temporary
         if path.is_dir():
             shutil.rmtree(path)
         temporary.replace(path)

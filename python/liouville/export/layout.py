@@ -13,7 +13,7 @@ from liouville.events import AFTER
 from liouville.failure import Failure
 from liouville.points import STATES, Points
 from liouville.solution import Array, Solution
-from liouville.systems import Mechanics
+from liouville.systems import Field, Mechanics
 from liouville.tangents import Tangent
 
 # The attribute that marks liouville's files, and the version of their layout.
@@ -55,7 +55,10 @@ def laid_out(solution: Solution) -> Layout:
     lead = ("time",) if solution.members is None else ("time", "member")
     axis_of = AXES | ({"z": "unknown"} if "unknowns" in names else {})
     for name, values in solution.states.items():
-        variables[name] = ((*lead, axis_of.get(name, "coordinate")), values, {})
+        own = unit_attribute(solution, name)
+        variables[name] = ((*lead, axis_of.get(name, "coordinate")), values, own)
+    for name, (values, unit) in positions(solution).items():
+        variables[name] = (lead, values, {"units": unit} if unit else {})
     if solution.invariants:
         columns = np.stack(list(solution.invariants.values()), axis=-1)
         variables["invariants"] = ((*lead, "invariant"), columns, {})
@@ -71,17 +74,22 @@ def laid_out(solution: Solution) -> Layout:
         variables["balance"] = ((*lead, "term"), columns, {})
     forces = reactions(solution)
     if forces is not None:
-        variables["reactions"] = ((*lead, "coordinate"), forces, {})
+        own = unit_attribute(solution, "reaction")
+        variables["reactions"] = ((*lead, "coordinate"), forces, own)
     for name, values in solution.observed.items():
         label = "observed_" + name.replace("/", SLASH)
-        variables[label] = ((*lead, f"{label}_axis")[: values.ndim], values, {"name": name})
+        own = {"name": name} | unit_attribute(solution, name)
+        variables[label] = ((*lead, f"{label}_axis")[: values.ndim], values, own)
     for name, points in solution.events.items():
         label = name.replace("/", SLASH)
         axis = f"event_axis_{label}"
-        variables[f"event_t_{label}"] = ((axis,), points.t, {"name": name})
+        own = {"name": name} | unit_attribute(solution, "t")
+        variables[f"event_t_{label}"] = ((axis,), points.t, own)
         for state, values in points.states.items():
             dims = (axis, axis_of.get(state.removesuffix(AFTER), "coordinate"))[: values.ndim]
-            variables[f"event_{state}_{label}"] = (dims, values, {"name": name, "state": state})
+            own = {"name": name, "state": state}
+            own |= unit_attribute(solution, state.removesuffix(AFTER))
+            variables[f"event_{state}_{label}"] = (dims, values, own)
     for name, tangent in solution.tangents.items():
         variables |= _of_tangent(name, tangent, lead, axis_of)
     labels = {
@@ -114,6 +122,22 @@ def laid_out(solution: Solution) -> Layout:
     }
     named = {dim: list(values) for dim, values in labels.items()}
     return Layout(variables, {"time": solution.t, **named}, attributes)
+
+
+def unit_attribute(solution: Solution, name: str) -> dict[str, str]:
+    """Return the attribute of a quantity that has one unit, empty where it has none."""
+    unit = solution.units.get(name, "")
+    has_others = any(
+        key.partition("[")[0] == name and own != unit for key, own in solution.units.items()
+    )
+    return {"units": unit} if unit and not has_others else {}
+
+
+def positions(solution: Solution) -> dict[str, tuple[Array, str]]:
+    """Return points by coordinates that the states of a field do not have, with their units."""
+    if not isinstance(solution.system, Field) or "x" not in solution.states:
+        return {}
+    return solution.system.positions(solution.states["x"])
 
 
 def _of_tangent(

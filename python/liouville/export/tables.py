@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from liouville.export.datasets import needed
-from liouville.export.layout import laid_out, place_of, reactions
+from liouville.export.layout import laid_out, place_of, positions, reactions
 from liouville.solution import Array, Solution
 from liouville.states import unit_of
 
@@ -60,6 +60,8 @@ def table(solution: Solution) -> dict[str, Array]:
     for name, values in solution.states.items():
         kind = "unknowns" if name == "z" and "unknowns" in names else "coordinates"
         add(name, values, names["constraints" if name == "lam" else kind])
+    for name, (values, _) in positions(solution).items():
+        add(name, values)
     for name, values in (solution.invariants | solution.balance).items():
         add(name, values)
     for name, values in solution.residuals.items():

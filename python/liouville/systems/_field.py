@@ -97,6 +97,14 @@ class Field(Pickled, ABC):
             raise ValueError(f"x of '{self.coordinates[place[-1]]}'{member} is {array[place]}")
         return np.ascontiguousarray(array)
 
+    def positions(self, x: np.ndarray) -> dict[str, tuple[np.ndarray, str]]:
+        """Return the points of states x, shape (..., n), by coordinates that states do not have.
+
+        They go by name, each of shape (...), with its unit.
+        """
+        del x
+        return {}
+
     def extended(self, x: np.ndarray, t: float) -> np.ndarray:
         """Return states (P, n) with all further variables: the time, and parameters held."""
         more = [t] if self.is_driven else []

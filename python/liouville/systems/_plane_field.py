@@ -86,7 +86,12 @@ class PlaneField(Field):
         return self._made
 
     def velocity(self, x: ArrayLike, t: float = 0.0) -> np.ndarray:
-        """Return the velocity of states x, shape (..., n); NaN where there is none."""
+        """Return the velocity of states x, shape (..., n); NaN where there is none.
+
+        These are rates of states in unit time. Of a grid on a sphere of radius a these are
+        dlon/dt = u / (a cos lat), in radians, and dmu/dt = v cos(lat) / a; of one on a cylinder
+        dq/dt = R v_R and dphi/dt = v_phi / R.
+        """
         return self._sampled(x, t)[1]
 
     def potential(self, x: ArrayLike, t: float = 0.0) -> np.ndarray:

@@ -91,6 +91,13 @@ class Coordinates:
             x = np.degrees(x)
         return x
 
+    def positions(self, x: Array) -> dict[str, tuple[Array, str]]:
+        """Return the coordinates of points that states do not have, with their units."""
+        points = np.moveaxis(self.outward(x), -1, 0)
+        if self.kind == "spherical":
+            return {"lon": (points[0], "degrees_east"), "lat": (points[1], "degrees_north")}
+        return {"R": (points[0], "")} if self.kind == "cylindrical" else {}
+
     def velocity(self, components: Sequence[Array], first: Array, second: Array) -> list[Array]:
         """Return the rates of the states, given the nodes along the first and the second axis."""
         if self.kind == "cylindrical":

@@ -391,6 +391,10 @@ class GriddedField(PlaneField):
         span = None if axis.is_periodic else (axis.edges[0], axis.edges[-1])
         return self._kind.inward(np.asarray(points), span)
 
+    def positions(self, x: np.ndarray) -> dict[str, tuple[np.ndarray, str]]:
+        """Return longitudes and latitudes in degrees, or R of a cylinder; see :class:`Field`."""
+        return self._kind.positions(x)
+
     def points_of(self, x: ArrayLike) -> Array:
         """Return points in the user's coordinates of states x, shape (..., n)."""
         return self._kind.outward(np.asarray(x))
