@@ -246,7 +246,7 @@ def test_lines_that_run_into_a_singularity_are_ended_by_an_event(tmp_path):
     found.save(tmp_path / "section.csv")
     rows = np.loadtxt(tmp_path / "section.csv", delimiter=",", skiprows=1)
     assert (rows == np.column_stack([found.member, found.t, found.x])).all()
-    with pytest.raises(ValueError, match=r"a section is not saved to 'a.xyz'\nhint: use one of .nc"):
+    with pytest.raises(ValueError, match=r"not saved to 'a.xyz'\nhint: use one of .nc, .csv"):
         found.save("a.xyz")
     # z = 0 is where r = L, of the lines r = L sin^2
     r, rho = np.linalg.norm(starts, axis=1), np.hypot(*np.array(starts).T[:2])
