@@ -1,6 +1,8 @@
 import signal
 import subprocess
 import sys
+import time
+from contextlib import contextmanager
 
 import matplotlib as mpl
 import pytest
@@ -28,6 +30,27 @@ def elsewhere(tmp_path, monkeypatch):
     """Work in an empty directory."""
     monkeypatch.chdir(tmp_path)
     return tmp_path
+
+
+@pytest.fixture
+def pressing():
+    """Press Ctrl-C when this process has worked for some seconds, and tell how long since then.
+
+    It is processor time: another process that takes the processor changes nothing.
+    """
+
+    @contextmanager
+    def press(seconds):
+        begin = time.process_time()
+        before = signal.signal(signal.SIGPROF, signal.default_int_handler)
+        signal.setitimer(signal.ITIMER_PROF, seconds)
+        try:
+            yield lambda: time.process_time() - begin - seconds
+        finally:
+            signal.setitimer(signal.ITIMER_PROF, 0)
+            signal.signal(signal.SIGPROF, before)
+
+    return press
 
 
 @pytest.fixture

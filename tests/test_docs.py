@@ -108,7 +108,8 @@ def test_every_source_cited_is_in_the_list():
 def test_every_file_that_a_page_names_exists(page):
     folders = "benchmarks|crates|docs|examples|python|tests|tools"
     named = re.findall(rf"`(?:python )?((?:{folders})/[\w./-]+)", page.read_text(encoding="utf-8"))
-    missing = [path for path in named if not (ROOT / path).exists()]
+    made = ("docs/_build/",)
+    missing = [path for path in named if not (path.startswith(made) or (ROOT / path).exists())]
     assert not missing, f"{name(page)} names {missing}"
 
 

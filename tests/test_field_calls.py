@@ -419,15 +419,15 @@ def test_an_affine_field_far_out_overflows_at_a_named_coordinate():
 # --- Ctrl-C --------------------------------------------------------------------------------------
 
 
-def interrupt():
-    """Return a progress function that is interrupted after a while."""
+def interrupt(steps):
+    """Return a progress function that is interrupted after so many steps."""
     seen = []
 
     def look(done, total):
         seen.append(done)
         assert seen == sorted(seen)
         assert done < total
-        if len(seen) == 20:
+        if done >= steps:
             signal.raise_signal(signal.SIGINT)
 
     return look
@@ -435,28 +435,27 @@ def interrupt():
 
 @pytest.mark.parametrize("kind", ["one", "determinant"])
 def test_an_interrupt_returns_what_was_done(kind, monkeypatch):
-    monkeypatch.setattr(MODULE, "SLICE", 1e-3)
+    monkeypatch.setattr(MODULE, "SLICE", 0.0)  # a step, or a turn of one block
     function, x = {
         "one": (lv.integrate, ONE),
         "determinant": (lv.determinant, ONE),
     }[kind]
     span = {"t": (0, 2.0**24), "h": H, "every": 256}
-    solution = function(TOP, PLAN, **span, x=x, progress=interrupt())
+    solution = function(TOP, PLAN, **span, x=x, progress=interrupt(1000))
     steps = solution.stats["steps"]
-    assert solution.status == "interrupted"
+    assert (solution.status, steps) == ("interrupted", 1000)
     assert solution.message == f"interrupted after {steps} of {2**30} steps"
     assert finite(solution)
     kept = steps // 256
-    assert 0 < kept < 2**22
     until = function(TOP, PLAN, **{**span, "t": (0, max(1, 4.0 * kept))}, x=x)
     assert np.array_equal(solution.x[: kept + 1], until.x[: kept + 1])
 
 
 def test_an_interrupted_ensemble_has_the_members_it_came_to(monkeypatch):
-    monkeypatch.setattr(MODULE, "SLICE", 1e-3)
+    monkeypatch.setattr(MODULE, "SLICE", 0.0)  # a step, or a turn of one block
     span = {"t": (0, 64.0), "h": H, "every": 256, "threads": 1}
     x = np.repeat(np.array(TWO), 5000, axis=0)
-    found = lv.ensemble(TOP, PLAN, **span, x=x, progress=interrupt())
+    found = lv.ensemble(TOP, PLAN, **span, x=x, progress=interrupt(1000))
     assert found.status == "interrupted"
     is_over = np.isfinite(found.x[-1]).all(axis=-1)
     assert 0 < is_over.sum() < 10_000
@@ -468,10 +467,10 @@ def test_an_interrupted_ensemble_has_the_members_it_came_to(monkeypatch):
 
 
 def test_an_interrupted_section_has_what_was_found(monkeypatch):
-    monkeypatch.setattr(MODULE, "SLICE", 1e-3)
+    monkeypatch.setattr(MODULE, "SLICE", 0.0)  # a step, or a turn of one block
     # h is a power of two: both runs then have the same steps, to the bit
     span = {"h": 0.125, "plane": "m1", "x": [[0.1, 1.0, 0.3], [0.2, 1.0, -0.3]]}
-    found = lv.section(TOP, PLAN, t=(0, 2.0**26), **span, progress=interrupt())
+    found = lv.section(TOP, PLAN, t=(0, 2.0**26), **span, progress=interrupt(3000))
     assert found.status == "interrupted"
     assert len(found) > 50
     assert set(found.member) == {0, 1}

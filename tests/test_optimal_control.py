@@ -1,7 +1,6 @@
 """Optimal control: orders, published optima, what is kept, and what is refused."""
 
-import _thread
-import threading
+from functools import partial
 
 import casadi as ca
 import numpy as np
@@ -502,18 +501,19 @@ def test_units_do_not_matter(form, length, time, mass):
 class InterruptedSolver:
     """A solver to which Ctrl-C comes while IPOPT runs."""
 
-    def __init__(self, *given):
-        self.solver = ca.nlpsol(*given)
+    def __init__(self, pressing, *given):
+        self.pressing, self.solver = pressing, ca.nlpsol(*given)
         self.stats = self.solver.stats
 
     def __call__(self, **given):
-        threading.Timer(0.05, _thread.interrupt_main).start()
-        return self.solver(**given)
+        with self.pressing(0.05):
+            return self.solver(**given)
 
 
-def test_ctrl_c_interrupts_ipopt(monkeypatch):
+def test_ctrl_c_interrupts_ipopt(monkeypatch, pressing):
     """It is no failure of the problem, which a caller might go on from."""
-    monkeypatch.setattr(program.ca, "nlpsol", InterruptedSolver, raising=False)
+    interrupted = partial(InterruptedSolver, pressing)
+    monkeypatch.setattr(program.ca, "nlpsol", interrupted, raising=False)
     with pytest.raises(KeyboardInterrupt, match="interrupted after"):
         swing(3, 300, bounds={"F": (-20, 20)})
     monkeypatch.undo()
