@@ -69,7 +69,7 @@ PACKAGE_FLOORS = (
         "terms",
     ),
     ("control", "methods", "parts", "systems"),
-    ("bodies", "solution", "splitting"),
+    ("bodies", "contacts", "solution", "splitting"),
     ("analysis", "distribute", "planner"),
     ("runners",),
     ("ensemble", "integrate"),
@@ -87,6 +87,7 @@ LAZY = {
     ("motions", "bodies"),
     ("integrate", "stored"),
     ("parts", "runners"),
+    ("systems", "contacts"),
 }
 
 CRATE_ROOMS = {
@@ -102,7 +103,14 @@ CRATE_ROOMS = {
 }
 PACKAGE_ROOMS = {
     "casadi": ("_casadi.py", "problems/"),
-    "liouville._casadi": ("bodies/", "bridges/casadi.py", "optimal/", "systems/", "tape/"),
+    "liouville._casadi": (
+        "bodies/",
+        "bridges/casadi.py",
+        "contacts/",
+        "optimal/",
+        "systems/",
+        "tape/",
+    ),
     "google_crc32c": ("stored/folder.py",),
     "h5netcdf": ("export/",),
     "jax": ("bridges/jax.py",),

@@ -63,6 +63,7 @@ if _typing.TYPE_CHECKING:
     from liouville.bridges import casadi as casadi
     from liouville.bridges import jax as jax
     from liouville.bridges import torch as torch
+    from liouville.contacts import Contact as Contact
     from liouville.exponents import lyapunov as lyapunov
     from liouville.export import load as load
     from liouville.extrapolation import extrapolate as extrapolate
@@ -93,6 +94,7 @@ _LATER = {
     "modes": "analysis",
     "power_balance": "analysis",
     "thermal_state": "analysis",
+    "Contact": "contacts",
     "lyapunov": "exponents",
     "load": "export",
     "extrapolate": "extrapolation",

@@ -8,14 +8,15 @@ from typing import TYPE_CHECKING, Any
 
 from numpy.typing import ArrayLike
 
-from liouville.control import Control
-from liouville.events import Event
+from liouville._arguments import count
+from liouville.control import Control, Takes, steps_of
+from liouville.events import Event, named
 from liouville.methods import Method
-from liouville.progress import Progress
+from liouville.progress import Progress, reported
 from liouville.runners import Request, runner_of
 from liouville.runners.execute import checked
 from liouville.solution import Solution
-from liouville.systems import System
+from liouville.systems import Mechanics, System
 
 if TYPE_CHECKING:
     from liouville.planner import Plan
@@ -168,9 +169,56 @@ def integrate(
         events=events, observe=observe, params=params, states=states, tangents=tangents,
         threads=threads, start=start, is_stored=store is not None,
     )  # fmt: skip
+    if isinstance(system, Mechanics) and system.contacts is not None:
+        return _with_contacts(system, method, request, progress)
     if store is None:
         return checked(runner_of(system, method, request), request, progress)
     from liouville import stored
 
     place = stored.place_of(store)
     return stored.begin(runner_of(system, method, request), place, progress)
+
+
+#: Arguments of :func:`integrate` that runs with contacts do not take, with their defaults.
+WITHOUT_CONTACTS = {
+    "rtol": None, "atol": None, "control": None, "t_eval": None, "tangents": None,
+    "states": True, "is_stored": False,
+}  # fmt: skip
+
+
+def _with_contacts(
+    system: Mechanics, method: Method | Plan | str, request: Request, progress: Progress
+) -> Solution:
+    """Integrate a system with contacts, the stretch of one mode after another."""
+    # imported here: few systems have contacts
+    from liouville import contacts
+
+    for name, default in WITHOUT_CONTACTS.items():
+        if getattr(request, name) is not default:
+            what = "store" if name == "is_stored" else name
+            raise TypeError(f"{what}= is not for systems with contacts, which take equal steps")
+    for name, event in named(request.events).items():
+        if event.reset is not None:
+            raise TypeError(f"event '{name}' has a reset, which is not for systems with contacts")
+    steps = steps_of(request.t, request.h, request.steps, Takes(repr(method)))
+    if steps.t1 <= steps.t0:
+        raise ValueError("a run with contacts goes forwards in time: what has hit is not undone")
+    request.every, request.t = count("every", request.every), (steps.t0, steps.t1)
+
+    with reported(progress, steps.unit) as report:
+
+        def stretch(own: Any, t: Any, h: float, events: Any, start: Any) -> Solution:
+            more = Request(
+                t=t,
+                h=min(h, t[1] - t[0]),
+                events=events,
+                observe=request.observe,
+                params=request.params,
+                start=start,
+            )
+            found = checked(runner_of(own, method, more), more, None)
+            if report is not None:
+                report(found.t[-1] - steps.t0, steps.t1 - steps.t0)
+            return found
+
+        return contacts.integrate(system, request, (steps.t1 - steps.t0) / steps.count, stretch)

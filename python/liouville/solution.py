@@ -23,6 +23,8 @@ from liouville.tangents import Tangent
 if TYPE_CHECKING:
     import xarray
 
+    from liouville.contacts.record import ContactRecord
+
 Array = NDArray[Any]
 
 #: All residuals that a solution may have, in their order.
@@ -66,6 +68,8 @@ class Solution(States, Drifts, Motions):
     events : dict of str to Points
         Where the functions of ``events=`` changed their sign, by name, with the states there; of an
         ensemble those of one member after another.
+    contacts : dict of str to ContactRecord
+        What the contacts of a system did, by name: modes, gaps, forces and changes.
     dense_order : int
         The order of the method, where the states of all steps are kept and the system is a
         mechanical or semi-explicit one: then ``solution(t)`` gives the states between them, of an
@@ -160,6 +164,7 @@ class Solution(States, Drifts, Motions):
     tolerances: dict[str, Any] = field(default_factory=dict)
     error: dict[str, Array] = field(default_factory=dict)
     events: dict[str, Points] = field(default_factory=dict)
+    contacts: dict[str, ContactRecord] = field(default_factory=dict)
     dense_order: int = 0
     choice: Any = None
     units: dict[str, str] = field(default_factory=dict)
@@ -208,7 +213,9 @@ class Solution(States, Drifts, Motions):
             group[name + self.drift_words(name)] = self._largest(self.invariant_drift(name))
         kept = [*worst("worst residual", residuals), *worst("worst drift", drifts)]
         kept += worst("largest change", changes)
-        lines = [f"<Solution {self.headline}", *([", ".join(kept)] if kept else []), *message]
+        kept = [", ".join(kept)] if kept else []
+        kept += [f"contact '{name}': {record.counted}" for name, record in self.contacts.items()]
+        lines = [f"<Solution {self.headline}", *kept, *message]
         return "\n ".join(lines) + ">"
 
     @property

@@ -49,6 +49,7 @@ def mechanical(system: Any, what: str) -> Mechanics:
                 "a Lagrangian, Hamiltonian, Mechanical, Structure or the system of an assembly",
             )
         )
+    system.check_smooth(what)
     return system
 
 

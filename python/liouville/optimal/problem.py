@@ -359,6 +359,7 @@ def _mechanical(system: Any) -> Mechanics:
         sentence = f"optimal control takes a mechanical system, not a {type(system).__name__}"
         hint = "a Lagrangian, Hamiltonian, Mechanical, Structure or the system of an assembly"
         raise TypeError(hinted(sentence, hint))
+    system.check_smooth("optimal control")
     if system.nonholonomic:
         sentence = (
             f"optimal control takes holonomic constraints, and '{system.nonholonomic[0]}' is none"

@@ -73,6 +73,7 @@ def runner_of(system: System, method: Method | Plan | str, request: Request) -> 
 
         check_covered(system, method, request)
     if isinstance(system, Mechanics):
+        system.check_smooth("this computation")
         return _of_mechanics(system, method, request)
     if isinstance(system, SemiExplicit):
         return _of_semi_explicit(system, method, request)

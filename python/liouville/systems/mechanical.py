@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 from numpy.typing import ArrayLike
 
@@ -15,6 +16,9 @@ from liouville.systems._form import Model
 from liouville.systems._nonholonomic import check_felt, rolling, rolling_of_z
 from liouville.systems.mechanics import Mechanics
 from liouville.systems.traced import Function, traced_invariants, traced_switches
+
+if TYPE_CHECKING:
+    from liouville.contacts import Contact
 
 
 class Lagrangian(Mechanics):
@@ -50,6 +54,11 @@ class Lagrangian(Mechanics):
         Functions ``f(t, q, v, params)`` at whose zeros forces bend sharply, such as the edges of a
         regularised friction. Steps controlled by their errors end there, and the next one is as
         short as the first; equal and reversible steps do not see them.
+    contacts : mapping of str to Contact, optional
+        Unilateral contacts by name, with impacts and dry friction; see :class:`~liouville.Contact`.
+    impacts : {"poisson", "newton"}
+        The law of their impacts. Newton's may gain energy where several contacts with friction hit
+        at once, which ``solution.message`` says then.
 
     Raises
     ------
@@ -86,6 +95,8 @@ class Lagrangian(Mechanics):
         force: Function | None = None,
         invariants: Mapping[str, Function] | None = None,
         switches: Mapping[str, Function] | None = None,
+        contacts: Mapping[str, Contact] | None = None,
+        impacts: str = "poisson",
     ) -> None:
         coordinates, s = declared(q, ("q", "v"), params)
         args = s.args
@@ -116,6 +127,7 @@ class Lagrangian(Mechanics):
             power=extra_power(extra, s.z, -jacobian(L, s.t), g, s, lam),
             switches=traced_switches(switches, args),
         )
+        self._touch(contacts, impacts)
 
 
 class Hamiltonian(Mechanics):
@@ -138,6 +150,8 @@ class Hamiltonian(Mechanics):
     invariants : mapping of str to callable, optional
         Quantities ``f(t, q, p, params)`` to record besides "energy", which is H; that name is
         taken.
+    contacts, impacts
+        As for :class:`Lagrangian`; slips are functions of the velocities :math:`v = H_p`.
 
     Raises
     ------
@@ -163,6 +177,8 @@ class Hamiltonian(Mechanics):
         params: Mapping[str, ArrayLike] | None = None,
         force: Function | None = None,
         invariants: Mapping[str, Function] | None = None,
+        contacts: Mapping[str, Contact] | None = None,
+        impacts: str = "poisson",
     ) -> None:
         coordinates, s = declared(q, ("q", "p"), params)
         args = s.args
@@ -190,6 +206,7 @@ class Hamiltonian(Mechanics):
             invariants=traced_invariants(invariants, args, H),
             power=extra_power(extra, v, jacobian(H, s.t), g, s, lam),
         )
+        self._touch(contacts, impacts)
 
 
 class Mechanical(Mechanics):
@@ -223,6 +240,8 @@ class Mechanical(Mechanics):
         As for :class:`Lagrangian`.
     invariants : mapping of str to callable, optional
         Quantities ``f(t, y, z, params)`` to record.
+    contacts, impacts
+        As for :class:`Lagrangian`.
 
     Raises
     ------
@@ -260,6 +279,8 @@ class Mechanical(Mechanics):
         y: Sequence[str] | int,
         params: Mapping[str, ArrayLike] | None = None,
         invariants: Mapping[str, Function] | None = None,
+        contacts: Mapping[str, Contact] | None = None,
+        impacts: str = "poisson",
     ) -> None:
         coordinates, s = declared(y, ("y", "z"), params)
         args, n = s.args, len(coordinates)
@@ -293,6 +314,7 @@ class Mechanical(Mechanics):
             constraints=names + more,
             invariants=traced_invariants(invariants, args),
         )
+        self._touch(contacts, impacts)
 
 
 def declared(

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from liouville import _casadi as ca
 from liouville import _core
-from liouville.errors import describe, hinted
+from liouville.errors import describe, hinted, quoted
 from liouville.program import elements
 from liouville.systems import _motion, _trace
 from liouville.systems._consistent import recorded
@@ -39,6 +39,10 @@ from liouville.systems.traced import (
     shown,
 )
 from liouville.tape import record
+
+if TYPE_CHECKING:
+    from liouville.contacts import Contact
+    from liouville.contacts.traced import Contacts
 
 #: The hint where a start violates a constraint.
 ONTO = "system.consistent({}=..., {}=...) moves a start onto its constraints"
@@ -82,6 +86,8 @@ class Mechanics(TracedSystem):
     """
 
     problem: _core.Mechanical
+    #: What its contacts are, traced; None where it has none.
+    contacts: Contacts | None = None
 
     def __init__(
         self,
@@ -112,6 +118,21 @@ class Mechanics(TracedSystem):
         found = (switches or {}).items()
         self.switch_tapes = {name: record(f"switch '{name}'", at, x) for name, x in found}
         self._tapes, self._patterns, self.problem = compiled(symbols, model)
+
+    def check_smooth(self, what: str) -> None:
+        """Refuse contacts where what is asked for knows of none."""
+        if self.contacts is not None:
+            names = quoted(self.contacts.names)
+            sentence = f"{what} knows of no contacts, and the system has {names}"
+            raise TypeError(hinted(sentence, "lv.integrate takes them, by Spark and LobattoPair"))
+
+    def _touch(self, contacts: Mapping[str, Contact] | None, impacts: str) -> None:
+        """Give the system contacts."""
+        if contacts:
+            # imported here: few systems have them
+            from liouville.contacts.traced import Contacts
+
+            self.contacts = Contacts(self, contacts, impacts)
 
     @cached_property
     def _model(self) -> Model:

@@ -1,0 +1,79 @@
+"""What contacts did in a run."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+from typing import Any
+
+from numpy.typing import NDArray
+
+Array = NDArray[Any]
+
+
+@dataclass(frozen=True)
+class Change:
+    """A change of a contact.
+
+    Attributes
+    ----------
+    t : float
+        Its time.
+    kind : str
+        ``"hit"``, ``"close"`` (without an impulse, as where bounces have died down), ``"leave"``,
+        ``"stick"`` or ``"slip"``.
+    normal, friction : float
+        The impulses of a hit, 0 otherwise.
+    rest : float or None
+        Where bounces have died down, when the last of infinitely many ends.
+    """
+
+    t: float
+    kind: str
+    normal: float = 0.0
+    friction: float = 0.0
+    rest: float | None = None
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ContactRecord:
+    """One contact in a run.
+
+    Attributes
+    ----------
+    mode : ndarray of Mode, shape (k,)
+        What it does at each record, with a ``name``; at a change what it does after it.
+    gap, normal, friction, slip : ndarray, shape (k,)
+        The gap, the normal force, the friction force and the slip at each record.
+    changes : tuple of Change
+        Its changes in the order of time.
+    """
+
+    mode: Array
+    gap: Array
+    normal: Array
+    friction: Array
+    slip: Array
+    changes: tuple[Change, ...]
+
+    def __post_init__(self) -> None:
+        """Make the arrays read-only."""
+        for values in (self.mode, self.gap, self.normal, self.friction, self.slip):
+            values.setflags(write=False)
+
+    def __repr__(self) -> str:
+        """Return how often it changed."""
+        return f"<ContactRecord: {self.counted}>"
+
+    @property
+    def counted(self) -> str:
+        """How many changes there were of each kind."""
+        kinds = Counter(change.kind for change in self.changes)
+        words = {"hit": "hits", "close": "closings", "leave": "departures"}
+        words |= {"stick": "stops", "slip": "slips"}
+        found = [
+            f"{kinds[kind]} {word if kinds[kind] > 1 else word[:-1]}"
+            for kind, word in words.items()
+            if kinds[kind]
+        ]
+        return ", ".join(found) or "no changes"
