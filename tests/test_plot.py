@@ -10,6 +10,7 @@ from PIL import Image
 import liouville as lv
 from liouville import plot, problems
 from liouville.plot import canvas, thinning
+from liouville.problems import pendulum
 
 
 @pytest.fixture(scope="module")
@@ -323,3 +324,19 @@ def test_without_matplotlib_the_extra_to_install_is_named(solution, monkeypatch)
     monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
     with pytest.raises(ImportError, match=r'hint: pip install "liouville\[plot\]"'):
         plot.overview(solution)
+
+
+def test_figures_are_those_of_pyplot_where_it_has_windows(monkeypatch):
+    pyplot = pytest.importorskip("matplotlib.pyplot")
+    run = lv.integrate(pendulum.system, lv.Spark(2), t=(0, 1), h=0.1, **pendulum.start)
+    for backend, is_known in (
+        ("QtAgg", True), ("module://backend_interagg", True), ("agg", False), ("svg", False),
+        ("module://matplotlib_inline.backend_inline", False),
+        ("module://ipympl.backend_nbagg", False),
+    ):  # fmt: skip
+        pyplot.close("all")
+        monkeypatch.setattr("matplotlib.get_backend", lambda name=backend: name)
+        axes = plot.trajectories(run)
+        assert bool(pyplot.get_fignums()) == is_known, backend
+        assert not is_known or pyplot.gcf() is axes.figure
+    pyplot.close("all")

@@ -119,7 +119,7 @@ ROWS = [
     ("e_ops", lambda: run(e_ops=[PSI]), TypeError, "takes no e_ops=\nhint: give observe="),
     ("single", lambda: run(dtype="f4"), TypeError, "no dtype=\nhint: states are of double"),
     # a method for the system
-    ("no method", lambda: run(method="best"), TypeError, "'best' does not step Schr"),
+    ("no method", lambda: run(method="best"), TypeError, "method must be .*, not 'best'"),
     ("Spark", lambda: run(method=lv.Spark()), TypeError, "does not step Schr"),
     (
         "a class",

@@ -377,3 +377,51 @@ def test_a_start_without_a_solution_nearby_is_refused_still():
 def test_large_numbers_of_a_start_are_taken_without_a_warning():
     free = lv.Lagrangian(lambda t, q, v, params: v[0] ** 2 / 2, q=("x",))
     assert lv.integrate(free, lv.Spark(2), t=(0, 1), steps=1, q=[1e300], v=[0.0]).q[-1] == 1e300
+
+
+SPRING = lv.Lagrangian(lambda t, q, v, params: (v[0] ** 2 - q[0] ** 2) / 2, q=("x",))
+
+
+def test_a_start_is_one_mapping_keywords_or_both():
+    run = {"t": (0, 1), "h": 0.1}
+    wanted = lv.integrate(SPRING, lv.Spark(3), q=[1.0], v=[0.0], **run)
+    for given in (
+        {"start": {"q": [1.0], "v": [0.0]}},
+        {"start": {"q": [1.0]}, "v": [0.0]},
+        {"q": 1.0, "v": 0.0},
+        {"start": {"q": np.float64(1.0), "v": 0}},
+    ):
+        found = lv.integrate(SPRING, lv.Spark(3), **run, **given)
+        assert np.array_equal(found.q, wanted.q)
+    many = lv.ensemble(SPRING, lv.Spark(3), start={"q": [1.0, 2.0], "v": 0.0}, **run)
+    assert np.array_equal(many.q[:, 0], wanted.q)
+    assert many.members == 2
+    moved = lv.integrate(SPRING, lv.Spark(3), q=1, v=0, tangents={"q": 1.0}, **run)
+    _, pullback = lv.vjp(SPRING, lv.Spark(3), wrt=["q"], start={"q": 1.0, "v": 0.0}, **run)
+    cotangent = np.zeros((11, 1))
+    cotangent[-1] = 1.0
+    assert pullback(q=cotangent)["q"] == pytest.approx(moved.tangents["q"].q[-1], rel=1e-13)
+
+
+@pytest.mark.parametrize(
+    ("given", "stages"),
+    [({"h": 0.1}, 3), ({"rtol": 1e-2}, 3), ({"rtol": 1e-6}, 5), ({"rtol": 1e-11}, 8)],
+)
+def test_the_method_by_default_is_spark_of_mechanics(given, stages):
+    found = lv.integrate(SPRING, t=(0, 1), q=1.0, v=0.0, **given)
+    wanted = lv.integrate(SPRING, lv.Spark(stages), t=(0, 1), q=1.0, v=0.0, **given)
+    assert np.array_equal(found.q, wanted.q)
+    assert found.message == f"the method taken is {lv.Spark(stages)!r}"
+    named = lv.integrate(SPRING, "spark", t=(0, 1), q=1.0, v=0.0, **given)
+    assert named.message == ""
+
+
+def test_the_method_by_default_is_volume_splitting_of_fields():
+    from liouville.problems import euler_top
+
+    run = {"t": (0, 1), "h": 0.1, **euler_top.start}
+    found = lv.integrate(euler_top.system, **run)
+    assert np.array_equal(found.x, lv.integrate(euler_top.system, lv.VolumeSplitting(), **run).x)
+    assert found.message == "the method taken is VolumeSplitting()"
+    many = lv.ensemble(euler_top.system, "auto", t=(0, 1), h=0.1, x=[found.x[0]])
+    assert many.message == found.message

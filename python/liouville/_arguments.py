@@ -51,6 +51,23 @@ class ReadOnly(dict[str, Any]):
         return dict, (dict(self),)
 
 
+class Missing(KeyError):
+    """A KeyError that shows its sentence as it is."""
+
+    def __str__(self) -> str:
+        """Return the sentence."""
+        return str(self.args[0])
+
+
+class Named(dict[str, Any]):
+    """A dict whose KeyError has the names that there are."""
+
+    def __missing__(self, name: Any) -> Any:
+        """Refuse a name."""
+        there = ", ".join(map(repr, self)) or "none"
+        raise Missing(hinted(f"there is no {name!r}", f"there are {there}"))
+
+
 def read_only(defaults: Mapping[str, np.ndarray]) -> ReadOnly:
     """Return values of parameters by name: floats, and read-only copies of arrays."""
     found = {name: x.copy() if x.ndim else float(x) for name, x in defaults.items()}

@@ -16,7 +16,7 @@ from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from queue import Empty, SimpleQueue
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -26,6 +26,7 @@ from liouville.failure import Failure, ending_of, summary_of
 from liouville.parts import AND, GROUPS
 from liouville.progress import Progress, Report, reported
 from liouville.solution import Solution
+from liouville.states import Stats
 
 #: A chunk is sent so many times more if its worker dies.
 AGAIN = 3
@@ -297,7 +298,7 @@ class Joined:
                 place = self._place(self._arrays[group], name, x)
                 place[: len(x), first:last] = x
         self._failures |= {first + member: x for member, x in part.failures.items()}
-        self._stats.append((first, last - first, part.stats))
+        self._stats.append((first, last - first, dict(part.stats)))
         self._is_cut |= part.status == "interrupted"
         self.done += last - first
 
@@ -330,7 +331,7 @@ class Joined:
             message = f"interrupted after {self.done} of {members} members"
         more: dict[str, Any] = {"t": self._t.copy(), **self._arrays}
         return replace(
-            self.first, **more, stats={**self._summed(), "seconds": seconds},
+            self.first, **more, stats=cast(Stats, {**self._summed(), "seconds": seconds}),
             failures=failures, members=members, status=status,
             message=message,
         )  # fmt: skip

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from liouville._options import by_name, started
 from liouville.errors import hinted
 from liouville.events import Event
 from liouville.methods import Method
@@ -25,9 +26,10 @@ if TYPE_CHECKING:
     from liouville.planner import Plan
 
 
+@by_name
 def ensemble(
     system: System,
-    method: Method | Plan | str,
+    method: Method | Plan | str = "auto",
     *,
     t: tuple[float, float] | Sequence[float],
     h: float | None = None,
@@ -43,7 +45,8 @@ def ensemble(
     threads: int | None = None,
     executor: Executor | None = None,
     chunk: int | None = None,
-    **start: ArrayLike,
+    start: Mapping[str, ArrayLike] | None = None,
+    **values: ArrayLike,
 ) -> Solution:
     """Integrate a system from many start values at once, in lock-step lanes and on many threads.
 
@@ -59,8 +62,8 @@ def ensemble(
     system : System
         A Lagrangian, Hamiltonian, Mechanical, Structure, SemiExplicit, PolynomialField,
         GriddedField, PotentialField or Schrodinger: what is integrated.
-    method : Method or Plan
-        How: any method for the system, with steps of equal size.
+    method : Method, Plan or str, default "auto"
+        How: any method for the system, with steps of equal size; names as for :func:`integrate`.
     t, h, steps, every, t_eval, events, observe, states
         As for :func:`integrate`; with events, and on constraints with `t_eval`, members are not in
         lock-step. What is kept of all members is what takes memory: ``every=steps`` keeps starts
@@ -87,7 +90,7 @@ def ensemble(
         :doc:`/guide/cluster`. The result has the same bits.
     chunk : int, optional
         Members a worker is given at a time; by default a quarter of its share.
-    **start : array_like
+    start, **values : mapping, or array_like by name
         Start values by the system's names, with a row for each of P members: ``q`` and ``v`` of
         shape (P, n), and so on. Those of a mechanical or semi-explicit system may also have shape
         (n,), for all members alike, as may ``x`` where parameters have rows; ``z`` of the latter,
@@ -119,9 +122,10 @@ def ensemble(
     >>> lv.ensemble(euler_top.system, lv.VolumeSplitting(), t=(0, 1), steps=10, x=many).x.shape
     (11, 2, 3)
     """
+    given = started(start, values)
     request = Request(
         t=t, h=h, steps=steps, every=every, t_eval=t_eval, events=events, observe=observe,
-        params=params, states=states, tangents=tangents, threads=threads, start=start,
+        params=params, states=states, tangents=tangents, threads=threads, start=given,
         is_ensemble=True,
     )  # fmt: skip
     runner = runner_of(system, method, request)
@@ -144,7 +148,7 @@ def ensemble(
     )  # fmt: skip
     task = Task(
         part,
-        _arrays(start),
+        _arrays(given),
         _arrays(params) if runner.system is system or runner.varied else None,
         system.params,
         runner.members[0],
@@ -153,8 +157,8 @@ def ensemble(
     )
     found = distribute(task, executor, chunk, progress)
     # the method of a chunk may be planned for its members
-    method, values = runner.method, plain(runner.params)
-    return replace(found, system=runner.system, method=method, params=values)
+    method, own = runner.method, plain(runner.params)
+    return replace(found, system=runner.system, method=method, params=own)
 
 
 def _arrays(given: Any) -> Any:

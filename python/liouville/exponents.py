@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from liouville._arguments import check_memory, count
+from liouville._options import started
 from liouville.analysis.linearization import linearized_at
 from liouville.analysis.point import Array, Point, Split
 from liouville.control import Steps, Takes, steps_of
@@ -88,7 +89,8 @@ def lyapunov(
     exponents: int | None = None,
     params: Mapping[str, ArrayLike] | None = None,
     progress: Progress = None,
-    **start: ArrayLike,
+    start: Mapping[str, ArrayLike] | None = None,
+    **values: ArrayLike,
 ) -> Lyapunov:
     r"""Compute Lyapunov exponents of a mechanical system, on its constraints, or of a field.
 
@@ -122,7 +124,7 @@ def lyapunov(
         Steps between two orthogonalisations; directions must not grow by more than 1e10 between.
     exponents : int, optional
         How many of the largest are wanted; all by default.
-    **start : array_like
+    start, **values : mapping, or array_like by name
         The start, by the system's names, on its constraints.
 
     Returns
@@ -162,7 +164,7 @@ def lyapunov(
         raise ValueError(hinted("t runs backwards", "exponents are those of the time ahead"))
     segment = min(count("every", every), plan.count)
     flow = _flow_of(system, method, plan.mean(plan.t1, plan.count), params)
-    flow.begin(plan, start)
+    flow.begin(plan, started(start, values))
     most = flow.moved.shape[1]
     wanted = most if exponents is None else count("exponents", exponents)
     if wanted > most:

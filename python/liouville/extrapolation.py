@@ -17,11 +17,12 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from itertools import pairwise
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from liouville._options import started
 from liouville.ensemble import ensemble
 from liouville.errors import hinted
 from liouville.integrate import integrate
@@ -29,6 +30,7 @@ from liouville.methods import Method
 from liouville.parts import GROUPS
 from liouville.runners.execute import finished
 from liouville.solution import Array, Solution
+from liouville.states import Stats
 from liouville.systems import Mechanics
 
 #: The numbers of a run that are summed over all runs, where it has them.
@@ -58,7 +60,8 @@ def extrapolate(
     every: int = 1,
     params: Mapping[str, ArrayLike] | None = None,
     observe: Mapping[str, Callable[..., Any]] | None = None,
-    **start: ArrayLike,
+    start: Mapping[str, ArrayLike] | None = None,
+    **values: ArrayLike,
 ) -> Solution:
     r"""Integrate a mechanical system with h, h/2, ..., and extrapolate to h = 0.
 
@@ -85,7 +88,7 @@ def extrapolate(
         Keep one state in this many steps of the first run.
     params, observe
         As for :func:`integrate`.
-    **start : array_like
+    start, **values : mapping, or array_like by name
         Start values, as for :func:`integrate`.
 
     Returns
@@ -124,7 +127,12 @@ def extrapolate(
         raise TypeError(hinted(sentence, "a field takes rtol=, a wave function a tolerance"))
     if isinstance(levels, bool) or not isinstance(levels, int) or levels < 2:
         raise ValueError(f"levels must be a number of runs, two or more, not {levels!r}")
-    options: dict[str, Any] = {"t": t, "params": params, "observe": observe, **start}
+    options: dict[str, Any] = {
+        "t": t,
+        "params": params,
+        "observe": observe,
+        **started(start, values),
+    }
     runs = [finished(integrate(system, method, h=h, steps=steps, every=every, **options))]
     count = int(runs[0].stats["steps"])
     for k in range(1, levels):
@@ -141,10 +149,17 @@ def extrapolate(
         found = _evaluated(system, method, runs[-1], best, params, observe)
     stats: dict[str, Any] = dict(runs[-1].stats)
     for name in stats.keys() & set(COUNTS):
-        stats[name] = sum(run.stats[name] for run in runs)
+        stats[name] = sum(dict[str, Any](run.stats)[name] for run in runs)
     message = "; ".join(dict.fromkeys(run.message for run in runs if run.message))
     label = f"{method!r}, {levels} runs" + ("" if error else ", extrapolated")
-    return replace(found, error=error_of, stats=stats, message=message, method=label, dense_order=0)
+    return replace(
+        found,
+        error=error_of,
+        stats=cast(Stats, stats),
+        message=message,
+        method=label,
+        dense_order=0,
+    )
 
 
 def _powers(method: Any, count: int) -> list[int]:

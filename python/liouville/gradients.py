@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from liouville._arguments import kept, number
+from liouville._options import started
 from liouville.control import Control
 from liouville.errors import IntegrationError, hinted
 from liouville.events import Event
@@ -163,7 +164,8 @@ def vjp(
     params: Mapping[str, ArrayLike] | None = None,
     progress: Progress = None,
     threads: int | None = None,
-    **start: ArrayLike,
+    start: Mapping[str, ArrayLike] | None = None,
+    **values: ArrayLike,
 ) -> tuple[Solution, Pullback]:
     r"""Integrate a system, and return the run's pullback beside its solution.
 
@@ -193,7 +195,7 @@ def vjp(
     threads : int, optional
         At most and by default as many as this process has processors. They take the members of an
         ensemble in turn, or the rows of a large wave function. The result does not depend on them.
-    **start : array_like
+    start, **values : mapping, or array_like by name
         Start values, as for :func:`integrate` or :func:`ensemble`.
 
     Returns
@@ -230,11 +232,11 @@ def vjp(
     """
     check_system(system)
     # members are run again by what is given here, which the caller may change meanwhile
-    t, t_eval, params, start = (kept(x) for x in (t, t_eval, params, start))
+    t, t_eval, params, given = (kept(x) for x in (t, t_eval, params, started(start, values)))
     request = Request(
         t=t, h=h, steps=steps, rtol=rtol, atol=atol, control=control, every=every, t_eval=t_eval,
-        events=events, params=params, start=start, has_pullback=True, threads=threads,
-        is_ensemble=members.are_given(system, start, params),
+        events=events, params=params, start=given, has_pullback=True, threads=threads,
+        is_ensemble=members.are_given(system, given, params),
     )  # fmt: skip
     adjoint = runner_of(system, method, request).adjoint(request, wrt)
     solution = execute(adjoint.runner, progress, adjoint.checkpoints)
@@ -351,7 +353,8 @@ def check_gradient(
     }
     states = {x: random(solution.states[x].shape, adjoint.is_complex) for x in pullback.states}
     own = {name: run[name] for name in OPTIONS & run.keys()}
-    start = {name: x for name, x in run.items() if name not in {*OPTIONS, "progress"}}
+    own_values = {x: y for x, y in run.items() if x not in {*OPTIONS, "progress", "start"}}
+    start = started(run.get("start"), own_values)
     request = Request(
         t=t, params=params, tangents=alike, start=start, is_ensemble=is_many, **own
     )  # fmt: skip

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from numpy.typing import ArrayLike
 
 from liouville._arguments import count
+from liouville._options import by_name, started
 from liouville.control import Control, Takes, steps_of
 from liouville.events import Event, named
 from liouville.methods import Method
@@ -23,9 +24,10 @@ if TYPE_CHECKING:
     from liouville.stored import Store
 
 
+@by_name
 def integrate(
     system: System,
-    method: Method | Plan | str,
+    method: Method | Plan | str = "auto",
     *,
     t: tuple[float, float] | Sequence[float],
     h: float | None = None,
@@ -43,7 +45,8 @@ def integrate(
     progress: Progress = None,
     threads: int | None = None,
     store: Store | str | os.PathLike[str] | None = None,
-    **start: ArrayLike,
+    start: Mapping[str, ArrayLike] | None = None,
+    **values: ArrayLike,
 ) -> Solution:
     r"""Integrate a system with equal steps, or with steps of its own choice.
 
@@ -52,9 +55,12 @@ def integrate(
     system : System
         The system: a Lagrangian, Hamiltonian, Mechanical, Structure, SemiExplicit, PolynomialField,
         GriddedField, PotentialField or Schrodinger.
-    method : Method or Plan
-        The method; see :doc:`/choose`. ``"auto"`` for a Schrödinger equation is
-        ``SchrodingerSplitting()``. A plan is made by :func:`plan`.
+    method : Method, Plan or str, default "auto"
+        The method, or its name on the command line, such as ``"spark"``; see :doc:`/choose`.
+        ``"auto"`` takes ``Spark`` for mechanics, with the stages that `rtol` wants,
+        ``VolumeSplitting()`` for fields and ``SchrodingerSplitting()`` for Schrödinger equations;
+        ``solution.message`` says what was taken, of a wave ``solution.method``. A plan is made by
+        :func:`plan`.
     t : tuple of two floats, or sequence of float
         Start and end, in the system's unit of time; an end before the start goes backwards. A
         Schrödinger equation takes the times of all states to keep.
@@ -121,7 +127,7 @@ def integrate(
         A ``.zarr`` folder that the records go to while the run is going on, in constant memory;
         there must be nothing there yet. A run that was cut off goes on with :func:`resume`.
         :class:`Store` says how often.
-    **start : array_like
+    start, **values : mapping, or array_like by name
         Start values by the system's names, each of shape (n,): ``q`` and ``v``, ``q`` and ``p``,
         ``y`` and ``z``, ``x``, or ``psi``. Of a ``SemiExplicit`` system z is a guess that may be
         left out. A dict by coordinate name is taken too, but for ``psi``. The alpha family also
@@ -167,7 +173,7 @@ def integrate(
     request = Request(
         t=t, h=h, steps=steps, rtol=rtol, atol=atol, control=control, every=every, t_eval=t_eval,
         events=events, observe=observe, params=params, states=states, tangents=tangents,
-        threads=threads, start=start, is_stored=store is not None,
+        threads=threads, start=started(start, values), is_stored=store is not None,
     )  # fmt: skip
     if isinstance(system, Mechanics) and system.contacts is not None:
         return _with_contacts(system, method, request, progress)

@@ -83,7 +83,9 @@ def steps_made(events: Mapping[str, Points], member: int, t0: float, h: float) -
     return math.ceil(float(np.max((ends - t0) / h)) - slack / abs(h))
 
 
-def part_of(solution: Solution, time: slice | None, coordinate: Sequence[str] | None) -> Solution:
+def part_of(
+    solution: Solution, time: slice | float | None, coordinate: Sequence[str] | str | None
+) -> Solution:
     """Return a part of a solution; see :meth:`liouville.Solution.sel`."""
     found = solution if time is None else _between(solution, time)
     return found if coordinate is None else _of_coordinates(found, coordinate)
@@ -116,8 +118,10 @@ def _reached(arrays: dict[str, Any], rows: int) -> int:
     return int(np.max(np.flatnonzero(there), initial=-1)) + 1
 
 
-def _between(solution: Solution, time: slice) -> Solution:
+def _between(solution: Solution, time: slice | float) -> Solution:
     t = solution.t
+    if isinstance(time, int | float | np.number) and not isinstance(time, bool):
+        time = slice(time, time)
     if not isinstance(time, slice):
         raise TypeError(
             hinted(
@@ -139,8 +143,10 @@ def _between(solution: Solution, time: slice) -> Solution:
     if not inside.size:
         run = f"the run goes from {t[0]:g} to {t[-1]:g}" if t.size else "the run has no state"
         sentence = f"no kept state is at a time from {low:g} to {high:g}: {run}"
-        hint = "its records are in its folder: liouville.load reads them"
-        raise ValueError(sentence if solution.path is None else hinted(sentence, hint))
+        hint = "solution(t) gives the states at any times" if solution.dense_order else ""
+        if solution.path is not None:
+            hint = "its records are in its folder: liouville.load reads them"
+        raise ValueError(hinted(sentence, hint) if hint else sentence)
     rows = slice(int(inside[0]), int(inside[-1]) + 1, int(step))
     starts = {name: x[0] for name, x in solution.invariants.items()} | solution.initial
     events = {name: _met(points, low, high) for name, points in solution.events.items()}
@@ -159,11 +165,9 @@ def _met(points: Points, low: float, high: float) -> Points:
     return Points(points.t[inside], {name: x[inside] for name, x in points.states.items()})
 
 
-def _of_coordinates(solution: Solution, names: Sequence[str]) -> Solution:
+def _of_coordinates(solution: Solution, names: Sequence[str] | str) -> Solution:
     known = solution.names["coordinates"]
-    if isinstance(names, str):
-        hint = f"give a list, coordinate=[{names!r}]: the axis stays"
-        raise TypeError(hinted(f"coordinate is a sequence of names, not {names!r}", hint))
+    names = [names] if isinstance(names, str) else names
     for name in names:
         check_name(name, known, "coordinate")
     places = [known.index(name) for name in names]
@@ -201,7 +205,7 @@ def between(solution: Solution, system: Any, times: Array) -> dict[str, Array]:
     from liouville.runners.between import between
 
     if solution.choice is None:
-        hint = "dataclasses.replace(solution, system=..., choice=...) gives them back"
+        hint = "liouville.load(path, system=..., method=...) gives them back"
         sentence = "dense output needs system and method, which a loaded solution does not carry"
         raise ValueError(hinted(sentence, hint))
     own = {name: x for name, x in solution.states.items() if name not in ("a", "acceleration")}
@@ -294,7 +298,7 @@ def reaction(solution: Solution, constraint: str | int | None) -> Array:
 def system_of(solution: Solution, needs: str) -> Any:
     """Return the system; ValueError if there is none, or if coordinates were left out."""
     if solution.system is None:
-        hint = "dataclasses.replace(solution, system=...) gives it back"
+        hint = "liouville.load(path, system=...) gives it back"
         raise ValueError(
             hinted(f"{needs} the system, which a loaded solution does not carry", hint)
         )

@@ -54,6 +54,10 @@ class Points:
             f"the points have no {name!r}\nhint: their states are {', '.join(states)}"
         )
 
+    def __dir__(self) -> list[str]:
+        """Name the states too."""
+        return [*object.__dir__(self), *self.states]
+
     def of_member(self, member: int) -> Points:
         """Return the points of one member of an ensemble, by its number from 0."""
         own = self.states["member"] == member

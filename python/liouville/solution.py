@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -11,21 +11,26 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from liouville import html, parts
+from liouville._arguments import Named
 from liouville.drifts import Drifts, worst
 from liouville.errors import hinted
 from liouville.failure import Failure
 from liouville.motions import Motions
 from liouville.points import Points, times_within
-from liouville.states import States
+from liouville.states import States, Stats
 from liouville.systems import Mechanics, SemiExplicit, System
 from liouville.tangents import Tangent
 
 if TYPE_CHECKING:
+    import pandas
     import xarray
 
     from liouville.contacts.record import ContactRecord
 
 Array = NDArray[Any]
+
+#: What a solution has by names, which a KeyError lists.
+NAMED = ("states", "invariants", "residuals", "observed", "names", "balance", "events", "tangents")
 
 #: All residuals that a solution may have, in their order.
 RESIDUALS = ("constraint", "hidden", "nonholonomic")
@@ -157,7 +162,7 @@ class Solution(States, Drifts, Motions):
     names: dict[str, tuple[str, ...]]
     h: float
     method: str
-    stats: dict[str, int | float | str]
+    stats: Stats
     initial: dict[str, Any] = field(default_factory=dict)
     params: dict[str, Any] = field(default_factory=dict)
     balance: dict[str, Array] = field(default_factory=dict)
@@ -182,6 +187,8 @@ class Solution(States, Drifts, Motions):
 
     def __post_init__(self) -> None:
         """Make the arrays read-only: what is recorded is not edited."""
+        for group in NAMED:
+            object.__setattr__(self, group, Named(getattr(self, group)))
         self.t.setflags(write=False)
         if self.reactions is not None:
             self.reactions.setflags(write=False)
@@ -253,25 +260,25 @@ class Solution(States, Drifts, Motions):
         """
         return parts.member_of(self, member)
 
-    def __iter__(self) -> Iterator[Solution]:
-        """Go through the members of an ensemble; TypeError for a single run."""
-        if self.members is None:
-            hint = "zip(solution.t, solution.q) goes through its times"
-            raise TypeError(hinted("a single run has no members to go through", hint))
-        return (parts.member_of(self, k) for k in range(self.members))
-
     def sel(
-        self, *, time: slice | None = None, coordinate: Sequence[str] | None = None
+        self,
+        *,
+        time: slice | float | None = None,
+        coordinate: Sequence[str] | str | None = None,
+        member: int | None = None,
     ) -> Solution:
-        """Select times and coordinates by their labels, as ``xarray`` does.
+        """Select times, coordinates and a member by their labels, as ``xarray`` does.
 
         Parameters
         ----------
-        time : slice, optional
+        time : slice or float, optional
             Times, both ends included, in either order; a third number keeps one state in so many:
-            ``slice(0.0, 1.0)``, ``slice(None, None, 10)``.
-        coordinate : sequence of str, optional
-            Names of the coordinates to keep.
+            ``slice(0.0, 1.0)``, ``slice(None, None, 10)``. One time is that of a kept state; the
+            axis stays.
+        coordinate : sequence of str, or str, optional
+            Names of the coordinates to keep, or the one; the axis stays.
+        member : int, optional
+            A member of an ensemble, as :meth:`member` gives it.
 
         Returns
         -------
@@ -287,7 +294,8 @@ class Solution(States, Drifts, Motions):
         TypeError
             One of the two is of another kind.
         """
-        return parts.part_of(self, time, coordinate)
+        found = self if member is None else parts.member_of(self, member)
+        return parts.part_of(found, time, coordinate)
 
     def __call__(self, t: ArrayLike) -> Points:
         r"""Give the states at any time within the run, as accurate as those at the ends of steps.
@@ -384,6 +392,12 @@ class Solution(States, Drifts, Motions):
         from liouville import export
 
         return export.to_xarray(self)
+
+    def to_dataframe(self) -> pandas.DataFrame:
+        """Give a row for each kept step of each member; see :mod:`liouville.export`."""
+        from liouville import export
+
+        return export.to_dataframe(self)
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the solution to a file; see :func:`liouville.export.save`."""

@@ -1,19 +1,28 @@
-"""The states of a solution, and the balance of its energy, as attributes."""
+"""The states of a solution, and the balance of its energy, as attributes; names of numbers."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any, TypedDict, cast
 
+import numpy as np
 from numpy.typing import NDArray
 
+from liouville._arguments import Named
 from liouville.errors import check_name, hinted
+from liouville.points import STATES, Points
 
 if TYPE_CHECKING:
     from liouville.solution import Solution
 
 Array = NDArray[Any]
+
+#: What makes two solutions equal.
+RECORDED = (
+    "t", "states", "invariants", "residuals", "observed", "balance", "events", "names", "params",
+    "status", "members",
+)  # fmt: skip
 
 #: Groups of arrays by name that names may be meant for which are no attributes.
 GROUPS = ("invariants", "observed", "residuals", "events", "stats", "tangents")
@@ -26,6 +35,28 @@ ELSEWHERE = {
     "t_events": "solution.events has the times of each event by name",
     "y_events": "solution.events has the states at each event by name",
 }
+
+
+class Stats(TypedDict, total=False):
+    """The numbers of a run, those that its method has; see :class:`liouville.Solution`."""
+
+    steps: int
+    seconds: float
+    iterations: int
+    evaluations: int
+    cold_starts: int
+    solver: str
+    newton_steps: int
+    factorizations: int
+    rejected: int
+    h_smallest: float
+    h_largest: float
+    h_next: float
+    flows: int
+    pieces: int
+    products: float
+    widened: int
+    bound: float
 
 
 class States:
@@ -47,6 +78,72 @@ class States:
             if hint:
                 raise AttributeError(hinted(f"the solution has no attribute {name!r}", hint))
             return object.__getattribute__(self, name)  # raises the error of its own
+
+    def __dir__(self) -> list[str]:
+        """Name what there is: no state that this solution has not."""
+        return [x for x in object.__dir__(self) if x not in STATES or x in self.states]
+
+    def __getitem__(self, which: Any) -> Any:
+        """Give a state, an invariant, an observed quantity or a coordinate by its name.
+
+        Of an ensemble a number gives a member.
+
+        Raises
+        ------
+        KeyError
+            There is no such name.
+        TypeError
+            A single run has no members.
+        """
+        own = cast("Solution", self)
+        if not isinstance(which, str):
+            if own.members is not None:
+                return own.member(which)
+            hint = "solution.q[0] is the first of its states, solution['q'] all of them"
+            raise TypeError(hinted("a single run has no members to be numbered", hint))
+        for group in (own.states, own.invariants, own.observed, own.balance):
+            if which in group:
+                return group[which]
+        columns = own.names["coordinates"] if own.states else ()
+        if which in columns and "psi" not in own.states:
+            return next(iter(own.states.values()))[..., columns.index(which)]
+        groups = (own.states, own.invariants, own.observed, own.balance, columns)
+        return Named(dict.fromkeys(name for group in groups for name in group))[which]
+
+    def __len__(self) -> int:
+        """Return the number of members; TypeError for a single run."""
+        count = cast("Solution", self).members
+        if count is None:
+            hint = "len(solution.t) is the number of its times"
+            raise TypeError(hinted("a single run has no members to count", hint))
+        return count
+
+    def __bool__(self) -> bool:
+        """Return True: there is a solution."""
+        return True
+
+    def __eq__(self, other: object) -> bool:
+        """Return whether two solutions have the same records, parameters and status.
+
+        Numbers are compared bit for bit, NaN with NaN. How it was computed does not count: method,
+        statistics, and the system itself.
+        """
+        if not isinstance(other, States):
+            return NotImplemented
+        return _same([vars(self).get(x) for x in RECORDED], [vars(other).get(x) for x in RECORDED])
+
+    def __hash__(self) -> int:
+        """Return a number that equal solutions have in common."""
+        own = cast("Solution", self)
+        return hash((own.status, own.members, own.t.tobytes()))
+
+    def __iter__(self) -> Iterator[Solution]:
+        """Go through the members of an ensemble; TypeError for a single run."""
+        own = cast("Solution", self)
+        if own.members is None:
+            hint = "zip(solution.t, solution.q) goes through its times"
+            raise TypeError(hinted("a single run has no members to go through", hint))
+        return map(own.member, range(own.members))
 
     def with_units(self, units: Mapping[str, str] | None = None, **named: Any) -> Solution:
         """Return the same solution with units for the axes of figures and the heads of tables.
@@ -186,6 +283,20 @@ class States:
             hint = "integrate with states=True, or name what you need in observe="
         hint = self._column_hint(name) or hint
         raise AttributeError(f"the solution has no {name!r}{why}\nhint: {hint}")
+
+
+def _same(a: Any, b: Any) -> bool:
+    """Return whether two values are the same, arrays bit for bit and NaN with NaN."""
+    if isinstance(a, Mapping) and isinstance(b, Mapping):
+        return a.keys() == b.keys() and all(_same(x, b[name]) for name, x in a.items())
+    if isinstance(a, list | tuple) and isinstance(b, list | tuple):
+        return len(a) == len(b) and all(map(_same, a, b))
+    if isinstance(a, Points) and isinstance(b, Points):
+        return _same([a.t, a.states], [b.t, b.states])
+    if isinstance(a, np.ndarray | float) and isinstance(b, np.ndarray | float):
+        x, y = np.asarray(a), np.asarray(b)
+        return x.dtype == y.dtype and np.array_equal(x, y, equal_nan=x.dtype.kind in "fc")
+    return bool(a == b)
 
 
 def unit_of(solution: Solution, name: str, labels: Sequence[str] = ()) -> str:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from liouville._options import started
 from liouville.analysis.point import LARGE, Array, Point, mechanical
 from liouville.analysis.searches import Dense, Sparse
 from liouville.systems import Mechanics
@@ -61,7 +62,8 @@ def equilibrium(
     stable: bool = True,
     t: float = 0.0,
     params: Mapping[str, ArrayLike] | None = None,
-    **start: Any,
+    start: Mapping[str, Any] | None = None,
+    **values: Any,
 ) -> Equilibrium:
     r"""Find a state of rest: :math:`0 = f + r(\lambda)`, :math:`0 = g`, without velocity.
 
@@ -81,7 +83,7 @@ def equilibrium(
         Time, in the system's unit; what depends on it stands still.
     params : mapping, optional
         Parameters that differ from their defaults.
-    **start : array_like
+    start, **values : mapping, or array_like by name
         A guess of the coordinates by the system's name, ``q`` or ``y``, of shape (n,); it need not
         satisfy the constraints. Its partner may be given too; velocities may be given and are
         ignored: ``**m.start()`` of an assembly is a guess.
@@ -109,7 +111,9 @@ def equilibrium(
     >>> lv.equilibrium(pendulum.system, q=[0.6, -0.8])
     <Equilibrium at t = 0: stable, largest force left ...
     """
-    point = Point.given(mechanical(system, "equilibrium"), start, t, params).at_rest()
+    point = Point.given(
+        mechanical(system, "equilibrium"), started(start, values), t, params
+    ).at_rest()
     if not isinstance(stable, bool):
         raise TypeError(f"stable is True or False, not {stable!r}")
     search = Sparse(point) if point.n > LARGE else Dense(point, stable)

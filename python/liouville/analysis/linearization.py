@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from liouville._options import started
 from liouville.analysis.point import LARGE, Array, Point, Split, mechanical
 from liouville.errors import check_name, hinted, quoted
 from liouville.systems import Mechanics
@@ -86,7 +87,8 @@ def linearize(
     t: float = 0.0,
     params: Mapping[str, ArrayLike] | None = None,
     independent: Sequence[str] | None = None,
-    **start: Any,
+    start: Mapping[str, Any] | None = None,
+    **values: Any,
 ) -> Linearization:
     r"""Linearise the equations of motion about a state, on the tangent space of its constraints.
 
@@ -105,7 +107,7 @@ def linearize(
     independent : sequence of str, optional
         As many coordinates as positions are free: they are then the variables s, and their rates
         those of the velocities. By default an orthonormal basis is taken.
-    **start : array_like
+    start, **values : mapping, or array_like by name
         The state by the system's names, each of shape (n,), such as ``q`` and ``v``, on its
         constraints; at rest where the second is left out.
 
@@ -133,7 +135,7 @@ def linearize(
     >>> f"{abs(np.linalg.eigvals(linear.state)[0]):.6f}"  # the root of 9.81
     '3.132092'
     """
-    point = Point.given(mechanical(system, "linearize"), start, t, params)
+    point = Point.given(mechanical(system, "linearize"), started(start, values), t, params)
     if point.n > LARGE:
         sentence = f"a linearisation of {point.n} coordinates is not made: its matrices are dense"
         raise ValueError(hinted(sentence, "modes(system, count=...) takes sparse ones"))

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from liouville import html
 from liouville._arguments import count as counted
+from liouville._options import started
 from liouville._scipy import scipy
 from liouville.analysis.linearization import Linearization, linearized_at
 from liouville.analysis.point import LARGE, Array, Point, mechanical
@@ -156,7 +157,8 @@ def modes(
     count: int | None = None,
     t: float = 0.0,
     params: Mapping[str, ArrayLike] | None = None,
-    **start: Any,
+    start: Mapping[str, Any] | None = None,
+    **values: Any,
 ) -> Modes:
     r"""Compute the modes of small vibrations about an equilibrium or a steady motion.
 
@@ -176,7 +178,7 @@ def modes(
         Time, in the system's unit.
     params : mapping, optional
         Parameters that differ from their defaults.
-    **start : array_like
+    start, **values : mapping, or array_like by name
         The equilibrium by the system's names, each of shape (n,): ``**equilibrium(...).start``; at
         rest where the second is left out.
 
@@ -204,7 +206,7 @@ def modes(
      0: 0.159155 Hz 1 rad damping 0
      1: 0.275664 Hz 1.73205 rad damping 0>
     """
-    point = Point.given(mechanical(system, "modes"), start, t, params)
+    point = Point.given(mechanical(system, "modes"), started(start, values), t, params)
     wanted = None if count is None else counted("count", count)
     if point.n > LARGE:
         if wanted is None:

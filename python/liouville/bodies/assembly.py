@@ -77,7 +77,7 @@ class Assembly(Acting):
         *,
         mass: Value,
         inertia: Value,
-        at: Value,
+        at: Value = (0.0, 0.0, 0.0),
         rotation: ArrayLike = (1.0, 0.0, 0.0, 0.0),
     ) -> Body:
         """Add a rigid body.
@@ -91,7 +91,7 @@ class Assembly(Acting):
         inertia : array_like, shape (3,) or (3, 3), or callable
             Moments of inertia about the centre of mass in the body's own axes, the principal ones
             or all.
-        at : array_like, shape (3,), or callable
+        at : array_like, shape (3,), or callable, default (0, 0, 0)
             Its centre of mass as drawn.
         rotation : array_like, shape (4,), default (1, 0, 0, 0)
             Quaternion from its own axes to the world's as drawn, of any length.
@@ -123,7 +123,7 @@ class Assembly(Acting):
             )
         )
 
-    def point_mass(self, name: str, *, mass: Value, at: Value) -> Body:
+    def point_mass(self, name: str, *, mass: Value, at: Value = (0.0, 0.0, 0.0)) -> Body:
         """Add a body without extent, which cannot turn.
 
         Parameters
@@ -132,7 +132,7 @@ class Assembly(Acting):
             Its name.
         mass : float or callable
             Its mass.
-        at : array_like, shape (3,), or callable
+        at : array_like, shape (3,), or callable, default (0, 0, 0)
             Its place as drawn.
 
         Returns
@@ -150,7 +150,7 @@ class Assembly(Acting):
         return self._with(Body(self._new(name), "point", mass, None, at))
 
     def planar_body(
-        self, name: str, *, mass: Value, inertia: Value, at: Value, angle: float = 0.0
+        self, name: str, *, mass: Value, inertia: Value, at: Value = (0.0, 0.0), angle: float = 0.0
     ) -> Body:
         """Add a body that moves in a plane across z.
 
@@ -162,7 +162,7 @@ class Assembly(Acting):
             Its mass.
         inertia : float or callable
             Its moment of inertia about z through the centre of mass.
-        at : array_like, shape (2,) or (3,), or callable
+        at : array_like, shape (2,) or (3,), or callable, default (0, 0)
             Its centre of mass as drawn; the third number is the height of its plane.
         angle : float, default 0
             That of its own x against the world's as drawn, in radians.

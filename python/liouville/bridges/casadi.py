@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from liouville import _casadi as ca
+from liouville._options import started
 from liouville.bridges.functions import run_function
 from liouville.bridges.run import COMPLEX, FIRST, RunFunction, Runnable, RunPoint
 from liouville.errors import hinted
@@ -36,7 +37,8 @@ def solver(
     steps: int | None = None,
     every: int = 1,
     params: Mapping[str, ArrayLike] | None = None,
-    **start: ArrayLike,
+    start: Mapping[str, ArrayLike] | None = None,
+    **values: ArrayLike,
 ) -> ca.Callback:
     """Return a run as a function of CasADi, for expressions in MX and for ``nlpsol``.
 
@@ -55,7 +57,7 @@ def solver(
         ``"params.name"``, ``"t0"`` and ``"t1"``, and ``"drive[k]"`` for the samples of a drive.
     returns : str or sequence of str, optional
         The states that it returns: those of the system, by default the first, or ``"lam"``.
-    **start : array_like
+    start, **values : mapping, or array_like by name
         Start values that are not in `wrt`, each of shape (n,).
 
     Returns
@@ -91,7 +93,8 @@ def solver(
     (1, 1)
     """
     request = Request(
-        t=t, h=h, steps=steps, every=every, params=params, start=start, has_pullback=True
+        t=t, h=h, steps=steps, every=every, params=params, start=started(start, values),
+        has_pullback=True,
     )  # fmt: skip
     return _Run(run_function(system, method, wrt, returns, request))
 

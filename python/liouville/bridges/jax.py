@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from liouville._options import started
 from liouville.bridges.functions import run_function
 from liouville.bridges.run import FIRST, RunFunction, RunMembers, Runnable, library
 from liouville.errors import hinted
@@ -30,7 +31,8 @@ def solver(
     steps: int | None = None,
     every: int = 1,
     params: Mapping[str, ArrayLike] | None = None,
-    **start: ArrayLike,
+    start: Mapping[str, ArrayLike] | None = None,
+    **values: ArrayLike,
 ) -> Callable[..., Any]:
     """Return a run as a function that JAX differentiates, compiles and maps.
 
@@ -52,7 +54,7 @@ def solver(
         ``"params.name"``, ``"t0"`` and ``"t1"``, and ``"drive[k]"`` for the samples of a drive.
     returns : str or sequence of str, optional
         The states that it returns: those of the system, by default the first, or ``"lam"``.
-    **start : array_like
+    start, **values : mapping, or array_like by name
         Start values that are not in `wrt`, each of shape (n,).
 
     Returns
@@ -84,17 +86,18 @@ def solver(
     """
     jax = library("jax", "lv.jax.solver")
     request = Request(
-        t=t, h=h, steps=steps, every=every, params=params, start=start, has_pullback=True
+        t=t, h=h, steps=steps, every=every, params=params, start=started(start, values),
+        has_pullback=True,
     )  # fmt: skip
     function = run_function(system, method, wrt, returns, request)
 
-    def values(*inputs: Any) -> list[Any]:
+    def evaluated(*inputs: Any) -> list[Any]:
         return function.mapped(inputs, lambda at, _: at.values)
 
     @jax.custom_jvp  # type: ignore[untyped-decorator]
     def run(*inputs: Any) -> Any:
         shapes = _results(function, (), is_transposed=False)
-        return jax.pure_callback(values, shapes, *inputs, vmap_method="broadcast_all")
+        return jax.pure_callback(evaluated, shapes, *inputs, vmap_method="broadcast_all")
 
     @run.defjvp  # type: ignore[untyped-decorator]
     def run_jvp(inputs: Any, directions: Any) -> Any:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from liouville._options import started
 from liouville.bridges.functions import run_function
 from liouville.bridges.run import FIRST, Call, RunFunction, RunMembers, Runnable, library
 from liouville.errors import hinted
@@ -27,7 +28,8 @@ def solver(
     steps: int | None = None,
     every: int = 1,
     params: Mapping[str, ArrayLike] | None = None,
-    **start: ArrayLike,
+    start: Mapping[str, ArrayLike] | None = None,
+    **values: ArrayLike,
 ) -> Callable[..., Any]:
     """Return a run as a function that PyTorch differentiates.
 
@@ -49,7 +51,7 @@ def solver(
         ``"params.name"``, ``"t0"`` and ``"t1"``, and ``"drive[k]"`` for the samples of a drive.
     returns : str or sequence of str, optional
         The states that it returns: those of the system, by default the first, or ``"lam"``.
-    **start : array_like
+    start, **values : mapping, or array_like by name
         Start values that are not in `wrt`, each of shape (n,).
 
     Returns
@@ -85,9 +87,9 @@ def solver(
     torch = library("torch", "lv.torch.solver")
     if isinstance(params, Mapping):
         params = {name: _fixed(f"params.{name}", x) for name, x in params.items()}
-    start = {name: _fixed(name, x) for name, x in start.items()}
+    given = {name: _fixed(name, x) for name, x in started(start, values).items()}
     request = Request(
-        t=t, h=h, steps=steps, every=every, params=params, start=start, has_pullback=True
+        t=t, h=h, steps=steps, every=every, params=params, start=given, has_pullback=True
     )  # fmt: skip
     function = run_function(system, method, wrt, returns, request)
 

@@ -17,6 +17,7 @@ one, which other readers do not see; a NumPy file has one for each array; in a Z
 ``zarr.json`` has one as attribute, and the chunks have the codec ``crc32c``.
 """
 
+from liouville.export.datasets import dataset_of as dataset_of
 from liouville.export.datasets import paired as paired
 from liouville.export.datasets import to_xarray
 from liouville.export.files import SUFFIXES, check, load, save
@@ -26,5 +27,6 @@ from liouville.export.layout import MARK as MARK
 from liouville.export.layout import SLASH as SLASH
 from liouville.export.sections import save_section as save_section
 from liouville.export.sections import section_to_xarray as section_to_xarray
+from liouville.export.tables import to_dataframe
 
-__all__ = ["SUFFIXES", "check", "load", "save", "to_xarray"]
+__all__ = ["SUFFIXES", "check", "load", "save", "to_dataframe", "to_xarray"]

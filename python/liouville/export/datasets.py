@@ -31,13 +31,29 @@ def to_xarray(solution: Solution) -> xarray.Dataset:
     Returns
     -------
     xarray.Dataset
-        See :mod:`liouville.export`.
+        See :mod:`liouville.export`. Of an ensemble the members have numbers, and the parameters
+        that differ are coordinates along them: ``data.swap_dims(member="g").sel(g=9.81)``.
 
     Raises
     ------
     ImportError
         xarray is not installed.
     """
+    found = dataset_of(solution)
+    if solution.members is None:
+        return found
+    taken = {*found.variables, *found.dims}
+    coordinates: dict[str, Any] = {"member": np.arange(solution.members)}
+    for name in solution.varied:
+        values = np.asarray(solution.params[name])
+        label = name if name not in taken else f"params.{name}"
+        axes = ("member", f"{label}_axis")[: values.ndim]
+        coordinates[label] = (axes, values)
+    return found.assign_coords(coordinates)
+
+
+def dataset_of(solution: Solution) -> xarray.Dataset:
+    """Give a solution as the dataset that files hold."""
     layout = laid_out(solution)
     names, times = dict(layout.labels), layout.labels["time"]
     del names["time"]

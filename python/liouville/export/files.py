@@ -8,18 +8,21 @@ import shutil
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from liouville import checksum
 from liouville.checksum import FREE, META
-from liouville.errors import hinted
-from liouville.export.datasets import from_xarray, needed, paired, to_xarray, unpaired
+from liouville.errors import hinted, quoted
+from liouville.export.datasets import dataset_of, from_xarray, needed, paired, unpaired
 from liouville.export.formats import points_of, read_npz, save_mat, save_npz, save_xyz
 from liouville.export.layout import MARK, VERSION, read
 from liouville.export.tables import save_csv, save_parquet
 from liouville.locks import lock_of, locked
+from liouville.methods import Method
 from liouville.solution import Solution
+from liouville.systems import System
 
 if TYPE_CHECKING:
     import xarray
@@ -121,11 +124,11 @@ def replacing(path: Path) -> Iterator[Path]:
 
 
 def _save_netcdf(solution: Solution, path: Path) -> None:
-    write_netcdf(paired(to_xarray(solution)), path)
+    write_netcdf(paired(dataset_of(solution)), path)
 
 
 def _save_zarr(solution: Solution, path: Path) -> None:
-    write_zarr(paired(to_xarray(solution)), path, {})
+    write_zarr(paired(dataset_of(solution)), path, {})
 
 
 #: Writers of a solution, by the suffix of the file.
@@ -174,18 +177,25 @@ def _without_fill(dataset: xarray.Dataset) -> dict[str, dict[str, Any]]:
     return {str(name): {"_FillValue": None} for name in numbers}
 
 
-def load(path: str | os.PathLike[str]) -> Solution:
+def load(
+    path: str | os.PathLike[str], *, system: System | None = None, method: Method | None = None
+) -> Solution:
     """Read a NetCDF or NumPy file or a Zarr folder that :func:`~liouville.export.save` wrote.
 
     Parameters
     ----------
     path : path
         A ``.nc`` or ``.npz`` file or a ``.zarr`` folder.
+    system : System, optional
+        The system that was integrated, for a file holds no functions: reactions of single
+        constraints, joints and bodies need it.
+    method : Method, optional
+        The method, which gives the states between the steps: ``load(...)(0.5)``.
 
     Returns
     -------
     Solution
-        Equal to the saved one bit for bit; its ``system`` is None, for a file holds no functions.
+        Equal to the saved one bit for bit; its ``system`` is None unless given.
 
     Raises
     ------
@@ -193,7 +203,8 @@ def load(path: str | os.PathLike[str]) -> Solution:
         There is nothing at this path.
     ValueError
         The suffix is unknown, what is there is no saved solution, or it is damaged: a checksum
-        does not fit, or an array or a part of one is missing.
+        does not fit, or an array or a part of one is missing; or the system or the method is not
+        the one that made it.
     ImportError
         xarray or the package for this kind of file is not installed.
 
@@ -206,7 +217,16 @@ def load(path: str | os.PathLike[str]) -> Solution:
     >>> bool((lv.load("pendulum.npz").q == run.q).all())
     True
     """
-    return _read(Path(path))
+    found = _read(Path(path))
+    if system is not None:
+        names = tuple(system.coordinates)
+        if names != found.names["coordinates"]:
+            own = quoted(found.names["coordinates"])
+            raise ValueError(f"system must have the coordinates {own}, not {quoted(names)}")
+    if method is not None and repr(method) != found.method:
+        raise ValueError(f"method must be the one that made it, {found.method}, not {method!r}")
+    choice = method if found.dense_order else None
+    return replace(found, system=system, choice=choice)
 
 
 def ends(path: Path) -> Solution:

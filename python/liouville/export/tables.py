@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -12,6 +12,9 @@ from liouville.export.datasets import needed
 from liouville.export.layout import laid_out, place_of, positions, reactions
 from liouville.solution import Array, Solution
 from liouville.states import unit_of
+
+if TYPE_CHECKING:
+    import pandas
 
 
 def save_csv(solution: Solution, path: Path) -> None:
@@ -36,6 +39,12 @@ def save_parquet(solution: Solution, path: Path) -> None:
     facts = json.dumps({name: x for name, x in laid_out(solution).attributes.items()})
     made = arrow.table({name: np.ascontiguousarray(x) for name, x in table(solution).items()})
     parquet.write_table(made.replace_schema_metadata({"liouville": facts}), path)
+
+
+def to_dataframe(solution: Solution) -> pandas.DataFrame:
+    """Return a solution as a DataFrame; see :meth:`liouville.Solution.to_dataframe`."""
+    frame: pandas.DataFrame = needed("pandas").DataFrame(table(solution))
+    return frame
 
 
 def table(solution: Solution) -> dict[str, Array]:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from liouville._options import started
 from liouville._scipy import scipy
 from liouville.analysis.point import Array
 from liouville.errors import IntegrationError, hinted, quoted
@@ -45,7 +46,8 @@ def fit(
     sigma: float | Mapping[str, ArrayLike] | None = None,
     bounds: Mapping[str, Any] | None = None,
     t0: float | None = None,
-    **start: ArrayLike,
+    start: Mapping[str, ArrayLike] | None = None,
+    **values: ArrayLike,
 ) -> Fit:
     r"""Fit parameters and the start of a motion to measurements of it, by least squares.
 
@@ -86,7 +88,7 @@ def fit(
         Least and largest value of parameters by name, ``{"l": (0, 2)}``; None leaves a side open.
     t0 : float, optional
         Time of the start, before the first measurement or, by default, at it.
-    **start : array_like
+    start, **values : mapping, or array_like by name
         The start by the system's names, or a guess of what is free of it.
 
     Returns
@@ -139,7 +141,7 @@ def fit(
         raise TypeError(hinted(sentence, "lv.vjp has gradients of the others, for an optimiser"))
     measured = Measurements(system, data, h, sigma, t0)
     unknowns = Unknowns.of(system, params, free, bounds)
-    return _Problem(system, method, measured, unknowns, start).solve()
+    return _Problem(system, method, measured, unknowns, started(start, values)).solve()
 
 
 class _Problem:

@@ -7,6 +7,7 @@ from typing import Any
 
 from numpy.typing import ArrayLike
 
+from liouville._options import started
 from liouville.methods import Method
 from liouville.optimal.arguments import Times
 from liouville.optimal.problem import Problem
@@ -48,7 +49,8 @@ def optimal_control(
     guess: OptimalControl | Solution | Mapping[str, ArrayLike] | None = None,
     params: Mapping[str, ArrayLike] | None = None,
     options: Mapping[str, Any] | None = None,
-    **start: ArrayLike,
+    start: Mapping[str, ArrayLike] | None = None,
+    **values: ArrayLike,
 ) -> OptimalControl:
     r"""Find the controls that drive a mechanical system at the least cost.
 
@@ -103,7 +105,7 @@ def optimal_control(
         Parameters that differ from their defaults; controls begin with theirs.
     options : mapping, optional
         IPOPT's own options, such as ``{"max_iter": 1000, "print_level": 5}``.
-    **start : array_like
+    start, **values : mapping, or array_like by name
         The start, on the constraints, as for :func:`integrate`.
 
     Returns
@@ -153,6 +155,6 @@ def optimal_control(
     """
     problem = Problem(
         system, method, controls, cost, final_cost, Times.of(t, h, steps, final_time), final,
-        bounds, params, start,
+        bounds, params, started(start, values),
     )  # fmt: skip
     return problem.solve(guess, {**OPTIONS, **_trace.mapping("options", options)})

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import importlib
 import os
+import re
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 from shutil import which
@@ -22,6 +24,12 @@ FIGURES, ANIMATIONS = (".png", ".pdf", ".svg"), (".gif", ".html", ".mp4")
 
 # A log axis has no zero: exact values are drawn here, below the roundoff of one operation.
 FLOOR = 1e-17
+
+#: Backends without windows, and those of notebooks.
+STILL = (
+    *("agg", "cairo", "pdf", "pgf", "ps", "svg", "template"),
+    *("inline", "nbagg", "notebook", "widget", "ipympl", "backend_inline", "matplotlib_inline"),
+)
 
 #: The unit in labels where none is given.
 UNITS = "(system's units)"
@@ -103,11 +111,21 @@ def matplotlib(module: str) -> Any:
 
 
 def blank(width: float, height: float) -> Figure:
-    """Return an empty figure of a size in inches."""
+    """Return an empty figure of a size in inches, which ``plt.show()`` shows.
+
+    Where there is no window pyplot need not know of it, and would keep it: a notebook shows it by
+    its value.
+    """
     matplotlib("figure")  # names the extra where it is missing
     from liouville.plot.shown import ShownFigure
 
-    return ShownFigure(figsize=(width, height), dpi=150, layout="constrained")
+    options: Any = {"figsize": (width, height), "dpi": 150, "layout": "constrained"}
+    pyplot = sys.modules.get("matplotlib.pyplot")
+    backend = matplotlib("").get_backend().lower() if pyplot else "agg"
+    if pyplot is None or {*re.split("[/.:]+", backend)} & {*STILL}:
+        return ShownFigure(**options)
+    found: Figure = pyplot.figure(FigureClass=ShownFigure, **options)
+    return found
 
 
 def single(width: float, height: float) -> Axes:

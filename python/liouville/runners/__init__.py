@@ -43,6 +43,9 @@ if TYPE_CHECKING:
 SYSTEMS = (Mechanics, SemiExplicit, Field, Schrodinger)
 MECHANICAL = (Spark, LobattoPair, HHT, GeneralizedAlpha, ArnoldBruls, Composition)
 
+#: Stages of the method that "auto" takes, down to a tolerance and beyond; of equal steps the first.
+STAGES, MOST_STAGES = ((3, 1e-3), (5, 1e-6), (7, 1e-9)), 8
+
 #: Hints for systems without these options.
 INSTEAD: dict[tuple[str, type], str] = {
     ("t_eval", Schrodinger): "t= takes the times of all states to keep",
@@ -62,7 +65,14 @@ def runner_of(system: System, method: Method | Plan | str, request: Request) -> 
     """
     if not isinstance(system, Mechanics):
         check_system(system)
-    _check_method(method)
+    method, taken = _resolved(system, method, request)
+    runner = _made(system, method, request)
+    runner.taken = taken
+    return runner
+
+
+def _made(system: System, method: Method | Plan | str, request: Request) -> Runner:
+    """Return the runner of a system by a method that is no name."""
     check_options(request.start, "ensemble" if request.is_ensemble else "integrate")
     if not isinstance(request.states, bool):
         raise TypeError(f"states is True or False, not {request.states!r}")
@@ -95,6 +105,30 @@ def check_system(system: Any) -> None:
     )
     is_assembly = hasattr(system, "system")
     raise TypeError(hinted(sentence, "take its system()") if is_assembly else sentence)
+
+
+def _resolved(system: Any, method: Any, request: Request) -> tuple[Any, str]:
+    """Return the method that a name stands for, and which one "auto" took in words.
+
+    "auto" of a wave is left as it is: its plan chooses among several.
+    """
+    if not isinstance(method, str) or (method == "auto" and isinstance(system, Schrodinger)):
+        _check_method(method)
+        return method, ""
+    if method in METHODS:
+        cls: Any = METHODS[method]
+        return cls(), ""
+    if method != "auto":
+        _check_method(method)
+        known = ", ".join(["auto", *METHODS])
+        raise TypeError(hinted(f"method must be a method or its name, not {method!r}", known))
+    if isinstance(system, Field):
+        found: Method = VolumeSplitting()
+    else:
+        rtol = request.rtol if isinstance(request.rtol, float) else None
+        stages = next((s for s, least in STAGES if rtol is None or rtol >= least), MOST_STAGES)
+        found = Spark(stages)
+    return found, f"the method taken is {found!r}"
 
 
 def _check_method(method: Any) -> None:

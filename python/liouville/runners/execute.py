@@ -7,7 +7,7 @@ import time
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from threading import Event
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -21,6 +21,7 @@ from liouville.points import STATES, Points
 from liouville.progress import Progress, Report, reported
 from liouville.runners.runner import Request, Runner
 from liouville.solution import RESIDUALS, Solution
+from liouville.states import Stats
 
 #: Seconds between two looks at the signals and the progress bar.
 SLICE = 0.05
@@ -179,7 +180,7 @@ def status_of(
         return ("failed", *explain(outcome, runner))
     if outcome == "interrupted":
         return outcome, runner.interrupted(stats["steps"]), ""
-    return "done", "; ".join(filter(None, [end, runner.control_taken])), ""
+    return "done", "; ".join(filter(None, [end, runner.taken, runner.control_taken])), ""
 
 
 def _of_members(
@@ -260,7 +261,7 @@ def solution_of(
         h=runner.steps.mean(reached, stats["steps"]),
         tolerances=runner.steps.tolerances,
         method=runner.method,
-        stats=stats,
+        stats=cast(Stats, stats),
         params=plain(runner.params),
         status=status,
         message=message,

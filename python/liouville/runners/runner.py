@@ -110,6 +110,8 @@ class Runner(ABC):
     """
 
     constraints: tuple[str, ...] = ()
+    #: Which method "auto" took, in words; empty where the method was given.
+    taken = ""
     members: tuple[int, ...] = ()
     varied: tuple[str, ...] = ()
     #: Whether the absolute tolerance is the one by default, which knows no unit.

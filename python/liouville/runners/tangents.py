@@ -356,6 +356,8 @@ def _direction(
     if array.dtype.kind not in ("iufc" if is_complex else "iuf"):
         kind = "" if is_complex else "real "
         raise TypeError(f"tangents of '{name}' is an array of {kind}numbers, not {value!r}")
+    if array.ndim == 0 and shape == (1,):
+        array = array.reshape(1)
     inner = array.ndim - len(shape)
     if array.shape == (0, *shape):
         sentence = f"tangents of '{name}' has shape {array.shape}, which has no direction"

@@ -13,12 +13,12 @@ from liouville.solution import Solution
 
 def prepare(solution: Solution, path: Path, chunks: Mapping[str, int]) -> None:
     """Write a solution without records to a folder whose arrays can grow along some axes."""
-    export.write_zarr(export.paired(export.to_xarray(solution)), path, chunks)
+    export.write_zarr(export.paired(export.dataset_of(solution)), path, chunks)
 
 
 def along_time(solution: Solution) -> dict[str, np.ndarray]:
     """Return what has a row for each record."""
-    dataset = export.paired(export.to_xarray(solution))
+    dataset = export.paired(export.dataset_of(solution))
     return {
         str(name): variable.values
         for name, variable in dataset.variables.items()

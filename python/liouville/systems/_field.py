@@ -83,6 +83,8 @@ class Field(Pickled, ABC):
             raise TypeError("start value 'x' is missing: this system takes x=")
         array = self._array(start["x"])
         n = len(self.coordinates)
+        if array.ndim == members and n == 1:
+            array = array[..., None]
         wanted = f"(P, {n}) for P members" if members else f"({n},)"
         if array.ndim != 1 + members or array.shape[-1] != n or array.size == 0:
             message = f"x has shape {array.shape}, wanted {wanted}"

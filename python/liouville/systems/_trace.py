@@ -178,6 +178,8 @@ def vector(name: str, value: Any, places: tuple[str, ...]) -> np.ndarray:
         array = numbers(value)
     if array is None:
         raise TypeError(f"{name} is an array of real numbers, not {value!r}")
+    if array.shape == () and len(places) == 1:
+        array = array.reshape(1)
     if array.shape != (len(places),):
         raise ValueError(f"{name} has shape {array.shape}, wanted ({len(places)},)")
     if not np.isfinite(array).all():

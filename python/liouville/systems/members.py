@@ -200,6 +200,8 @@ def _rows(name: str, value: Any, places: tuple[str, ...]) -> np.ndarray | None:
         array = np.stack(np.broadcast_arrays(*columns), axis=-1)
     else:
         given = _trace.numbers(value)
+        if given is not None and given.ndim == 1 and len(places) == 1 and given.size > 1:
+            given = given[:, None]  # a number for each member, of one coordinate
         if given is None or given.ndim != 2:
             return None
         array = given
