@@ -147,7 +147,7 @@ def _events(stretches: Sequence[Stretch]) -> dict[str, Points]:
     return found
 
 
-def _stats(stretches: Sequence[Stretch]) -> dict[str, Any]:
+def _stats(stretches: Sequence[Stretch]) -> Any:
     """Return the sums of all stretches, and how many there are."""
     stats: dict[str, Any] = {"stretches": len(stretches)}
     for stretch in stretches:
