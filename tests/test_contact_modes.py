@@ -393,3 +393,65 @@ def test_friction_that_jams_ends_the_run_by_name():
         with pytest.raises(lv.IntegrationError, match="no accelerations obey the laws of contacts"):
             lv.integrate(rod, lv.Spark(2), t=(0, 1), h=0.01, **back)
     del c
+
+
+def discs(seed, n=3):
+    """Return discs with friction and restitution in a bin, and a random start."""
+    rng = np.random.default_rng(seed)
+    radius, rest, mu = rng.uniform(0.15, 0.3, n), rng.choice([0, 0.2, 0.5]), rng.choice([0.1, 0.6])
+    contacts = {}
+
+    def add(name, gap, slip):
+        contacts[name] = lv.Contact(gap, rest, mu, slip=slip)
+
+    for k in range(n):
+        x, y, a, r = 3 * k, 3 * k + 1, 3 * k + 2, radius[k]
+        add(
+            f"floor {k}",
+            lambda t, q, params, y=y, r=r: q[y] - r,
+            lambda t, q, v, params, x=x, a=a, r=r: v[x] + r * v[a],
+        )
+        for name, side in (("left", 1), ("right", -1)):
+            add(
+                f"{name} {k}",
+                lambda t, q, params, x=x, r=r, side=side: 1.4 + side * q[x] - r,
+                lambda t, q, v, params, y=y, a=a, r=r, side=side: v[y] - side * r * v[a],
+            )
+        for j in range(k):
+
+            def gap(t, q, params, k=k, j=j):
+                away = q[3 * k : 3 * k + 2] - q[3 * j : 3 * j + 2]
+                return ca.norm_2(away) - radius[k] - radius[j]
+
+            def slip(t, q, v, params, k=k, j=j):
+                away = q[3 * k : 3 * k + 2] - q[3 * j : 3 * j + 2]
+                moves = v[3 * k : 3 * k + 2] - v[3 * j : 3 * j + 2]
+                across = (away[0] * moves[1] - away[1] * moves[0]) / ca.norm_2(away)
+                return across - radius[k] * v[3 * k + 2] - radius[j] * v[3 * j + 2]
+
+            add(f"{k} on {j}", gap, slip)
+
+    def lagrangian(t, q, v, params):
+        turns = sum(radius[k] ** 2 / 2 * v[3 * k + 2] ** 2 for k in range(n))
+        moves = sum(ca.sumsqr(v[3 * k : 3 * k + 2]) for k in range(n))
+        return (moves + turns) / 2 - G * sum(q[3 * k + 1] for k in range(n))
+
+    places = [(-1 + 0.7 * k + rng.uniform(0, 0.1), radius[k] + rng.uniform(0.1, 0.3), 0)
+              for k in range(n)]  # fmt: skip
+    system = lv.Lagrangian(lagrangian, q=3 * n, contacts=contacts)
+    return system, {"q": np.ravel(places), "v": rng.normal(size=3 * n)}, mu
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_discs_in_a_bin_obey_the_laws_at_every_record(seed):
+    system, start, mu = discs(seed)
+    run = lv.integrate(system, lv.Spark(3), t=(0, 1.2), h=0.02, **start)
+    assert sum(len(record.changes) for record in run.contacts.values()) > 5
+    for record in run.contacts.values():
+        strong = max(1.0, record.normal.max())
+        assert record.gap.min() > -2e-9
+        assert record.normal.min() > -1e-9 * strong
+        assert (abs(record.friction) <= mu * record.normal + 1e-9 * strong).all()
+    rise = np.diff(run.invariants["energy"]).max()
+    assert rise < 1e-8 * abs(run.invariants["energy"]).max()
+    assert run.message == ""

@@ -14,7 +14,7 @@ from liouville.contacts.margin import forces_of
 from liouville.contacts.record import ContactRecord
 from liouville.contacts.switching import Switching
 from liouville.contacts.traced import ModeSystem
-from liouville.errors import IntegrationError
+from liouville.errors import IntegrationError, hinted
 from liouville.parts import GROUPS
 from liouville.points import Points
 
@@ -114,6 +114,11 @@ def _at_record(
         name = contacts.names[place]
         sentence = f"contact '{name}' penetrates by {-at.gap[place]:.2g} at t = {state[0]:g}"
         raise IntegrationError(sentence, t=state[0], quantity=name)
+    back = at.slip * [mode.sign for mode in modes] < -PENETRATES * (at.speed + np.abs(at.slip))
+    if back.any():
+        name = contacts.names[int(np.argmax(back))]
+        sentence = f"contact '{name}' slips against its own friction at t = {state[0]:g}"
+        raise IntegrationError(hinted(sentence, "try a smaller h"), t=state[0], quantity=name)
     closed = [k for k, mode in enumerate(modes) if mode is not Mode.OPEN]
     sticks = [k for k, mode in enumerate(modes) if mode is Mode.STICK]
     if system.is_shared:

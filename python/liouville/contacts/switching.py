@@ -66,8 +66,7 @@ class Switching:
         closing: dict[int, float | None] = {}
         for _ in range(MOST_AT_ONCE):
             at = self.at(self.t, y, z)
-            speed = max(np.abs(z).max(), self.h * np.abs(at.free).max())
-            sizes = np.abs(at.rows[fixed:]).sum(axis=1) * speed
+            sizes = np.abs(at.rows[fixed:]).sum(axis=1) * at.speed
             still = AT_REST * sizes[: self.c]
             touching = at.gap <= CLOSED * at.size + ROUNDINGS * EPS * np.abs(at.rate) * abs(self.t)
             if (touching & (at.rate < -still)).any():
@@ -111,18 +110,18 @@ class Switching:
     def _low(
         self, at: Matrices, touching: Array, still: Array, closing: dict[int, float | None]
     ) -> int | None:
-        """Return a contact whose bounces have died down to roundoff of its gap."""
+        """Return a contact that would fly no higher than roundoff of its gap."""
         own = self.contacts
-        for k in np.flatnonzero(touching & (at.rate > still) & (own.restitution > 0)):
-            if k in closing or not self.changes[k] or self.changes[k][-1].t != self.t:
+        for k in np.flatnonzero(touching & (at.rate > still)):
+            if k in closing:
                 continue
             held = touching & (np.abs(at.rate) <= still)
             fall = self._forces(at, held, np.zeros(self.c, dtype=int)).across[k]
             if fall < 0 and at.rate[k] ** 2 < 2 * -fall * LOW * EPS * at.size[k]:
-                rest = None
-                if own.restitution[k] < 1:
-                    rest = self.t + 2 * at.rate[k] / -fall / (1 - own.restitution[k])
-                closing[int(k)] = rest
+                closing[int(k)] = None
+                has_hit = bool(self.changes[k]) and self.changes[k][-1].t == self.t
+                if has_hit and 0 < own.restitution[k] < 1:
+                    closing[int(k)] = self.t + 2 * at.rate[k] / -fall / (1 - own.restitution[k])
                 return int(k)
         return None
 
@@ -130,14 +129,10 @@ class Switching:
         self, at: Matrices, y: Array, z: Array, closed: Array, stopped: set[int], sizes: Array
     ) -> tuple[Mode, ...]:
         """Return what each contact does, given those that may bear a force."""
-        own, c = self.contacts, self.c
-        rough = own.static > 0
-        slip = np.zeros(c, dtype=int)
-        for k in np.flatnonzero(closed & rough):
-            if self.modes[k].sign and k not in stopped:
-                slip[k] = self.modes[k].sign
-            elif abs(at.slip[k]) > AT_REST * sizes[k]:
-                slip[k] = int(np.sign(at.slip[k]))
+        own = self.contacts
+        moves = closed & (own.static > 0) & (np.abs(at.slip) > AT_REST * sizes)
+        moves[list(stopped)] = False
+        slip = np.where(moves, np.sign(at.slip), 0).astype(int)
         found = self._forces(at, closed, slip)
         verdict, self.lifts = self._verdict(at, found, closed, slip, ZERO), found.across
         if any(mode is None for mode in verdict):

@@ -42,8 +42,8 @@ class Matrices:
     size : ndarray, shape (c,)
         Sizes of the terms of the gaps, whose roundings the gaps have: what they change by over the
         largest coordinate, and over the way of a step from there.
-    way : float
-        That coordinate and way.
+    way, speed : float
+        That coordinate and way; the largest velocity, and what a step adds to it.
     A, b : ndarray, shape (2 c, 2 c) and (2 c,)
         As above.
     moves : ndarray, shape (n, 2 c)
@@ -59,6 +59,7 @@ class Matrices:
     slip: Array
     size: Array
     way: float
+    speed: float
     A: Array
     b: Array
     moves: Array
@@ -184,11 +185,12 @@ class Contacts:
             back = R @ np.linalg.pinv(B @ R)
             free = free - back @ (B @ free + B_t[:, 0])
             F = F - back @ (B @ F)
-        way = np.abs(y).max() + h * np.abs(v).max() + h**2 * np.abs(free).max()
+        speed = np.abs(v).max() + h * np.abs(free).max()
+        way = np.abs(y).max() + h * speed
         size = slopes[:, 0] * way + np.abs(gap[:, 0])
         return Matrices(
-            gap[:, 0], rates[:c, 0], rates[c:, 0], size, float(way), C @ F, C @ free + C_t[:, 0],
-            F, free, v[:, 0], np.vstack([B, C]),
+            gap[:, 0], rates[:c, 0], rates[c:, 0], size, float(way), float(speed), C @ F,
+            C @ free + C_t[:, 0], F, free, v[:, 0], np.vstack([B, C]),
         )  # fmt: skip
 
     def independent(self, modes: tuple[Mode, ...], at: Matrices) -> tuple[int, ...]:
