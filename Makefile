@@ -16,7 +16,7 @@ PYTEST_SETTINGS := PYTHONDONTWRITEBYTECODE= OPENBLAS_NUM_THREADS=1
 SPHINX := $(BIN)/sphinx-build -W --keep-going -q
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test slow fuzz sanitize lint format build docs links wheel tryout bench ci clean
+.PHONY: help demo test kernels slow fuzz sanitize lint format build docs links wheel tryout bench ci clean
 
 help:  ## Print the verbs
 	@sed -n 's/^\([a-z]*\):.*## /\1\t/p' $(MAKEFILE_LIST) | awk -F '\t' '{printf "make %-8s %s\n", $$1, $$2}'
@@ -29,6 +29,9 @@ test:  ## Run every test but the slow ones: Rust, Python, examples in the docume
 	@cargo test --quiet --release --no-run $(RUST_TESTS) & $(MAKE) --no-print-directory $(VENV)/tools && wait
 	cargo test --quiet --release $(RUST_TESTS)
 	$(PYTEST_SETTINGS) $(BIN)/python -m pytest -q -n logical --dist worksteal
+
+kernels: $(VENV)/tools  ## Run the tests that compare with other codes, or bits, under two BLAS kernels
+	$(PYTEST_SETTINGS) $(BIN)/python tools/kernels.py -- -n logical --dist worksteal
 
 slow: $(VENV)/tools  ## Run the tests that take longer than a minute each: hours
 	$(PYTEST_SETTINGS) $(BIN)/python -m pytest -q -m slow -n logical --dist worksteal
@@ -88,7 +91,7 @@ bench: $(VENV)/bench  ## Measure beside other codes, in under ten minutes; table
 	$(BIN)/python benchmarks/mujoco_chain.py
 	$(BIN)/python benchmarks/tables.py build/benchmarks.md
 
-ci: lint test docs tryout  ## What .ci/run runs
+ci: lint test kernels docs tryout  ## What .ci/run runs
 
 clean:  ## Remove what the verbs made
 	rm -rf $(VENV) target build dist docs/_build docs/gallery python/liouville/_core*.so

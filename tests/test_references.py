@@ -4,6 +4,7 @@ import re
 from fractions import Fraction
 from pathlib import Path
 
+import kernels
 import numpy as np
 import pytest
 from registry import PROBLEMS, REFERENCE, SYSTEMS, printed
@@ -175,6 +176,29 @@ def by_definition(mp, s):
         "b_hat": b_hat,
         "c_hat": c_hat,
     }
+
+
+def test_tests_that_compare_with_other_codes_are_found_in_their_text(tmp_path):
+    """By what they use, their functions and fixtures use, or the file imports."""
+    (tmp_path / "test_x.py").write_text("""
+import numpy as np
+from ordinary import solved
+from scipy import linalg as la
+
+WANTED = [la.expm(1.0)]
+
+def helper():
+    return WANTED
+
+def test_by_a_helper(): helper()
+def test_by_a_fixture(fixed): pass
+def fixed(): return np.linalg.norm([1.0])
+def test_by_itself(): solved()
+def test_bits(x): x.tobytes()
+def test_of_nothing_else(): assert np.pi
+""")
+    names = ["test_by_a_helper", "test_by_a_fixture", "test_by_itself", "test_bits"]
+    assert kernels.compared(tmp_path / "test_x.py") == names
 
 
 def test_one_file_alone_solves_ordinary_differential_equations():
