@@ -238,6 +238,10 @@ def test_longitude_latitude_and_depth_are_no_metres(unit, degrees):
         ValueError, match=r"'u' has levels along 'depth'.*\nhint: .*isel\(depth=0\)"
     ):
         lv.GriddedField.from_xarray(data)
+    pressures = data.assign(w=data.w + 1).rename(depth="level")
+    pressures["level"].attrs["positive"] = "down"
+    with pytest.raises(ValueError, match=r"levels along 'level'.*\nhint: .*isel\(level=0\)"):
+        lv.GriddedField.from_xarray(pressures)
     level = lv.GriddedField.from_xarray(data.isel(depth=0), most_divergence=1)
     assert level.coordinates == ("lon", "mu")
     mixed = data.isel(depth=0).rename(lat="y")

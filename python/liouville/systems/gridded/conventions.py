@@ -70,11 +70,11 @@ def arguments(
         raise ValueError(hinted(sentence, f"choose one: dataset.isel({axes['Z'].name}=0)"))
     order = [key for key in "TXYZ" if key in axes]
     arrays = [_ordered(x, axes, order) for x in components.values()]
-    if "Z" in axes and _is_against(axes["Z"], components["w"], arrays[-1]):
-        arrays[-1] = -arrays[-1]
     space = [axes[key] for key in order if key != "T"]
     is_sphere = _is_sphere(space, first, options)
     _check_units(components, space, is_sphere)
+    if "Z" in axes and _is_against(axes["Z"], components["w"], arrays[-1]):
+        arrays[-1] = -arrays[-1]
     made: dict[str, Any] = {
         "xyz": [np.asarray(axis.values) for axis in space],
         "velocity": arrays,
