@@ -77,7 +77,7 @@ def test_a_study_of_a_field_is_that_of_one_plan(name, composition, order):
     method = lv.VolumeSplitting(composition=composition)
     result = study(problem.system, method, (0.0, t), hs, problem.start, problem.reference[t])
     assert result.order["x"] == pytest.approx(order, abs=0.15)
-    plan = lv.plan(problem.system, method, h=hs[2], **problem.start)
+    plan = lv.plan(problem.system, method, t=(0.0, t), h=hs[2], **problem.start)
     assert result.method == repr(plan.method)
     forced = study(problem.system, plan, (0.0, t), hs, problem.start, problem.reference[t])
     np.testing.assert_array_equal(forced.errors["x"], result.errors["x"])

@@ -135,7 +135,7 @@ def study(
         raise ValueError("a study needs at least one step size, and hs is empty")
     hs = sorted(hs, key=abs, reverse=True)
     if isinstance(system, Field) and isinstance(method, VolumeSplitting):
-        method = plan(system, method, h=hs[len(hs) // 2], t=t[0], params=params, **start)
+        method = plan(system, method, h=hs[len(hs) // 2], t=t, params=params, **start)
 
     def end(h: float) -> tuple[float, dict[str, Array]]:
         solution = integrate(system, method, t=t, h=h, every=10**9, params=params, **start)
