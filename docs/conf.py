@@ -24,6 +24,7 @@ extensions = [
     "sphinx.ext.mathjax",
     "sphinx.ext.napoleon",
     "sphinx-mathjax-offline",  # copies MathJax into the built pages: they need no network
+    "sphinx_copybutton",
     "sphinx_gallery.gen_gallery",
     "sphinxcontrib.bibtex",
 ]
@@ -62,7 +63,12 @@ sphinx_gallery_conf = {
 }
 
 html_theme = "furo"
-html_title = "liouville"
+html_title = f"liouville {release}"
+html_theme_options = {
+    "source_repository": "https://github.com/liouville-integrators/liouville/",
+    "source_branch": "main",
+    "source_directory": "docs/",
+}
 html_static_path = ["_static"]
 html_css_files = ["custom.css"]
 
