@@ -8,6 +8,7 @@ import casadi as ca
 import numpy as np
 import pytest
 import scipy.sparse as sp
+from scipy.integrate import solve_ivp
 from scipy.sparse.linalg import aslinearoperator
 
 import liouville as lv
@@ -257,3 +258,27 @@ def test_bessel_functions_that_underflow_are_no_part_of_a_series(seed):
     for tol in (1e-6, 1e-7, 1e-8):
         found = lv.integrate(system, lv.Chebyshev(tol), t=(0.0, 3.0), psi=psi)
         assert np.linalg.norm(found.psi[-1] - exact) <= tol
+
+
+@pytest.mark.parametrize("tol", [1e-3, 1e-5])
+def test_kinks_of_products_are_within_the_tolerance(tol):
+    """The difference of one step and its halves vanishes at some kinks by chance."""
+    rng = np.random.default_rng(0)
+    still, moved = ((x + x.T) / 4 for x in (rng.normal(size=(4, 4)), rng.normal(size=(4, 4))))
+    psi = rng.normal(size=4) + 0j
+    psi /= np.linalg.norm(psi)
+    rate, end = 14.28, 3.0
+
+    def multiply(t, x):
+        return still @ x + 3.0 * abs(np.sin(rate * t)) * (moved @ x)
+
+    wanted, before = psi, 0.0
+    for time in [*np.arange(np.pi / rate, end, np.pi / rate), end]:
+        part = solve_ivp(
+            lambda t, y: -1j * multiply(t, y), (before, time), wanted, method="DOP853",
+            rtol=1e-11, atol=1e-12,
+        )  # fmt: skip
+        wanted, before = part.y[:, -1], time
+    for method in (lv.SchrodingerSplitting(tol), lv.Magnus(4, tol), lv.Magnus(6, tol)):
+        run = lv.integrate(lv.Schrodinger((4, multiply)), method, t=(0, end), psi=psi)
+        assert np.linalg.norm(run.psi[-1] - wanted) < tol

@@ -47,6 +47,17 @@ pub struct MagnusTolerance {
     pub norm: f64,
 }
 
+/// A step that is to be made.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Proposed {
+    /// Its length.
+    pub(super) step: f64,
+    /// Its m.
+    pub(super) size: f64,
+    /// The error that it has, at most, where H has a kink or a jump.
+    pub(super) unresolved: f64,
+}
+
 /// The choice of steps by scalars.
 #[derive(Clone)]
 pub(super) struct Chooser {
@@ -74,9 +85,10 @@ pub(super) struct Chooser {
     pub(super) probe: Option<Probe>,
 }
 
-/// Points of a step at which H is looked at, and the last terms of its series there.
+/// Points of a step at which H is looked at, ...
 const NODES: usize = 9;
-const LAST: std::ops::Range<usize> = NODES - 2..NODES;
+/// ... and the last terms of its series there.
+const LAST: std::ops::Range<usize> = NODES - 6..NODES;
 
 /// A step over a jump may be no shorter, in units of t: the jump is known to rounding errors of the time.
 const LEAST: f64 = 4.0 * f64::EPSILON;
@@ -84,8 +96,23 @@ const LEAST: f64 = 4.0 * f64::EPSILON;
 /// Roundings of the part of H h that its α_n do not have, relative to what is rounded.
 const ROUNDING: f64 = 4.0 * f64::EPSILON;
 
-/// The error of a step, in units of the part of H h that its α_n do not have.
-const UNRESOLVED: f64 = 0.1;
+/// The error of a step in units of the last two terms of the series of H, where the last three are below such a part of those
+/// before: where H is smooth, ...
+const SMOOTH: f64 = 0.1;
+const DECAY: f64 = 0.1;
+/// ... and elsewhere, around a kink or a jump, in units of the largest of three, as one alone may vanish.
+const KINK: f64 = 0.5;
+
+/// The error left by what a series with these last terms leaves out, and whether there is a kink or a jump.
+fn left_out(terms: &[f64]) -> (f64, bool) {
+    let (before, last) = terms.split_at(terms.len() - 3);
+    let largest = |terms: &[f64]| terms.iter().copied().fold(0.0, f64::max);
+    if largest(last) < DECAY * largest(before) {
+        (SMOOTH * (last[1] + last[2]), false)
+    } else {
+        (KINK * largest(last), true)
+    }
+}
 
 /// Weights of values at the points in the coefficient of Chebyshev's polynomial `T_n`.
 fn moment(n: usize) -> Vec<f64> {
@@ -200,25 +227,29 @@ impl Chooser {
         half(bounds.of_sum(weights, potential, row)) * h.abs()
     }
 
-    /// The part of H h that no α_n has, as where H jumps.
-    fn unresolved(&mut self, t: f64, h: f64) -> Result<f64, StepError> {
-        let last = self.moments.len() - 1;
+    /// The error that is left by the part of H h that no α_n has, and whether H has a kink or a jump there.
+    fn unresolved(&mut self, t: f64, h: f64) -> Result<(f64, bool), StepError> {
+        let first = self.norms.len();
         if let Some(probe) = &mut self.probe {
-            let pairs = self.moments[last].iter().zip(&self.points);
-            let nodes = pairs.map(|(a, c)| (*a, t + c * h));
-            let length = probe.length((&self.hamiltonian, &mut self.current), nodes)?;
-            return Ok(LAST.len() as f64 * length * h.abs());
+            let times = self.points.iter().map(|c| t + c * h);
+            let pair = (&*self.hamiltonian, &mut self.current);
+            let lengths = probe.lengths(pair, times, &self.moments[first..])?;
+            let (error, is_kink) = left_out(&lengths);
+            return Ok((error * h.abs(), is_kink));
         }
-        let rows = self.norms.len()..self.moments.len();
-        Ok(rows.map(|row| self.norm(row, h)).sum())
+        let noise = self.noise(t, h);
+        let mut terms = [0.0; LAST.end - LAST.start];
+        for (k, term) in terms.iter_mut().enumerate() {
+            *term = self.norm(first + k, h);
+        }
+        let (error, is_kink) = left_out(&terms);
+        let part = if is_kink { KINK } else { SMOOTH };
+        Ok(((error - part * noise).max(0.0), is_kink))
     }
 
     /// How much of the part of H h that no α_n has is roundings, which no shorter step has less of: those of values, and of the
     /// time by their slopes.
     fn noise(&self, t: f64, h: f64) -> f64 {
-        if self.probe.is_some() {
-            return 0.0;
-        }
         let letters = self.norms.iter().enumerate();
         let slopes: f64 = letters.map(|(n, norm)| 2.0 * n as f64 * norm).sum();
         let moved = t.abs().max((t + h).abs()) / h.abs() * slopes;
@@ -245,12 +276,12 @@ impl Chooser {
         Ok((self.words[self.nodes.order + 1] - self.norms[0].powi(power)).max(0.0))
     }
 
-    /// The next step and its m, where an error is `constant` times m.
+    /// The next step, where an error is `constant` times m.
     pub(super) fn propose(
         &mut self,
         (t, left): (f64, f64),
         constant: f64,
-    ) -> Result<(f64, f64), StepError> {
+    ) -> Result<Proposed, StepError> {
         let mut h = (self.last * CHANGE.1).min(left.abs());
         for _ in 0..TRIES {
             let parts = (left.abs() / h).ceil().max(1.0);
@@ -258,23 +289,38 @@ impl Chooser {
             let size = self.size(t, step)?;
             let error = constant * size;
             if error.is_finite() && Self::is_least(t, step) {
-                return Ok((step, size));
+                return Ok(Proposed {
+                    step,
+                    size,
+                    unresolved: 0.0,
+                });
             }
-            let is_short = error <= self.allowed(step);
-            let unresolved = self.allowed(step) / UNRESOLVED + self.noise(t, step);
+            let allowed = self.allowed(step);
+            let is_short = error <= allowed;
             // products are for steps that are short enough
-            let is_looked_at = is_short || self.probe.is_none();
-            if is_looked_at && self.unresolved(t, step)? > unresolved {
-                h = CHANGE.0 * step.abs();
-                continue;
-            }
-            if is_short {
-                let unseen = unresolved / step.abs();
-                if self.scan.passes_over((t, step), (NODES, NODES), unseen) {
-                    h = CHANGE.0 * step.abs();
+            if is_short || self.probe.is_none() {
+                let (unresolved, is_kink) = self.unresolved(t, step)?;
+                if unresolved.is_nan() || unresolved > allowed {
+                    let shorter = if is_kink {
+                        SAFETY * allowed / unresolved
+                    } else {
+                        0.0
+                    };
+                    h = step.abs() * shorter.clamp(CHANGE.0, SAFETY);
                     continue;
                 }
-                return Ok((step, size));
+                if is_short {
+                    let unseen = (allowed / SMOOTH + self.noise(t, step)) / step.abs();
+                    if self.scan.passes_over((t, step), (NODES, NODES), unseen) {
+                        h = CHANGE.0 * step.abs();
+                        continue;
+                    }
+                    return Ok(Proposed {
+                        step,
+                        size,
+                        unresolved: if is_kink { unresolved } else { 0.0 },
+                    });
+                }
             }
             if !error.is_finite() {
                 let (theta, most) = (self.norms[0], f64::INFINITY);

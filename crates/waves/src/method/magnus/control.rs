@@ -1,7 +1,8 @@
 //! Steps of a Magnus method to a tolerance.
 //!
 //! A step is made as two halves, which are kept, and as one; the difference of both is the error of the halves times
-//! 2^p − 1. The next step follows from the last one by a prediction C m of its error, m of [`Chooser`].
+//! 2^p − 1 where H is smooth. Around a kink it may vanish by chance, and the last terms of the series of H over the step say
+//! how large the error may be. The next step follows from the last one by a prediction C m of its error, m of [`Chooser`].
 
 use super::chooser::{Chooser, MagnusTolerance, SERIES};
 use super::probe::Probe;
@@ -72,11 +73,13 @@ impl MagnusSteps {
             if let Some(probe) = &mut self.chooser.probe {
                 probe.take(state);
             }
-            let (h, size) = self.chooser.propose((t, end - t), self.constant)?;
-            let error = self.estimate(t, h, state)?;
+            let proposed = self.chooser.propose((t, end - t), self.constant)?;
+            let (h, size) = (proposed.step, proposed.size);
+            let difference = self.estimate(t, h, state)?;
             if size > 0.0 {
-                self.constant = error / size;
+                self.constant = difference / size;
             }
+            let error = difference.max(proposed.unresolved);
             if error <= self.chooser.allowed(h) || Chooser::is_least(t, h) {
                 self.chooser.spend((h, end - t), error);
                 return Ok(next_time(t, h, end));

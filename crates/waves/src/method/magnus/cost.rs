@@ -109,7 +109,7 @@ impl Counter<'_> {
         if cancel::is_cancelled() {
             return Err(StepError::Interrupted);
         }
-        let (h, _) = self.chooser.propose((t, end - t), self.constant)?;
+        let h = self.chooser.propose((t, end - t), self.constant)?.step;
         let (products, theta) = self.chooser.products(t, h)?;
         (self.chooser).spend((h, end - t), self.chooser.allowed(h));
         let part = (left / h.abs()).min(1.0);

@@ -7,6 +7,7 @@ use crate::method::spectral_range::random;
 use crate::method::{Wave, squares};
 use crate::problem::{Hamiltonian, HamiltonianAt, ProductScratch};
 use liouville_base::error::StepError;
+use liouville_base::linalg::add_scaled;
 use liouville_base::simd::InstructionSet;
 
 const SEED: u64 = 5;
@@ -17,7 +18,7 @@ pub(super) struct Probe {
     noise: Vec<f64>,
     x: Vec<f64>,
     out: Vec<f64>,
-    nodes: Vec<(f64, f64)>,
+    sums: Vec<f64>,
     scratch: ProductScratch,
     products: usize,
 }
@@ -34,7 +35,7 @@ impl Probe {
             x: vec![0.0; n],
             out: vec![0.0; n],
             noise,
-            nodes: Vec::new(),
+            sums: Vec::new(),
             scratch: ProductScratch::default(),
             products: 0,
         }
@@ -53,21 +54,30 @@ impl Probe {
         }
     }
 
-    /// The length of the product with Σ a H(t).
-    pub(super) fn length(
+    /// The lengths of products with sums Σ a H(t) over these times, of several rows of a.
+    pub(super) fn lengths(
         &mut self,
         (hamiltonian, current): (&Hamiltonian, &mut HamiltonianAt),
-        nodes: impl Iterator<Item = (f64, f64)>,
-    ) -> Result<f64, StepError> {
-        self.nodes.clear();
-        self.nodes.extend(nodes);
-        current.set(hamiltonian, &self.nodes)?;
-        let sum = hamiltonian.at(Some(current));
+        times: impl Iterator<Item = f64>,
+        rows: &[Vec<f64>],
+    ) -> Result<Vec<f64>, StepError> {
+        let n = self.x.len();
+        self.sums.clear();
+        self.sums.resize(rows.len() * n, 0.0);
         let parts = if hamiltonian.is_doubled() { 2 } else { 1 };
-        self.products += parts * sum.products();
         let machine = InstructionSet::default();
-        sum.multiply(machine, &self.x, &mut self.out, &mut self.scratch)?;
-        Ok(self.out.iter().map(|x| x * x).sum::<f64>().sqrt())
+        for (place, t) in times.enumerate() {
+            current.set(hamiltonian, &[(1.0, t)])?;
+            let now = hamiltonian.at(Some(current));
+            self.products += parts * now.products();
+            now.multiply(machine, &self.x, &mut self.out, &mut self.scratch)?;
+            for (row, sum) in rows.iter().zip(self.sums.chunks_mut(n)) {
+                add_scaled(sum, row[place], &self.out);
+            }
+        }
+        let squares = self.sums.chunks(n);
+        let squares = squares.map(|sum| sum.iter().map(|x| x * x).sum::<f64>());
+        Ok(squares.map(f64::sqrt).collect())
     }
 
     /// Real products made so far.
