@@ -246,3 +246,23 @@ def test_no_sample_is_passed_over(count):
     for method in ("auto", lv.Magnus(4, 1e-7)):
         found = lv.integrate(system, method, t=(0.0, 20.0), psi=np.array([1.0, 0.0]))
         assert np.linalg.norm(found.psi[-1] - wanted) <= (1e-8 if method == "auto" else 1e-7)
+
+
+def test_a_function_of_time_may_be_singular_outside_the_run():
+    """Functions are looked at within the run only."""
+    z, x = np.diag([1.0, -1.0]), np.array([[0.0, 1.0], [1.0, 0.0]])
+    driven = lv.Schrodinger(z, drive=[(lambda t, params: 1 / t, x)])
+    found = lv.integrate(driven, "auto", t=(1, 2), psi=[1, 0]).psi[-1]
+    for by_products in ((2, lambda t, psi: z @ psi + x @ psi / t), lambda t: z + x / t):
+        same = lv.integrate(lv.Schrodinger(by_products), "auto", t=(1, 2), psi=[1, 0]).psi[-1]
+        assert np.linalg.norm(found - same) < 3e-8
+    back = lv.integrate(driven, "auto", t=(2, 1), psi=found).psi[-1]
+    assert np.linalg.norm(back - [1, 0]) < 3e-8
+    grid = lv.Grid(-5, 5, 64, potential=lambda t, x, params: x**2 / 2 / t)
+    psi = np.exp(-(grid.points[:, 0] ** 2) / 2)
+    steps = lv.integrate(lv.Schrodinger(grid), lv.SplitOperator(), t=(1, 2), steps=40, psi=psi)
+    assert lv.plan(lv.Schrodinger(grid), t=(1, 2)).products > 0
+    chosen = lv.integrate(lv.Schrodinger(grid), "auto", t=(1, 2), psi=psi)
+    assert np.linalg.norm(chosen.psi[-1] - steps.psi[-1]) < 1e-7 * np.linalg.norm(psi)
+    with pytest.raises(ValueError, match="is inf at t = 0"):
+        lv.plan(driven, t=(0, 1))

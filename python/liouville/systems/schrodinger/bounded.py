@@ -273,6 +273,9 @@ class Bounded(Pickled):
     @property
     def guarantee(self) -> str:
         """Their kind: "rigorous", "probable", "with probability 1 - 1e-6" or "given"."""
+        if self.is_driven and self._given is None and self.moving_product is None:
+            is_known = all(term.bounds is not None for term in self._terms)
+            return RIGOROUS if is_known else PROBABLE
         return self._spectrum.guarantee
 
     @cached_property
@@ -284,8 +287,7 @@ class Bounded(Pickled):
         if self.is_driven:
             if self.moving_product is not None:
                 return self.spectrum_at(0.0)
-            is_known = all(term.bounds is not None for term in self._terms)
-            return Spectrum(self.bounds_at(0.0), RIGOROUS if is_known else PROBABLE)
+            return Spectrum(self.bounds_at(0.0), self.guarantee)
         rigorous = self._terms[0].bounds
         if self._way == "lanczos":
             return inside(likely(self._static), rigorous)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import inspect
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -18,6 +19,9 @@ from liouville.systems.schrodinger.products import Product, vector
 
 #: Operators that are kept: a step takes sums of as many.
 KEPT = 4
+
+#: Times at which its order is looked for: at the first of them many have a division by zero.
+TRIED = (0.0, 1.0)
 
 
 @dataclass(frozen=True)
@@ -47,7 +51,7 @@ class MovingProduct:
             return cls(name, count(f"the size of {name}", given[0]), given[1])
         if not callable(given) or hasattr(given, "matvec") or _parameters(given) != 1:
             return None
-        return cls(name, _operator(name, given, 0.0)[0], OperatorAt(name, given))
+        return cls(name, _order(name, given), OperatorAt(name, given))
 
     def check_alone(self, drive: Sequence[Any]) -> None:
         """Refuse drives beside it."""
@@ -106,6 +110,14 @@ class OperatorAt:
     def __reduce__(self) -> tuple[Any, ...]:
         """Keep the function alone."""
         return OperatorAt, (self.name, self.function)
+
+
+def _order(name: str, function: Callable[[float], Any]) -> int:
+    """Return the order of an operator that depends on time, at the first time where it is one."""
+    for t in TRIED[:-1]:
+        with contextlib.suppress(ArithmeticError), np.errstate(all="ignore"):
+            return _operator(name, function, t)[0]
+    return _operator(name, function, TRIED[-1])[0]
 
 
 def _operator(
