@@ -52,12 +52,11 @@ CRATE_FLOORS = {
     "waves": (("problem",), ("method",), ("run",)),
 }
 PACKAGE_FLOORS = (
-    ("_casadi", "_core", "errors"),
+    ("_casadi", "_core", "errors", "html"),
     (
         *("_arguments", "_job", "_options", "_scipy", "checksum", "events", "failure", "locks"),
         *(
             "drifts",
-            "html",
             "motions",
             "points",
             "program",

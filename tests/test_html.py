@@ -156,3 +156,25 @@ def test_where_nobody_looks_there_is_no_bar(capsys):
     x = [[0.1, 0.2, 0.3]]
     lv.ensemble(vortex.system, lv.VolumeSplitting(), t=(0, 1), h=0.5, x=x, progress=True)
     assert capsys.readouterr() == ("", "")
+
+
+def test_points_and_sections_are_tables_in_a_notebook():
+    from liouville.problems import abc_flow, pendulum
+
+    run = lv.integrate(pendulum.system, lv.Spark(2), t=(0, 1), h=0.1, **pendulum.start)
+    shown = run([0.25, 0.5])._repr_html_()
+    assert "2 Points" in shown
+    assert "<td" in shown
+    assert "(2, 2)" in shown
+    one = run(0.25)._repr_html_()
+    assert "(1)" in one
+    found = lv.section(
+        abc_flow.system,
+        lv.VolumeSplitting(),
+        t=(0, 10),
+        h=0.1,
+        x=[[0.1, 0.2, 0.3]],
+        plane=("z", 0.5),
+    )
+    assert "crossings of 1 trajectories" in found._repr_html_()
+    assert str(found.x.shape) in found._repr_html_()

@@ -340,3 +340,65 @@ def test_figures_are_those_of_pyplot_where_it_has_windows(monkeypatch):
         assert bool(pyplot.get_fignums()) == is_known, backend
         assert not is_known or pyplot.gcf() is axes.figure
     pyplot.close("all")
+
+
+def test_the_energy_of_any_method_is_drawn(solution):
+    axes = plot.energy(solution)
+    energy = solution.invariants["energy"]
+    np.testing.assert_array_equal(axes.lines[0].get_ydata(), energy - energy[0])
+    assert axes.get_title(loc="left") == "change of the energy"
+    assert axes.get_ylabel().startswith("energy")
+    with pytest.raises(AttributeError, match=r"no energy\nhint: plot\.invariants draws what it has"):
+        plot.energy(replace(solution, invariants={}))
+
+
+def test_members_have_the_colours_of_the_parameter_they_differ_in():
+    spring = lv.Lagrangian(
+        lambda t, q, v, params: (v[0] ** 2 - params.k * q[0] ** 2) / 2, q=("x",), params={"k": 1.0}
+    )
+    stiff = [4.0, 1.0, 2.0]
+    many = lv.ensemble(spring, lv.Spark(2), t=(0, 1), h=0.1, q=1.0, v=[0.0], params={"k": stiff})
+    axes = plot.trajectories(many)
+    bar = axes.figure.axes[1]
+    assert bar.get_ylabel() == "k"
+    assert bar.get_ylim() == (1.0, 4.0)
+    shades = [to_rgb(line.get_color()) for line in axes.lines]
+    assert len({*shades}) == 3
+    dark = [sum(x) for x in shades]  # viridis grows lighter
+    assert np.array_equal(np.argsort(dark), np.argsort(stiff))
+
+
+def test_what_a_legend_leaves_out_is_counted():
+    chain = problems.load("chain")
+    run = lv.integrate(chain.system, lv.Spark(2), t=(0, 0.1), h=0.05, **chain.start)
+    axes = plot.trajectories(run)
+    assert axes.get_title(loc="left") == f"positions; 6 of {run.q.shape[1]} are named"
+
+
+def test_the_label_of_a_drift_says_what_it_is_over():
+    swing = lv.integrate(pendulum.system, lv.Spark(2), t=(0, 1), h=0.1, **pendulum.start)
+    label = plot.invariants(swing).get_ylabel()
+    assert label == "$|I(t) - I(0)|$ over the kinetic energy"  # which is zero at the start
+
+
+def test_places_of_a_lattice_are_squares():
+    psi = np.eye(6)[0]
+    wave = lv.integrate(lv.Schrodinger(lv.Lattice((2, 3))), t=(0, 1), psi=psi)
+    axes = plot.density(wave)
+    assert axes.get_aspect() == 1
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("first place", "second place")
+
+
+def test_methods_are_written_without_their_defaults():
+    for method, words in (
+        (lv.Spark(), "Spark(stages=3)"),
+        (lv.Spark(2, points="radau"), "Spark(stages=2, points='radau')"),
+        (lv.Spark(3, newton_tol=1e-8), "Spark(stages=3, newton_tol=1e-08)"),
+        (lv.HHT(), "HHT(alpha=-0.1)"),
+        (lv.VolumeSplitting(), "VolumeSplitting()"),
+        (lv.VolumeSplitting(composition="Y4"), "VolumeSplitting(composition='Y4')"),
+        (lv.Composition(lv.Spark(2)), "Composition(base=Spark(stages=2))"),
+        (lv.Magnus(order=2), "Magnus(order=2)"),
+    ):
+        assert repr(method) == words
+        assert eval(f"lv.{words}".replace("=Spark", "=lv.Spark"), {"lv": lv}) == method

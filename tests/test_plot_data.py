@@ -271,7 +271,8 @@ def fans_of(solution):
             yield partial(plot.trajectories, of=state), columns
     if "lam" in solution.states:
         yield plot.multipliers, np.moveaxis(solution.lam, -1, 0)
-        yield plot.residuals, [np.abs(x).max(axis=-1)[1:] for x in solution.residuals.values()]
+        sizes = [np.abs(x).max(axis=-1) for x in solution.residuals.values()]
+        yield plot.residuals, [np.maximum.accumulate(x)[1:] for x in sizes]
     if solution.balance:
         yield plot.energy, [solution.work - solution.dissipated, solution.dissipated]
     if "height" in solution.observed:
@@ -517,8 +518,9 @@ def test_the_label_says_where_a_drift_is_absolute(runs):
     assert labels({"b": zero}) == (absolute, ["b"])
     assert "drift 1.0e+00 (b, absolute)" in repr(replace(single, invariants={"b": zero}))
     assert "(b, absolute)" not in repr(replace(single, invariants={"a": 3 * one, "b": one}))
-    assert labels({"a": one, "b": zero}) == (relative, ["a", "b, absolute"])
+    named = "$|I(t) - I(0)|$ over $|I(0)|$, or as named"
+    assert labels({"a": one, "b": zero}) == (named, ["a", "b, absolute"])
     mixed = np.stack([one, zero, zero], axis=1)
     found = labels({"c": mixed}, runs["fields", True])
-    assert found == (relative, ["c, absolute of 2 members"])
+    assert found == (named, ["c, absolute of 2 members"])
     assert labels({"c": mixed[:, 1:]}, replace(runs["fields", True], members=2))[0] == absolute

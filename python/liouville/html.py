@@ -98,6 +98,11 @@ def of_solution(solution: Solution) -> Markup:
     return table(solution.headline, rows, ("name", "shape", f"t = {t[0]:g} → {t[-1]:g}", ""))
 
 
+def described(values: NDArray[Any]) -> tuple[str, str]:
+    """Return shape and ends of an array for a table."""
+    return _shape(values), _ends(values) if values.size else ""
+
+
 def sparkline(values: NDArray[Any]) -> Markup:
     """Draw columns against their row as a small picture; those of members after one another."""
     columns = np.abs(values) if values.dtype.kind == "c" else values

@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from liouville import html
+
 #: All that a state may be called, in the order of a solution's states.
 STATES = ("x", "psi", "q", "y", "z", "v", "p", "lam", "acceleration", "a")
 
@@ -67,6 +69,12 @@ class Points:
     def __len__(self) -> int:
         """Return how many there are."""
         return int(np.size(self.t))
+
+    def _repr_html_(self) -> str:
+        """Show a table of the arrays in a notebook."""
+        rows = [("t", *html.described(np.atleast_1d(self.t)))]
+        rows += [(name, *html.described(np.asarray(x))) for name, x in self.states.items()]
+        return html.table(repr(self), rows, ("", "shape", "first and last"))
 
     def __repr__(self) -> str:
         """Return how many points of which states."""

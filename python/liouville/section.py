@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from liouville import _core
+from liouville import _core, html
 from liouville._arguments import MOST_STEPS, check_memory, interval, number
 from liouville.errors import IntegrationError, hinted
 from liouville.events import DIRECTIONS, Event, named
@@ -101,6 +101,11 @@ class Section:
         from liouville import export
 
         export.save_section(self, path)
+
+    def _repr_html_(self) -> str:
+        """Show a table of the crossings in a notebook."""
+        rows = [(name, *html.described(getattr(self, name))) for name in ("x", "t", "member")]
+        return html.table(repr(self), rows, ("", "shape", "first and last"))
 
     def __repr__(self) -> str:
         """Return how many crossings of how many trajectories, and how many of these failed."""

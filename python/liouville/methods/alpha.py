@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 from liouville._arguments import number
+from liouville.methods.brief import Brief
 
 Coefficients = tuple[float, float, float, float]
 
@@ -18,8 +19,8 @@ _RHO = "spectral radius at infinity, from 0 (damps most) to 1 (not at all)"
 _LESS_IMPLICIT = "take the reaction at a predicted position"
 
 
-@dataclass(frozen=True)
-class HHT:
+@dataclass(frozen=True, repr=False)
+class HHT(Brief):
     r"""Extended HHT-alpha method for constrained mechanics, order 2.
 
     A step of size h from :math:`(y_0, z_0, a_0)`, with
@@ -106,8 +107,8 @@ class HHT:
         return "predicted" if self.less_implicit else "extended"
 
 
-@dataclass(frozen=True)
-class GeneralizedAlpha:
+@dataclass(frozen=True, repr=False)
+class GeneralizedAlpha(Brief):
     r"""Extended generalised-alpha method for constrained mechanics, order 2.
 
     As :class:`HHT`, but for
@@ -177,8 +178,8 @@ class GeneralizedAlpha:
         return "predicted" if self.less_implicit else "extended"
 
 
-@dataclass(frozen=True)
-class ArnoldBruls:
+@dataclass(frozen=True, repr=False)
+class ArnoldBruls(Brief):
     r"""Generalised-alpha method with the position constraint alone, order 2.
 
     With the coefficients of :class:`GeneralizedAlpha`, but with the reaction as a part of the

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 from liouville import _core
 from liouville.errors import hinted, meant
+from liouville.methods.brief import Brief
 from liouville.methods.lobatto import LobattoPair
 from liouville.methods.spark import Spark
 
@@ -28,8 +29,8 @@ def scheme_name(value: object, names: tuple[str, ...]) -> str:
     return value
 
 
-@dataclass(frozen=True)
-class Composition:
+@dataclass(frozen=True, repr=False)
+class Composition(Brief):
     r"""A symmetric method, composed to a higher order.
 
     .. math::

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from typing import ClassVar
 
 from liouville.errors import hinted, meant
+from liouville.methods.brief import Brief
 from liouville.methods.spark import (
     NEWTON_TOL_HELP,
     SOLVERS,
@@ -24,8 +25,8 @@ FORCES = ("A", "B", "C", "C*", "D")
 SYMMETRIC_FORCES = ("A", "B", "D")
 
 
-@dataclass(frozen=True)
-class LobattoPair:
+@dataclass(frozen=True, repr=False)
+class LobattoPair(Brief):
     r"""Lobatto IIIA-IIIB for constrained mechanics, order 2s - 2 with s stages.
 
     With the Lobatto points :math:`T_i = t_0 + c_i h`, :math:`0 = c_1 < \dots < c_s = 1`, as stages

@@ -7,6 +7,7 @@ from typing import ClassVar
 
 from liouville._arguments import count, number
 from liouville.errors import hinted
+from liouville.methods.brief import Brief
 from liouville.methods.composition import SCHEMES, scheme_name
 
 MODES = ("auto", "fast", "stable")
@@ -28,8 +29,8 @@ def _check_tolerance(tol: object) -> None:
         raise ValueError(hinted(f"tol is from {LEAST_TOLERANCE:g} to below 1, not {value:g}", hint))
 
 
-@dataclass(frozen=True)
-class SchrodingerSplitting:
+@dataclass(frozen=True, repr=False)
+class SchrodingerSplitting(Brief):
     r"""Symplectic splitting of :math:`i \psi' = H \psi` into shears, optimised for accuracy.
 
     With :math:`\psi = q + i p` and real symmetric H a step is a list of shears
@@ -87,8 +88,8 @@ class SchrodingerSplitting:
             raise ValueError(f"mode is one of {', '.join(MODES)}, not {self.mode!r}")
 
 
-@dataclass(frozen=True)
-class Chebyshev:
+@dataclass(frozen=True, repr=False)
+class Chebyshev(Brief):
     r"""The Chebyshev series of the propagator, truncated where its tail is below the tolerance.
 
     .. math::
@@ -137,8 +138,8 @@ class Chebyshev:
         _check_tolerance(self.tol)
 
 
-@dataclass(frozen=True)
-class Lanczos:
+@dataclass(frozen=True, repr=False)
+class Lanczos(Brief):
     r"""Short iterative Lanczos: the propagator in Krylov spaces of the state.
 
     Steps are as long as the estimated error allows. The best where a state is made of few
@@ -183,8 +184,8 @@ class Lanczos:
             raise ValueError(f"dimension is from 2 to 200, not {self.dimension}")
 
 
-@dataclass(frozen=True)
-class SplitOperator:
+@dataclass(frozen=True, repr=False)
+class SplitOperator(Brief):
     r"""Split operator on a grid: flows of kinetic and potential energy in turn, each exact.
 
     .. math::
@@ -236,8 +237,8 @@ class SplitOperator:
         return NYSTROM.get(self.scheme) or int(SCHEMES[self.scheme]["order"])
 
 
-@dataclass(frozen=True)
-class Magnus:
+@dataclass(frozen=True, repr=False)
+class Magnus(Brief):
     r"""Commutator-free Magnus method for :math:`H(t)`.
 
     A step is a product of exponentials of sums of H at Gauss points c,

@@ -8,10 +8,11 @@ from typing import Any, ClassVar
 from liouville import _core
 from liouville._arguments import count
 from liouville.errors import hinted
+from liouville.methods.brief import Brief
 
 
-@dataclass(frozen=True)
-class StabilitySplitting:
+@dataclass(frozen=True, repr=False)
+class StabilitySplitting(Brief):
     r"""Shears made for the longest stable steps, between a processor and its inverse.
 
     The cosine of a step of 2m shears is the polynomial in :math:`x^2` of degree m that agrees with
@@ -70,8 +71,8 @@ class StabilitySplitting:
         return float(shears_of("stability", self.order, self.stages)["limit"])
 
 
-@dataclass(frozen=True)
-class GrayManolopoulos:
+@dataclass(frozen=True, repr=False)
+class GrayManolopoulos(Brief):
     """Shears of an order in h, as many as the order takes.
 
     For steps of a size given by something else; at a tolerance, :class:`SchrodingerSplitting`

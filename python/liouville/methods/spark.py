@@ -7,6 +7,8 @@ from typing import ClassVar
 
 import numpy as np
 
+from liouville.methods.brief import Brief
+
 #: More stages take more time than they save, long before this.
 MOST_STAGES = 64
 
@@ -47,8 +49,8 @@ def check_newton_tol(tolerance: object) -> None:
         )
 
 
-@dataclass(frozen=True)
-class Spark:
+@dataclass(frozen=True, repr=False)
+class Spark(Brief):
     r"""SPARK for constrained mechanics: s Gauss stages, order 2s, or Radau stages, order 2s - 1.
 
     With stages :math:`T_i = t_0 + c_i h`, :math:`i = 1..s`, and Lobatto nodes

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
+from liouville.methods.brief import Brief
 from liouville.methods.composition import SCHEMES, scheme_name
 
 DIAGONAL = ("auto", "shears", "exponentials", "pairs", "regular", "n+d")
@@ -14,7 +15,7 @@ RUNGE_KUTTA = ("euler", "midpoint", "heun", "kutta3", "rk4")
 
 
 @dataclass(frozen=True, repr=False)
-class VolumeSplitting:
+class VolumeSplitting(Brief):
     r"""Explicit volume-preserving splitting of a divergence-free polynomial field.
 
     The field is a sum of pieces :math:`f = f_1 + \dots + f_m`, each divergence-free and with an
@@ -103,15 +104,6 @@ class VolumeSplitting:
                 "the n + d shears are the whole field: with diagonal='n+d' there is no "
                 "off_diagonal='triangular'"
             )
-
-    def __repr__(self) -> str:
-        """Name what is not as by default."""
-        own = [
-            f"{f.name}={getattr(self, f.name)!r}"
-            for f in fields(self)
-            if getattr(self, f.name) != f.default
-        ]
-        return f"{type(self).__name__}({', '.join(own)})"
 
     @property
     def is_open(self) -> bool:

@@ -200,10 +200,11 @@ def text(name: str) -> str:
 
 def legend(axes: Axes, lines: Sequence[Any], names: Sequence[str], title: str) -> None:
     """Write a title, and below it names for lines, of which very many are not all named."""
-    if len(names) > 14:  # the ends and a few between show the order of the colours
+    if (count := len(names)) > 14:  # the ends and a few between show the order of the colours
         last = len(names) - 1
         shown = [round(k * last / 5) for k in range(6)]
         lines, names = [lines[i] for i in shown], [names[i] for i in shown]
+        title += f"; {len(shown)} of {count} are named"
     rows = 0
     if names:
         width = max(1 if _is_greek(name) else len(name) for name in names) + 6

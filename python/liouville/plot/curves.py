@@ -9,7 +9,17 @@ from typing import TYPE_CHECKING, Any, TypeVar, cast
 import numpy as np
 
 from liouville.errors import hinted
-from liouville.plot.canvas import FLOOR, GREY, UNITS, colours, drawn_on, in_unit, legend
+from liouville.plot.canvas import (
+    FLOOR,
+    GREY,
+    UNITS,
+    colours,
+    drawn_on,
+    in_unit,
+    legend,
+    matplotlib,
+    text,
+)
 from liouville.plot.fans import chosen, draw_fans
 from liouville.plot.thinning import extremes
 from liouville.solution import Array, Solution
@@ -46,23 +56,43 @@ def draw_curves(
     symbol: str,
     fan: bool = False,
     units: tuple[str, str] = (UNITS, UNITS),
+    scale: tuple[str, Array] | None = None,
 ) -> Axes:
     """Draw columns of shape (k,), or (k, P) of members or their fan, against time.
 
-    `units` are those of time and of the columns.
+    `units` are those of time and of the columns; `scale` is what the members of one column differ
+    in, which colours them.
     """
     axes = drawn_on(ax, f"time $t$ {units[0]}", f"{symbol} {units[1]}")
     if fan:
         legend(axes, draw_fans(axes, t, columns), list(columns), title)
         return axes
 
+    shade = (lambda _: {}) if scale is None else shaded(axes, *scale)
+
     def draw(name: str, member: int, style: dict[str, Any]) -> Any:
+        style = style | shade(member)
         curve = of_member(columns[name], member)
         at = extremes(curve)
         return axes.plot(t[at], curve[at], **style)[0]
 
-    legend(axes, interleaved(columns, draw), list(columns), title)
+    lines = interleaved(columns, draw)
+    if scale is not None:  # one colour would stand for all
+        title = ", ".join([*columns, title])
+        axes.set_title(title, loc="left", fontsize=10)
+        return axes
+    legend(axes, lines, list(columns), title)
     return axes
+
+
+def shaded(axes: Axes, name: str, values: Array) -> Callable[[int], dict[str, Any]]:
+    """Draw a bar of what members differ in, and return the colour of each."""
+    norm = matplotlib("colors").Normalize(values.min(), values.max())
+    colours_of = matplotlib("cm").ScalarMappable(norm, "viridis")
+    bar = axes.figure.colorbar(colours_of, ax=axes, pad=0.02)
+    bar.set_label(text(name), fontsize=9)
+    bar.ax.tick_params(labelsize=8, color=GREY)
+    return lambda member: {"color": colours_of.to_rgba(values[member]), "alpha": 0.9}
 
 
 def of_member(values: Array, member: int) -> Array:

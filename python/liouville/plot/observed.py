@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from liouville.errors import hinted
-from liouville.plot.canvas import names_of
+from liouville.plot.canvas import names_of, text
 from liouville.plot.curves import draw_curves, of_solution
 from liouville.plot.fans import chosen
 from liouville.solution import Array, Solution
@@ -61,7 +61,9 @@ def observed(
         else:
             columns |= {f"{name}{j}": values[..., j] for j in range(values.shape[-1])}
     columns, note = chosen(solution, columns, fan)
-    return draw_curves(ax, solution.t, columns, f"observed{note}", "", fan)
+    return draw_curves(
+        ax, solution.t, columns, f"observed{note}", ", ".join(map(text, wanted[:3])), fan
+    )
 
 
 def scalars(solution: Solution) -> dict[str, Array]:

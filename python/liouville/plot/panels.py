@@ -24,13 +24,16 @@ from liouville.plot.curves import draw_curves, draw_sizes, interleaved, of_membe
 from liouville.plot.fans import chosen
 from liouville.plot.observed import observed, scalars
 from liouville.plot.quantum import shown
-from liouville.plot.thinning import POINTS, few, some, thinned
+from liouville.plot.thinning import POINTS, few, some, thinned, varied
 from liouville.points import STATES
 from liouville.solution import Solution
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+#: What is said of a drift that is measured by the kinetic energy.
+KINETIC = ", relative to the kinetic"
 
 #: Steps that differ by no more than this part of themselves are equal.
 EQUAL = 1e-6
@@ -104,7 +107,8 @@ def trajectories(
     columns, note = chosen(solution, shown, fan)
     if against is None:
         units = in_unit(solution, "t"), in_unit(solution, of, wanted)
-        return draw_curves(ax, solution.t, columns, title + note, symbol, fan, units)
+        scale = None if fan or len(wanted) > 1 else varied(solution)
+        return draw_curves(ax, solution.t, columns, title + note, symbol, fan, units, scale)
     if fan:
         raise ValueError("a fan is drawn against time: leave against= out, or fan=")
     check_name(against, known, kind)
@@ -173,6 +177,10 @@ def invariants(
         label = f"${change}$ {units.pop() if len(units) == 1 else UNITS}"
     else:
         words = {name: solution.drift_words(name) for name in wanted}
+        if {*words.values()} == {KINETIC}:
+            label, words = f"${change}$ over the kinetic energy", dict.fromkeys(wanted, "")
+        elif any(words.values()):
+            label = f"${change}$ over $|I(0)|$, or as named"
     sizes = {name + words[name]: solution.invariant_drift(name) for name in wanted}
     title = "drift" if set(wanted) - set(solution.changing) or not wanted else "change"
     return draw_sizes(ax, solution, sizes, f"{title} of invariants", label, fan)
@@ -185,7 +193,8 @@ def energy(solution: Solution, *, fan: bool = False, ax: Axes | None = None) -> 
     Parameters
     ----------
     solution : Solution
-        What to draw; its method must record them, see ``Solution.balance``.
+        What to draw. Work and dissipation are those that its method records, see
+        ``Solution.balance``; without them there is the change alone.
     fan : bool, default False
         Of an ensemble, draw the median and the bands that half of all members and 90 % are in.
     ax : Axes, optional
@@ -199,13 +208,21 @@ def energy(solution: Solution, *, fan: bool = False, ax: Axes | None = None) -> 
     Raises
     ------
     AttributeError
-        The solution has no such record.
+        The solution has no energy.
     """
-    columns = {"change": solution.work - solution.dissipated}
-    columns |= {name: values for name, values in solution.balance.items() if values.any()}
+    columns = {name: values for name, values in solution.balance.items() if values.any()}
+    if solution.balance:
+        columns = {"change": solution.work - solution.dissipated} | columns
+    elif "energy" in solution.invariants:
+        record = solution.invariants["energy"]
+        columns = {"change": record - solution.initial.get("energy", record[:1])}
+    else:
+        hint = f"plot.invariants draws {', '.join(solution.invariants) or 'what it has'}"
+        raise AttributeError(hinted("the solution has no energy", hint))
     columns, note = chosen(solution, columns, fan)
     units = in_unit(solution, "t"), in_unit(solution, "energy")
-    return draw_curves(ax, solution.t, columns, f"energy{note}", "", fan, units)
+    title = f"{'energy' if solution.balance else 'change of the energy'}{note}"
+    return draw_curves(ax, solution.t, columns, title, "energy", fan, units)
 
 
 @of_solution
@@ -262,7 +279,9 @@ def residuals(solution: Solution, *, fan: bool = False, ax: Axes | None = None) 
     g, w = ("k", "k_t + k_y f") if "unknowns" in solution.names else ("g", "g_t + g_q v")
     symbols = {"constraint": g, "hidden": w, "nonholonomic": "k"}
     label = ",  ".join(f"$\\max |{symbols[name]}|$" for name in sizes)
-    return draw_sizes(ax, solution, sizes, "residuals", label, fan)
+    if fan:  # those of single steps are roundoff, and their bands noise
+        sizes = {name: np.fmax.accumulate(own) for name, own in sizes.items()}
+    return draw_sizes(ax, solution, sizes, "residuals" + ", largest so far" * fan, label, fan)
 
 
 @of_solution

@@ -70,11 +70,12 @@ def density(solution: Solution, *, member: int = 0, at: int = -1, ax: Axes | Non
             )
         )
     places = axes_of or tuple(np.arange(n, dtype=float) for n in shape)
-    symbols = ("x", "y") if axes_of else ("place", "place")
+    symbols = ("x", "y") if axes_of else ("first place", "second place")
     if len(shape) == 2:
         values = (np.abs(psi[at]) ** 2).reshape(shape).T
         axes = drawn_on(ax, *(f"${s}$ {UNITS}" if axes_of else s for s in symbols))
         title = f"$|\\psi|^2$ at $t$ = {solution.t[at]:.6g}{_of(solution, member)}"
+        axes.set_aspect("equal")
         return _map(axes, places[0], places[1], values, title)
     values = np.abs(psi) ** 2
     axes = drawn_on(ax, f"$x$ {UNITS}" if axes_of else "place", f"time $t$ {UNITS}")

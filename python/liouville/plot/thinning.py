@@ -32,6 +32,18 @@ def few(
     return {name: values[:, chosen] for name, values in columns.items()}, note
 
 
+def varied(solution: Solution) -> tuple[str, Array] | None:
+    """Return the one parameter that members differ in, and its values of those that are drawn."""
+    if solution.members is None or len(solution.varied) != 1:
+        return None
+    name = solution.varied[0]
+    values = np.asarray(solution.params[name], dtype=float)
+    if values.ndim != 1 or not np.ptp(values) > 0:
+        return None
+    columns, _ = few(solution, {name: values[None]}, 1)
+    return name, columns[name][0]
+
+
 def some(names: Sequence[str]) -> Sequence[str]:
     """Return few enough names, evenly chosen."""
     return names[:: max(1, -(-len(names) // CURVES))]
