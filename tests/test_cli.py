@@ -483,7 +483,7 @@ def test_a_sweep_some_of_whose_members_fail_says_which(liouville, model):
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ("pendulum --sweep l=1:2", "'l=1:2' is no range of a parameter"),
+        ("pendulum --sweep l=1:2", "'l=1:2' has no values of a parameter"),
         ("pendulum --sweep l=1:2:0", "hint: write --sweep name=from:to:count"),
         ("pendulum --sweep l=1:2:3 --rtol 1e-3", "equal steps in memory: it takes no --rtol"),
         ("pendulum --sweep l=1:2:3 --param l=1", "'l' is given twice"),
@@ -569,3 +569,64 @@ def test_a_shell_completes_commands_problems_and_methods(liouville, monkeypatch,
     monkeypatch.setenv("COMP_WORDS", f"liouville {typed}")
     monkeypatch.setenv("COMP_CWORD", str(len(typed.split())))
     assert liouville("").stdout.split() == [offered]
+
+
+BARE = """
+import liouville as lv
+p = lv.Lagrangian(lambda t, q, v, params: (v[0]**2 - params.g * q[0]**2) / 2, q=("x",),
+    params={"g": 1.0})
+"""
+
+
+def test_a_saved_run_is_shown_drawn_converted_and_reported(liouville, tmp_path):
+    assert liouville("run pendulum --until 1 --out run.npz").returncode == 0
+    shown = liouville("show run.npz")
+    assert shown.returncode == 0
+    assert "Spark(stages=3)" in shown.stdout
+    assert "energy" in shown.stdout
+    for call, name in (
+        ("plot run.npz a.png", "a.png"), ("plot run.npz b.svg --of energy", "b.svg"),
+        ("convert run.npz c.csv", "c.csv"), ("convert run.npz d.nc", "d.nc"),
+        ("report run.npz e.html", "e.html"),
+    ):  # fmt: skip
+        done = liouville(call)
+        assert done.returncode == 0, done.stderr
+        assert (tmp_path / name).stat().st_size > 100
+    assert lv.load(tmp_path / "d.nc") == lv.load(tmp_path / "run.npz")
+    for call, words in (
+        ("show no.npz", "there is no file"), ("plot run.npz a.png --of x", "--of must be one of"),
+        ("convert run.npz a.x", "cannot tell the kind"), ("report run.npz a.png", "name it .html"),
+    ):  # fmt: skip
+        wrong = liouville(call)
+        assert wrong.returncode == 2
+        assert words in wrong.stderr
+
+
+def test_all_that_is_missing_of_a_run_is_named_at_once(liouville, tmp_path):
+    (tmp_path / "own.py").write_text(BARE)
+    wrong = liouville("run own.py:p")
+    assert wrong.returncode == 2
+    assert (
+        "the end time, the step size, the start 'q' and the start 'v' are missing" in wrong.stderr
+    )
+    hint = "give --until 10 --h 0.01 --start q=0 --start v=0"
+    assert hint in " ".join(wrong.stderr.split())
+    assert liouville("run own.py:p --until 10 --h 0.01 --start q=0 --start v=0").returncode == 0
+
+
+def test_a_sweep_takes_values(liouville, tmp_path):
+    (tmp_path / "own.py").write_text(BARE)
+    call = "run own.py:p --until 1 --h 0.1 --start q=1 --start v=0 --out run.npz --sweep g=1,2,3"
+    assert liouville(call).returncode == 0
+    assert lv.load(tmp_path / "run.npz").params["g"] == [1.0, 2.0, 3.0]
+
+
+def test_without_its_extra_the_program_says_in_a_line_what_to_install():
+    code = (
+        "import sys; sys.modules['typer'] = None; sys.argv = ['liouville', '--help']; "
+        "from liouville.__main__ import main; main()"
+    )
+    ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert ran.returncode == 1
+    assert ran.stderr.count("\n") == 1
+    assert 'pip install "liouville[cli]"' in ran.stderr

@@ -348,7 +348,7 @@ def test_the_energy_of_any_method_is_drawn(solution):
     np.testing.assert_array_equal(axes.lines[0].get_ydata(), energy - energy[0])
     assert axes.get_title(loc="left") == "change of the energy"
     assert axes.get_ylabel().startswith("energy")
-    with pytest.raises(AttributeError, match=r"no energy\nhint: plot\.invariants draws what it has"):
+    with pytest.raises(AttributeError, match=r"no energy\nhint: plot\.invariants draws what"):
         plot.energy(replace(solution, invariants={}))
 
 

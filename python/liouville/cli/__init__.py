@@ -1,4 +1,4 @@
-"""The command line: ``run``, ``resume``, ``order``, ``plan``, lists, and ``doctor``.
+"""The command line: ``run``, ``resume``, what is done with a saved run, studies and lists.
 
 Results go to standard output and everything else to standard error. Exit codes: 0 done, 1 a run
 failed (what was computed before is saved and drawn all the same), 2 a wrong call, 130 interrupted
@@ -23,6 +23,7 @@ from liouville.cli.doctor import diagnose
 from liouville.cli.integrating import resume, run
 from liouville.cli.listing import list_methods, list_problems
 from liouville.cli.planning import show_plan
+from liouville.cli.saved import convert, draw, report, show
 from liouville.cli.screen import WRONG, complain
 from liouville.cli.studying import order
 
@@ -53,6 +54,10 @@ def general_options(
 app.command()(run)
 app.command()(resume)
 app.command()(order)
+app.command()(show)
+app.command("plot")(draw)
+app.command()(convert)
+app.command()(report)
 app.command("plan")(show_plan)
 app.command("problems")(list_problems)
 app.command("methods")(list_methods)

@@ -11,6 +11,7 @@ import liouville as lv
 from liouville import export
 from liouville import plot as figures
 from liouville.cli.models import (
+    check_given,
     interval_of,
     kept_times,
     reference_at,
@@ -87,7 +88,9 @@ def run(
     param: Param = None,
     sweep: Annotated[
         str | None,
-        typer.Option(help="Run for many values of a parameter: l=0.5:2:20, from, to, how many."),
+        typer.Option(
+            help="Run for many values of a parameter: g=1,2,3, or l=0.5:2:20, from:to:count."
+        ),
     ] = None,
     plan: PlanFile = None,
     store: Annotated[
@@ -114,6 +117,8 @@ def run(
         chosen = method_named(method, options, system, plan)
         begin = {**getattr(module, "start", {}), **assigned("--start", start or [])}
         values = parameters(param)
+        is_stepped = chosen.form != "wave" and h is None and rtol is None
+        check_given(module, system, until, is_stepped, begin)
         span = interval_of(module, until)
         times: Any = span
         at = times_at(span, at) if at else None

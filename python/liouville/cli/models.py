@@ -14,6 +14,7 @@ import numpy as np
 
 from liouville import problems
 from liouville.bodies import Assembly
+from liouville.errors import hinted
 from liouville.points import with_ends
 
 
@@ -66,10 +67,32 @@ def interval_of(module: ModuleType, until: float | None) -> tuple[float, float]:
     end = last if until is None else until
     if end is None:
         raise ValueError(
-            "the end time is not said\n"
+            "no end time was given\n"
             f"hint: give --until, or define interval = (t0, t1) in {module.__name__}.py"
         )
     return start_of(module), float(end)
+
+
+def check_given(
+    module: ModuleType, system: Any, until: float | None, step: bool, begin: Mapping[str, Any]
+) -> None:
+    """Name all that is missing of a run at once; `step` says whether it needs one."""
+    missing = {}
+    if until is None and not hasattr(module, "interval"):
+        missing["the end time"] = "--until 10"
+    if step and not hasattr(module, "h"):
+        missing["the step size"] = "--h 0.01"
+    guessed = ("z",) if hasattr(system, "unknowns") else ()
+    for name in system.states:
+        if name not in begin and name not in guessed:
+            size = len(system.places[name]) if hasattr(system, "places") else 1
+            values = ",".join(["0"] * min(size, 3) + ["..."] * (size > 3))
+            missing[f"the start {name!r}"] = f"--start {name}={values}"
+    if len(missing) > 1:
+        *others, last = missing
+        sentence = f"{', '.join(others)} and {last} are missing"
+        hint = f"give {' '.join(missing.values())}, or define them in {module.__name__}.py"
+        raise ValueError(hinted(sentence, hint))
 
 
 def kept_times(interval: tuple[float, float], keep: int) -> list[float]:
@@ -95,7 +118,7 @@ def step_of(module: ModuleType, method: Any) -> float:
     """Give the model's step; one made for Spark(3), for about as much work with any method."""
     if not hasattr(module, "h"):
         raise ValueError(
-            f"the step size is not said\nhint: give --h, or define h in {module.__name__}.py"
+            f"no step size was given\nhint: give --h, or define h in {module.__name__}.py"
         )
     return float(module.h) / (8 if method.form == "second order" else 1)
 

@@ -15,16 +15,22 @@ from liouville.systems import Mechanics
 
 
 def swept(text: str) -> tuple[str, np.ndarray]:
-    """Read a parameter and its values, as ``l=0.5:2:20``: from, to, how many."""
+    """Read a parameter and its values, ``l=1,2,3``, or ``l=0.5:2:20``: from, to, how many."""
     name, equals, given = text.partition("=")
+    if name.strip() and "," in given:
+        try:
+            return name.strip(), np.array([float(x) for x in given.split(",")])
+        except ValueError:
+            pass
     parts = given.split(":")
     try:
         first, last, count = float(parts[0]), float(parts[1]), int(parts[2])
     except (ValueError, IndexError):
         count = 0
     if not (name.strip() and equals and len(parts) == 3 and count > 0):
-        sentence = f"--sweep {text!r} is no range of a parameter"
-        raise ValueError(hinted(sentence, "write --sweep name=from:to:count, as l=0.5:2:20"))
+        sentence = f"--sweep {text!r} has no values of a parameter"
+        hint = "write --sweep name=from:to:count, as l=0.5:2:20, or values, as l=1,2,3"
+        raise ValueError(hinted(sentence, hint))
     return name.strip(), np.linspace(first, last, count)
 
 
