@@ -122,7 +122,9 @@ def check(system, method, t, start, directions, bound=None, size=2e-4, **run):
     bound = bound or (1e-10 if "steps" in run else 1e-8)
     found = lv.integrate(system, method, t=t, tangents=directions, **run, **start)
     plain = lv.integrate(system, method, t=t, **run, **start)
-    assert np.array_equal(found.states[system.states[1]], plain.states[system.states[1]])
+    # without tangents controlled steps are solved to a part of rtol only
+    off = np.abs(found.states[system.states[1]] - plain.states[system.states[1]])
+    assert off.max(initial=0.0) <= run.get("rtol", 0.0)
     for name, direction in directions.items():
         wanted = differences(system, method, t, start, {name: direction}, size, **run)
         tangent = found.tangents[name]

@@ -1,5 +1,6 @@
 """The alpha methods: special cases, start values, changes of step, energy."""
 
+from dataclasses import replace
 from itertools import pairwise
 
 import casadi as ca
@@ -274,7 +275,8 @@ def test_controlled_steps_are_those_of_the_plain_implementation(method, name):
     options = {"rtol": 1e-4, "atol": 1e-5, "control": lv.Adaptive()}
     t0, t1 = problem.t
     t = t0, t0 + (t1 - t0) / 2
-    found = lv.integrate(problem.system, method, t=t, **options, **problem.start)
+    exact = replace(method, newton_tol=1e-16)
+    found = lv.integrate(problem.system, exact, t=t, **options, **problem.start)
     sizes = np.diff(found.t)
     assert sizes.max() > 1.2 * sizes.min()
     states = plain_run(name, method, sizes)

@@ -1,4 +1,4 @@
-"""Plain models by every method: at rest, in equilibrium, at the origin, fully constrained, of one mass.
+"""Plain models by every method: at rest, in equilibrium, at the origin, without freedom.
 
 Each motion is known in closed form and is a polynomial of degree two in time, or is found by its
 constraints alone, so that all methods have it exactly. None is refused, and none has a word in its
@@ -94,7 +94,7 @@ def wide(n, **more):
 
 
 def beads(lengths):
-    """Return beads on rods, one below the other, whose pivot is such that all are at their origins."""
+    """Return beads on rods, one below the other, all of them at their origins."""
 
     def rods(t, q):
         x, y, out = 0, 0, []
@@ -464,7 +464,7 @@ def test_a_plain_model_gets_no_empty_alarm(name):
 
 
 #: Equilibria of problems, and whether the stable one is looked for. Those of the polymer and of the
-#: platform take seconds to find; the governor hangs where its constraints are redundant there alone.
+#: platform take seconds to find; the governor hangs where its constraints are redundant.
 EQUILIBRIA = [
     *((name, True) for name in ("pendulum", "spherical_pendulum", "double_pendulum", "chain")),
     *((name, True) for name in ("rigid_chain", "slider_crank", "andrews", "heavy_top", "fekete")),

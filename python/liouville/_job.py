@@ -80,6 +80,8 @@ class Job:
         Whether the rows are members of an ensemble.
     is_reversible : bool
         Whether the alpha family meets a tolerance by reversible steps.
+    is_differentiated : bool
+        Whether the steps are differentiated, so that their equations are solved to roundoff.
     parts : list of tuple
         Instead of a run a part of a step from each row of the start: when it begins, when it ends,
         and how many of the times of `watch` are in it.
@@ -100,5 +102,6 @@ class Job:
     threads: int = 1
     is_ensemble: bool = False
     is_reversible: bool = False
+    is_differentiated: bool = False
     parts: list[tuple[float, float, int]] = field(default_factory=list)
     records: list[_core.WaveRecord] = field(default_factory=list)

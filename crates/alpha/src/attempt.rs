@@ -84,6 +84,14 @@ impl BranchAttempts for AlphaAttempt<'_> {
         })
     }
 
+    fn is_refused(&self) -> bool {
+        self.alpha.tolerance.is_some() && !self.alpha.insists
+    }
+
+    fn is_shortened(&self) -> bool {
+        self.is_refused()
+    }
+
     fn backoff(&mut self) -> &mut Backoff {
         &mut self.alpha.backoff
     }

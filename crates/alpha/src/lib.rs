@@ -22,6 +22,7 @@ mod attempt;
 mod coupling;
 mod newton_matrix;
 mod probe;
+mod project;
 mod reaction;
 mod restart;
 mod solve;
@@ -35,7 +36,7 @@ use liouville_base::linalg::{Matrix, add_scaled, copy};
 use liouville_base::method::{Estimating, Stats, Stepper, Tolerance};
 use liouville_base::newton::{self, Backoff};
 use liouville_base::tableau;
-use liouville_problem::{Acceleration, SecondOrderModel};
+use liouville_problem::{Acceleration, Saddle, SecondOrderModel};
 use newton_matrix::AlphaMatrix;
 use reaction::Reaction;
 pub use restart::AlphaRestart;
@@ -55,6 +56,18 @@ pub enum Reactions {
     },
     /// As a part of φ, by the constraint on the position alone.
     Position,
+}
+
+impl Reactions {
+    /// The tolerance of equations that are solved to roundoff.
+    pub fn roundoff(self) -> f64 {
+        match self {
+            // the errors left are damped, unlike in a symplectic method
+            Self::Extended { .. } => f64::EPSILON,
+            // errors left in the position are divided by h in the velocity
+            Self::Position => 1e-3 * f64::EPSILON,
+        }
+    }
 }
 
 /// Corrections a step may take.
@@ -82,6 +95,12 @@ pub struct Alpha {
     local_error: Vec<f64>,
     error: f64,
     is_warm: bool,
+    /// Whether a controlled step is made by all attempts, as shorter ones have failed too.
+    insists: bool,
+    /// Projects the end of a step where the saddle at hand is too old.
+    saddle: Option<Box<Saddle>>,
+    /// Moves and multipliers of a projection.
+    moved: (Vec<f64>, Vec<f64>),
     backoff: Backoff,
     /// Solutions to be compared.
     kept_solutions: [Option<Box<KeptAlpha>>; 3],
@@ -120,12 +139,25 @@ impl Alpha {
             local_error: zeros(),
             error: f64::INFINITY,
             is_warm: false,
+            insists: false,
+            saddle: None,
+            moved: (zeros(), vec![0.0; model.problem.mechanical.m]),
             backoff: Backoff::default(),
             kept_solutions: [None, None, None],
             stats: Stats::default(),
             solver,
             model,
         }
+    }
+
+    /// The same, with equations solved to this fraction of y1 and z1 instead of to roundoff.
+    #[must_use]
+    pub fn to_tolerance(mut self, tolerance: f64) -> Self {
+        if tolerance > self.reactions.roundoff() {
+            self.solver.newton_tol = Some(tolerance);
+            self.matrix.keep_saddle(&self.model);
+        }
+        self
     }
 
     /// The state at (t, y, z); a is φ there unless it is given.
@@ -259,6 +291,8 @@ impl Alpha {
         }
         std::mem::swap(&mut self.kept, &mut at.reactions);
         next.h = step.h;
+        self.project(t1)?;
+        let next = &mut self.other;
         if self.model.problem.power_of_lam {
             self.acceleration
                 .solve(&mut self.model.general, t1, &next.y, &next.z)?;
@@ -340,6 +374,14 @@ impl Estimating for Alpha {
 
     fn undo(&mut self, state: &mut AlphaState) {
         std::mem::swap(state, &mut self.other);
+    }
+
+    fn most_corrections(&self) -> f64 {
+        self.solver.stop().most_corrections()
+    }
+
+    fn insist(&mut self, insists: bool) {
+        self.insists = insists;
     }
 }
 

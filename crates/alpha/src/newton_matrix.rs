@@ -200,6 +200,12 @@ impl AlphaMatrix {
         }
     }
 
+    /// Has the saddle that projects, from the next matrix on.
+    pub(super) fn keep_saddle(&mut self, model: &SecondOrderModel) {
+        self.saddle
+            .get_or_insert_with(|| Saddle::new(&model.general));
+    }
+
     /// Factors the matrix at the solver's unknowns.
     pub(super) fn update(
         &mut self,
@@ -341,6 +347,11 @@ impl AlphaMatrix {
         x[multipliers..]
             .iter_mut()
             .for_each(|lam| *lam *= self.unit);
+    }
+
+    /// The saddle that projects.
+    pub(super) fn saddle(&mut self) -> Option<&mut Saddle> {
+        self.saddle.as_mut()
     }
 
     /// `x = P x`, with P the projection along r_λ onto the nullspace of the constraints.

@@ -98,6 +98,7 @@ impl AlphaEquations<'_> {
         let n = at.force.len();
         let (force, rest) = at.delta.split_at(n);
         let (pulls, constraints) = rest.split_at(2 * n);
+        let margin = RESIDUAL_MARGIN * (at.stop().tolerance / f64::EPSILON).max(1.0);
         let first = if at.is_paired() { 2 * n } else { n };
         let (first_pull, last_pull) = pulls.split_at(n);
         let blocks = [
@@ -113,7 +114,7 @@ impl AlphaEquations<'_> {
                 size = size.max(kept.abs());
                 apart = apart.max((kept - moved).abs());
             }
-            size <= RESIDUAL_MARGIN * (apart + least)
+            size <= margin * (apart + least)
         })
     }
 }

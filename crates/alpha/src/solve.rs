@@ -22,6 +22,8 @@ pub(super) type AlphaStep<'a> = liouville_base::method::Step<'a, AlphaState>;
 pub(super) struct AlphaSolver {
     weights: Alpha,
     pub(super) reactions_by: Reactions,
+    /// To which fraction of y1 and z1 the equations are solved; without one, to roundoff.
+    pub(super) newton_tol: Option<f64>,
     /// Whether one correction solves the equations: no derivative depends on anything but parameters.
     pub(super) is_affine: bool,
     pub(super) coupling: Coupling,
@@ -84,6 +86,7 @@ impl AlphaSolver {
         let mut solver = Self {
             weights,
             reactions_by: reactions,
+            newton_tol: None,
             is_affine: model.problem.is_affine(),
             coupling: Coupling::new(weights, reactions),
             phi: zeros(),
@@ -113,6 +116,16 @@ impl AlphaSolver {
             }
         ];
         solver
+    }
+
+    /// When the equations are solved.
+    pub(super) fn stop(&self) -> Stop {
+        Stop {
+            tolerance: self.newton_tol.unwrap_or(self.reactions_by.roundoff()),
+            // Broyden's corrections fall faster and faster
+            has_steady_rate: false,
+            min_rate: 0.1,
+        }
     }
 
     /// Whether A0 and A1 are unknowns, each with its multipliers.
@@ -382,16 +395,6 @@ impl Equations for AlphaEquations<'_> {
     }
 
     fn stop(&self) -> Stop {
-        Stop {
-            tolerance: match self.solver.reactions_by {
-                // the errors left are damped, unlike in a symplectic method
-                Reactions::Extended { .. } => f64::EPSILON,
-                // errors left in the position are divided by h in the velocity
-                Reactions::Position => 1e-3 * f64::EPSILON,
-            },
-            // Broyden's corrections fall faster and faster
-            has_steady_rate: false,
-            min_rate: 0.1,
-        }
+        self.solver.stop()
     }
 }

@@ -339,6 +339,14 @@ impl Estimating for AlphaTangents {
         self.alpha.undo(&mut state.motion);
         state.clone_from(&self.before);
     }
+
+    fn most_corrections(&self) -> f64 {
+        self.alpha.most_corrections()
+    }
+
+    fn insist(&mut self, insists: bool) {
+        self.alpha.insist(insists);
+    }
 }
 
 // Tangents are saved with the state; other memory is rewritten in each step.

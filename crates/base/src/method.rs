@@ -143,6 +143,12 @@ impl Tolerance {
         f64::EPSILON * (size + (self.atol[k] / (SMALL * self.rtol)).min(largest))
     }
 
+    /// The relative tolerance, or a smaller one where the absolute tolerance of a coordinate wants it.
+    pub fn least(&self) -> f64 {
+        let relative = self.atol.iter().map(|atol| atol / SMALL);
+        relative.fold(self.rtol, f64::min)
+    }
+
     /// A first step whose acceleration moves the coordinates by about the tolerance.
     pub fn first_step(&self, y: &[f64], accelerations: [&[f64]; 2], span: f64) -> f64 {
         let [a, b] = accelerations.map(|a| self.weigh([y, y], a.iter().copied()));
@@ -161,6 +167,14 @@ pub trait Estimating: Stepper {
 
     /// Puts `state` back to where it was before the last step.
     fn undo(&mut self, state: &mut Self::State);
+
+    /// Corrections above which a step is too long for its iteration; infinite where it is never.
+    fn most_corrections(&self) -> f64 {
+        f64::INFINITY
+    }
+
+    /// Whether the next steps are made by all attempts there are, where else one is refused whose modified iteration fails.
+    fn insist(&mut self, _insists: bool) {}
 }
 
 crate::checkpoint!(Stats {

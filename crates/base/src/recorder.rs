@@ -218,6 +218,14 @@ where
         self.method.undo(state);
         self.records.lock().pop();
     }
+
+    fn most_corrections(&self) -> f64 {
+        self.method.most_corrections()
+    }
+
+    fn insist(&mut self, insists: bool) {
+        self.method.insist(insists);
+    }
 }
 
 // Records are made again with the steps.

@@ -34,6 +34,7 @@ enum MechanicalMethod {
         reaction: String,
         #[pyo3(default)]
         b: f64,
+        newton_tol: Option<f64>,
     },
 }
 
@@ -94,6 +95,7 @@ impl MechanicalMethod {
                 coefficients: (alpha_m, alpha_f, gamma, beta),
                 reaction,
                 b,
+                newton_tol,
             } => {
                 let weights = tableau::Alpha {
                     alpha_m,
@@ -109,7 +111,7 @@ impl MechanicalMethod {
                     },
                     other => return Err(refused(format!("there is no reaction {other:?}"))),
                 };
-                Ok(Method::Alpha(weights, reactions))
+                Ok(Method::Alpha(weights, reactions, newton_tol))
             }
         }
     }
@@ -303,6 +305,7 @@ struct MechanicalJob<'py> {
     threads: usize,
     is_ensemble: bool,
     is_reversible: bool,
+    is_differentiated: bool,
     parts: Vec<run::Part>,
 }
 
@@ -337,6 +340,7 @@ impl MechanicalJob<'_> {
             },
             control,
             is_reversible: self.is_reversible,
+            is_differentiated: self.is_differentiated,
             detection: self.watch.as_ref().map(detection).transpose()?,
             tangents: self.tangents.as_ref().map(tangents).transpose()?,
             observer: self.observer.0.clone(),

@@ -128,8 +128,12 @@ impl BranchAttempts for SparkAttempt<'_> {
         kept.map_or((0.0, 0), |kept| stages.distance(&kept.unknowns))
     }
 
+    fn is_refused(&self) -> bool {
+        self.spark.estimate.is_some() && !self.spark.insists
+    }
+
     fn is_shortened(&self) -> bool {
-        self.spark.is_shortened
+        self.spark.is_shortened || self.is_refused()
     }
 
     fn backoff(&mut self) -> &mut Backoff {

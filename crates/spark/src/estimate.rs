@@ -95,4 +95,12 @@ impl Estimating for Spark {
             self.velocity_error.undo();
         }
     }
+
+    fn most_corrections(&self) -> f64 {
+        self.stop.most_corrections()
+    }
+
+    fn insist(&mut self, insists: bool) {
+        self.insists = insists;
+    }
 }

@@ -113,6 +113,8 @@ pub struct Spark {
     estimate: Option<Box<Estimate>>,
     /// Whether steps are refused that only continuation might solve, as shorter ones are made in their place.
     is_shortened: bool,
+    /// Whether a controlled step is made by all attempts, as shorter ones have failed too.
+    insists: bool,
     kinks: Kinks,
     velocity_error: VelocityError,
     /// The back-off of node Schur, and of the modified iteration.
@@ -143,6 +145,7 @@ impl Spark {
             general,
             estimate: None,
             is_shortened: false,
+            insists: false,
             kinks: Kinks::default(),
             velocity_error: VelocityError::default(),
             schur_backoff: Backoff::default(),
@@ -172,7 +175,7 @@ impl Spark {
         self.kinks = Kinks::default();
         self.velocity_error = VelocityError::default();
         self.estimate = None;
-        self.is_shortened = false;
+        (self.is_shortened, self.insists) = (false, false);
         (self.schur_backoff, self.backoff) = Default::default();
         self.stats = Stats::default();
         self.stop = Stop::default();

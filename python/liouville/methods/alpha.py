@@ -8,6 +8,7 @@ from typing import Any, ClassVar
 
 from liouville._arguments import number
 from liouville.methods.brief import Brief
+from liouville.methods.spark import NEWTON_TOL_HELP, check_newton_tol
 
 Coefficients = tuple[float, float, float, float]
 
@@ -61,6 +62,11 @@ class HHT(Brief):
         stable for :math:`h \omega < 2 / \sqrt{1 - 2 b}`, and for every h with b above 1/2.
     less_implicit : bool, default False
         Take :math:`A_1` at :math:`Y = y_0 + h z_0`, which is known before the step; order 2 too.
+    newton_tol : float, optional
+        Corrections of the equations of a step that are expected to be below this fraction of the
+        positions and velocities are not made; at most 0.01. By default it is roundoff, and a tenth
+        of ``rtol=`` where errors control the steps one by one. Both constraints hold to roundoff
+        all the same: the end of each step is moved onto them.
 
     Raises
     ------
@@ -86,6 +92,7 @@ class HHT(Brief):
     alpha: float = field(default=-0.1, metadata={"help": "from -1/3 (damps most) to 0 (nothing)"})
     b: float = field(default=1 / 3, metadata={"help": _B})
     less_implicit: bool = field(default=False, metadata={"help": _LESS_IMPLICIT})
+    newton_tol: float | None = field(default=None, metadata={"help": NEWTON_TOL_HELP})
 
     def __post_init__(self) -> None:
         """Refuse numbers that make no method."""
@@ -95,6 +102,7 @@ class HHT(Brief):
                 "below -1/3 it damps fast oscillations less again"
             )
         _check_reactions(self.b, self.less_implicit)
+        check_newton_tol(self.newton_tol)
 
     @property
     def coefficients(self) -> Coefficients:
@@ -136,6 +144,8 @@ class GeneralizedAlpha(Brief):
         As for :class:`HHT`.
     less_implicit : bool, default False
         As for :class:`HHT`.
+    newton_tol : float, optional
+        As for :class:`HHT`.
 
     Raises
     ------
@@ -161,11 +171,13 @@ class GeneralizedAlpha(Brief):
     rho: float = field(default=0.8, metadata={"help": _RHO})
     b: float = field(default=1 / 3, metadata={"help": _B})
     less_implicit: bool = field(default=False, metadata={"help": _LESS_IMPLICIT})
+    newton_tol: float | None = field(default=None, metadata={"help": NEWTON_TOL_HELP})
 
     def __post_init__(self) -> None:
         """Refuse numbers that make no method."""
         _check_radius(self.rho)
         _check_reactions(self.b, self.less_implicit)
+        check_newton_tol(self.newton_tol)
 
     @property
     def coefficients(self) -> Coefficients:
@@ -200,6 +212,8 @@ class ArnoldBruls(Brief):
     ----------
     rho : float, default 0.8
         Spectral radius at infinity, from 0 to 1. With constraints, 1 is weakly unstable.
+    newton_tol : float, optional
+        As for :class:`HHT`; the end of a step is moved onto the constraint alone.
 
     Raises
     ------
@@ -224,10 +238,12 @@ class ArnoldBruls(Brief):
     order: ClassVar[int] = 2
     reaction: ClassVar[str] = "position"
     rho: float = field(default=0.8, metadata={"help": _RHO})
+    newton_tol: float | None = field(default=None, metadata={"help": NEWTON_TOL_HELP})
 
     def __post_init__(self) -> None:
         """Refuse numbers that make no method."""
         _check_radius(self.rho)
+        check_newton_tol(self.newton_tol)
 
     @property
     def coefficients(self) -> Coefficients:

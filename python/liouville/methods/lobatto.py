@@ -63,7 +63,7 @@ class LobattoPair(Brief):
     solver : {"auto", "node-schur", "newton"}, default "auto"
         How the stage equations are solved; the result is the same to roundoff.
     newton_tol : float, optional
-        What the stage equations are solved to, as in :class:`Spark`; by default roundoff.
+        What the stage equations are solved to, as in :class:`Spark`.
 
     Raises
     ------

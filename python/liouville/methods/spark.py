@@ -17,7 +17,7 @@ SOLVERS = ("auto", "node-schur", "newton")
 #: The largest tolerance of the iteration.
 LARGEST_NEWTON_TOL = 1e-2
 
-NEWTON_TOL_HELP = "the tolerance of the stage equations, by default roundoff"
+NEWTON_TOL_HELP = "the tolerance of the equations, by default roundoff or by rtol"
 
 #: Where the stages are.
 POINTS = ("gauss", "radau")
@@ -97,9 +97,9 @@ class Spark(Brief):
     newton_tol : float, optional
         Corrections of the stage equations that are expected to be below this fraction of the
         velocities are not made; at most 0.01. By default they are solved to roundoff, and a little
-        further, which is what energies without drift need. A short run that is wanted to 1e-6 only
-        takes about half the time with 1e-8. Its constraints hold to roundoff all the same: the end
-        of each step is moved onto them.
+        further, which is what energies without drift need, and to a hundredth of ``rtol=`` where
+        errors control the steps. Constraints hold to roundoff all the same: the end of each step is
+        moved onto them.
 
     Raises
     ------

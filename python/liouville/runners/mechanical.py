@@ -65,7 +65,6 @@ class MechanicalRunner(TracedRunner):
     def __init__(self, system: Mechanics, method: Method, request: Request) -> None:
         self._stepped = system
         self._is_general = method.form == "general"
-        self._is_differentiated = request.tangents is not None or request.has_pullback
         self._base = method.base if isinstance(method, Composition) else method
         super().__init__(system, method, request)
         self._leave_out()

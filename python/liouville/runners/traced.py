@@ -65,15 +65,15 @@ class TracedRunner(Runner):
         self._monitor = None
         if isinstance(request.control, Reversible):
             self._monitor = self._monitored(request.control)
+        self._is_differentiated = request.tangents is not None or request.has_pullback
         self._problem = self._form()
         self.every = kept(self.steps, request.every)
         self._order = int(getattr(method, "order", 0))
         span = (self.steps.t0, self.steps.t1)
         self._watch = Watch(request.events, request.t_eval, span, self.every)
         switches = system.switch_tapes if self._sees_switches else {}
-        is_differentiated = request.tangents is not None or request.has_pullback
         self._watched = request.watched or self._watch.to_core(
-            system, self._order, switches, is_differentiated
+            system, self._order, switches, self._is_differentiated
         )
         self._take(request)
         self.params = {**system.params, **(request.params or {})}
@@ -139,7 +139,7 @@ class TracedRunner(Runner):
         job = Job(
             start=self._begin, span=(steps.t0, steps.t1, steps.count, self.every),
             observer=self._observer, params=self._values, states=self._states,
-            control=control, watch=self._watched,
+            control=control, watch=self._watched, is_differentiated=self._is_differentiated,
         )  # fmt: skip
         if self._parts:
             job.parts, job.is_ensemble, job.params = self._parts, True, self._values[None]

@@ -83,6 +83,11 @@ pub trait BranchAttempts: Attempts {
     /// relative to their size, and in which coordinate.
     fn distance(&mut self, h: f64, slot: Slot) -> (f64, usize);
 
+    /// Whether a step is refused, and made shorter, where the modified iteration fails.
+    fn is_refused(&self) -> bool {
+        false
+    }
+
     /// Whether a step is refused, and made shorter, where only continuation might solve it.
     fn is_shortened(&self) -> bool {
         false
@@ -152,6 +157,7 @@ pub fn attempt(step: &mut impl BranchAttempts, h: f64) -> Result<(), StepError> 
             Ok(())
         }
         Ok(false) => confirm_branch(step, h),
+        Err(error @ StepError::NotConverged { .. }) if step.is_refused() => Err(error),
         Err(error) => {
             from_uniform(step, h).map_err(|later| match (&later, &error) {
                 (StepError::StepTooLarge { .. }, StepError::NotConverged { .. })

@@ -44,6 +44,12 @@ impl Stop {
         }
     }
 
+    /// Corrections above which a step is too long for its iteration: at the length that costs least for its time an
+    /// iteration makes so many, as its rate is then about 0.3 for any tolerance.
+    pub fn most_corrections(&self) -> f64 {
+        2.0 - self.tolerance.ln() / 5.0
+    }
+
     /// 1 where rounding errors of a residual are to be computed, else 0, after a correction of this relative size: the error
     /// left by a large one is far above them.
     #[inline(always)]

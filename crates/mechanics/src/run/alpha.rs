@@ -14,13 +14,14 @@ use std::sync::Arc;
 const TRIAL: [usize; 2] = [20, 500];
 /// ... and this many coordinates in all beyond the least: a trial of a large system takes no minutes.
 const TRIAL_COORDINATES: usize = 100_000;
+/// The part of the tolerance of errors that equations are solved to: the estimate feels a quarter of it.
+const PART_OF_ERRORS: f64 = 0.1;
+
+/// A system of second order, the weights of a method, its reactions, and the tolerance of its equations.
+pub(super) type AlphaOf<'a> = (&'a Arc<SecondOrder>, tableau::Alpha, Reactions, Option<f64>);
 
 impl Starter {
-    pub(super) fn alpha(
-        &self,
-        method: (&Arc<SecondOrder>, tableau::Alpha, Reactions),
-        member: usize,
-    ) -> Begun {
+    pub(super) fn alpha(&self, method: AlphaOf, member: usize) -> Begun {
         let (stepper, state, sizes) = self.alpha_at(method, member)?;
         let tangents = self.job.tangents.as_ref();
         if let Some((tangents, slopes)) = tangents.and_then(|of| Some((of, of.alpha.clone()?))) {
@@ -36,7 +37,7 @@ impl Starter {
     /// A method of the α family where a member starts.
     pub(super) fn alpha_at(
         &self,
-        (problem, weights, reactions): (&Arc<SecondOrder>, tableau::Alpha, Reactions),
+        (problem, weights, reactions, newton_tol): AlphaOf,
         member: usize,
     ) -> Result<MethodStart<Alpha, AlphaState>, StepError> {
         let span = self.job.span;
@@ -51,7 +52,8 @@ impl Starter {
             } => (Some(tolerance.clone()), Some((*h_first, *h_min))),
             _ => (None, None),
         };
-        let mut stepper = Alpha::new(model, weights, reactions, tolerance);
+        let solved = self.tolerance(newton_tol, PART_OF_ERRORS, reactions.roundoff());
+        let mut stepper = Alpha::new(model, weights, reactions, tolerance).to_tolerance(solved);
         let state = stepper.start(span.t0, y, z, a)?;
         let sizes = sizes.map(|(h_first, h_min)| {
             let h_first = h_first.unwrap_or_else(|| stepper.first_step(&state, span.t1 - span.t0));

@@ -49,13 +49,14 @@ impl Pullback<AlphaAdjoint> {
         (slopes, transposed): (AlphaSlopes, AlphaTransposed),
     ) -> Result<Self, StartError> {
         let starter = Starter::new(problem, method, job)?;
-        let System::Alpha(problem, weights, reactions) = &starter.system else {
+        let System::Alpha(problem, weights, reactions, newton_tol) = &starter.system else {
             let sentence = "these are derivatives of a step of the α family";
             return Err(StartError::Invalid(sentence.into()));
         };
         let (n, m) = (problem.mechanical.n, problem.mechanical.m);
         let width = sensitivity.width() - 1;
         let fits = starter.has_pullback(sensitivity)
+            && newton_tol.is_none()
             && slopes.fit((n, m, width), *reactions)
             && transposed.fit(&slopes, n, width);
         if !fits {
@@ -63,7 +64,7 @@ impl Pullback<AlphaAdjoint> {
                 "a pullback of the α family is that of a single run, of events with derivatives";
             return Err(StartError::Invalid(sentence.into()));
         }
-        let (stepper, start, sizes) = starter.alpha_at((problem, *weights, *reactions), 0)?;
+        let (stepper, start, sizes) = starter.alpha_at((problem, *weights, *reactions, None), 0)?;
         let params = starter.params(0);
         let adjoint = AlphaAdjoint::new((slopes, transposed), *reactions, params, n);
         let (whole, partial) = (SharedRecords::default(), SharedRecords::default());

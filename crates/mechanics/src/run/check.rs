@@ -26,8 +26,9 @@ impl System {
                 }
                 Ok(Self::Index2(problem, spark, stages))
             }
-            (Problem::SecondOrder(problem), Method::Alpha(weights, reactions)) => {
-                Ok(Self::Alpha(problem, weights, reactions))
+            (Problem::SecondOrder(problem), Method::Alpha(weights, reactions, newton_tol)) => {
+                check_newton_tol(newton_tol)?;
+                Ok(Self::Alpha(problem, weights, reactions, newton_tol))
             }
             _ => invalid("the method does not step such a system"),
         }
@@ -70,12 +71,17 @@ impl System {
     }
 }
 
+fn check_newton_tol(tolerance: Option<f64>) -> Result<(), StartError> {
+    if tolerance.is_some_and(|x| !(x > 0.0 && x < 1.0)) {
+        return invalid("newton_tol is between 0 and 1");
+    }
+    Ok(())
+}
+
 impl SparkMethod {
     /// The stages of the composition, if there is one.
     fn composition(&self) -> Result<Option<Vec<f64>>, StartError> {
-        if self.newton_tol.is_some_and(|x| !(x > 0.0 && x < 1.0)) {
-            return invalid("newton_tol is between 0 and 1");
-        }
+        check_newton_tol(self.newton_tol)?;
         let Some(scheme) = self.scheme else {
             return Ok(None);
         };

@@ -31,8 +31,8 @@ pub enum Problem {
 pub enum Method {
     /// A SPARK method, alone or composed; also RATTLE, and index-2 methods by its number of stages.
     Spark(Box<SparkMethod>),
-    /// A method of the α family.
-    Alpha(tableau::Alpha, Reactions),
+    /// A method of the α family, and the tolerance of its equations as in [`SparkMethod`].
+    Alpha(tableau::Alpha, Reactions, Option<f64>),
 }
 
 /// A SPARK method and its numbers.
@@ -165,6 +165,8 @@ pub struct Job {
     pub control: Control,
     /// Whether an α method meets its tolerance by reversible steps, for systems whose energy nothing changes.
     pub is_reversible: bool,
+    /// Whether the steps are differentiated, so that their equations are solved to roundoff.
+    pub is_differentiated: bool,
     /// Events and times to record, if there are any.
     pub detection: Option<Detection>,
     /// Tangents, if they are wanted.

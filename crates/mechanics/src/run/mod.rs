@@ -67,7 +67,7 @@ enum System {
         Option<Vec<f64>>,
     ),
     Rattle(Arc<Separable>, Option<Vec<f64>>),
-    Alpha(Arc<SecondOrder>, tableau::Alpha, Reactions),
+    Alpha(Arc<SecondOrder>, tableau::Alpha, Reactions, Option<f64>),
     Index2(Arc<SemiExplicit>, Box<SparkMethod>, Option<Vec<f64>>),
 }
 
@@ -94,6 +94,10 @@ impl System {
     }
 }
 
+/// The part of the tolerance of errors that stage equations are solved to, and the largest that any are.
+const PART_OF_ERRORS: f64 = 1e-2;
+const ROUGHEST: f64 = 1e-3;
+
 /// Begins the runs of a job that fits its system.
 struct Starter {
     system: System,
@@ -117,6 +121,19 @@ impl Starter {
         let system = System::new(problem, method)?;
         job.check(&system)?;
         Ok(Self { system, job })
+    }
+
+    /// To which fraction equations are solved: to this one if it is given, else to roundoff, or, where errors control the
+    /// steps, to this part of their tolerance.
+    fn tolerance(&self, given: Option<f64>, part: f64, roundoff: f64) -> f64 {
+        given.unwrap_or_else(|| match &self.job.control {
+            Control::Adaptive { tolerance, .. }
+                if !self.job.is_differentiated && !self.job.is_reversible =>
+            {
+                (part * tolerance.least()).clamp(roundoff, ROUGHEST)
+            }
+            _ => roundoff,
+        })
     }
 
     /// All members, in blocks.
@@ -170,8 +187,8 @@ impl Starter {
                 self.spark((problem, pools, spark), stages.as_deref(), members[0])
             }
             System::Rattle(problem, stages) => self.rattle(problem, stages.as_deref(), members[0]),
-            System::Alpha(problem, weights, reactions) => {
-                self.alpha((problem, *weights, *reactions), members[0])
+            System::Alpha(problem, weights, reactions, newton_tol) => {
+                self.alpha((problem, *weights, *reactions, *newton_tol), members[0])
             }
             System::Index2(problem, spark, stages) => {
                 self.index2((problem, &spark.tableau), stages.as_deref(), members[0])
@@ -187,7 +204,8 @@ impl Starter {
             Control::Reversible { h_first, .. } => ((span.t1 - span.t0) / h_first).abs(),
             Control::Adaptive { .. } => 0.0, // their errors are larger than the sum of what the iteration leaves
         };
-        (spark.newton_tol).unwrap_or_else(|| Stop::of_run(steps).tolerance)
+        let roundoff = Stop::of_run(steps).tolerance;
+        self.tolerance(spark.newton_tol, PART_OF_ERRORS, roundoff)
     }
 
     fn batch(

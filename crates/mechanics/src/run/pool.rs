@@ -214,6 +214,14 @@ impl<T: Reusable + Estimating> Estimating for Lent<T> {
     fn undo(&mut self, state: &mut T::State) {
         (**self).undo(state);
     }
+
+    fn most_corrections(&self) -> f64 {
+        (**self).most_corrections()
+    }
+
+    fn insist(&mut self, insists: bool) {
+        (**self).insist(insists);
+    }
 }
 
 impl<S, T: Reusable + Observe<S>> Observe<S> for Lent<T> {

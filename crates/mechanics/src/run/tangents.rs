@@ -305,13 +305,13 @@ impl Tangents {
                 let is_own = Arc::ptr_eq(&own.mechanical, problem);
                 ([problem.n; 2], is_own && spark.newton_tol.is_none())
             }
-            (System::Alpha(problem, _, reactions), Mechanical(own)) => {
+            (System::Alpha(problem, _, reactions, newton_tol), Mechanical(own)) => {
                 let problem = &problem.mechanical;
                 let sizes = (problem.n, problem.m, width - 1);
                 let slopes = self.alpha.as_ref();
                 let fits = slopes.is_some_and(|slopes| slopes.fit(sizes, *reactions));
                 let is_own = Arc::ptr_eq(&own.mechanical, problem);
-                ([problem.n; 2], is_own && fits)
+                ([problem.n; 2], is_own && fits && newton_tol.is_none())
             }
             (System::Index2(problem, spark, _), SemiExplicit(own)) => {
                 let is_own = Arc::ptr_eq(&own.system, problem);

@@ -149,6 +149,14 @@ impl Estimating for SparkTangents {
         self.spark.undo(&mut state.motion);
         state.clone_from(&self.before);
     }
+
+    fn most_corrections(&self) -> f64 {
+        self.spark.most_corrections()
+    }
+
+    fn insist(&mut self, insists: bool) {
+        self.spark.insist(insists);
+    }
 }
 
 // Tangents are saved with the state; other memory is rewritten in each step.

@@ -14,14 +14,19 @@ pub(super) const SHRINK: f64 = 0.2;
 const GROW: f64 = 4.0;
 /// Steps are lengthened by at least this ratio: equal steps keep the factors of their Newton matrix.
 const LEAST_GROWTH: f64 = 1.2;
-/// Fraction at which a step without a solution is tried again.
+/// Fraction at which a step without a solution is tried again, and one that was refused as its iteration is slow.
 pub(super) const RETRY: f64 = 0.25;
+const RETRY_REFUSED: f64 = 0.5;
+/// After so many refusals in a row, and where a shorter step would be the shortest, a step is made by all attempts.
+const MOST_REFUSALS: usize = 6;
 /// Errors are counted as at least this: smaller ones do not tell how long a step may be.
 const LEAST_ERROR: f64 = 1e-8;
 
 /// Steps by a PI controller: with e the error in units of the tolerance, O(h^k),
 ///
 ///     h ← 0.9 h e_n^(−0.7/k) e_{n−1}^(0.4/k)
+///
+/// and no longer than h k/n after a step of n corrections, more than k = 2 + ln(1/τ)/5: longer steps cost more.
 ///
 /// Source: gustafsson1991; hairer1996, IV.2.
 pub struct Adaptive<State: Checkpoint> {
@@ -80,6 +85,21 @@ impl<State: Checkpoint> Adaptive<State> {
         self.last_error = error;
     }
 
+    /// Shortens the next step where the iteration of this one took so many corrections.
+    fn slow_down(&mut self, h: f64, corrections: usize) {
+        let most = self.stepper.most_corrections();
+        if corrections as f64 > most {
+            let factor = (most / corrections as f64).max(SHRINK);
+            self.h = self.h.min(factor * h.abs()).max(self.h_min);
+        }
+    }
+
+    /// Whether a step that failed so is tried again with all attempts: it was refused, as were others before it, or as
+    /// none is shorter.
+    fn insists(&self, h: f64, refusals: usize) -> bool {
+        refusals == MOST_REFUSALS || RETRY_REFUSED * h.abs() < self.h_min
+    }
+
     /// Shortens the step, unless it is the shortest.
     fn reject(&mut self, h: f64, factor: f64, error: f64) -> Result<(), StepError> {
         self.rejected += 1;
@@ -109,17 +129,21 @@ impl<State: Checkpoint> StepControl<State> for Adaptive<State> {
     }
 
     fn step(&mut self, state: &mut State) -> Result<(), StepError> {
-        let before = self.rejected;
+        let (before, mut refusals) = (self.rejected, 0);
+        let mut is_refusing = self.stepper.most_corrections().is_finite();
+        self.stepper.insist(false);
         loop {
             if self.rejected > before && cancel::is_cancelled() {
                 return Err(StepError::Interrupted);
             }
             let h = self.next_step();
+            let corrections = self.stepper.stats().iterations;
             let made = self.stepper.step(self.time.time(), h, state);
             let (error, order) = (self.stepper.error(), self.stepper.error_order());
             match made {
                 Ok(()) if error <= 1.0 => {
                     self.accept(h, error, order);
+                    self.slow_down(h, self.stepper.stats().iterations - corrections);
                     if self.rejected > before {
                         // a size that was just rejected is not tried again at once
                         self.h = self.h.min(h.abs());
@@ -132,6 +156,15 @@ impl<State: Checkpoint> StepControl<State> for Adaptive<State> {
                     self.reject(h, factor, error)?;
                 }
                 Err(StepError::Interrupted) => return Err(StepError::Interrupted),
+                Err(StepError::NotConverged { .. } | StepError::StepTooLarge { .. })
+                    if is_refusing =>
+                {
+                    refusals += 1;
+                    self.rejected += 1;
+                    is_refusing = !self.insists(h, refusals);
+                    self.stepper.insist(!is_refusing);
+                    self.h = if is_refusing { RETRY_REFUSED } else { 1.0 } * h.abs();
+                }
                 Err(error) => self
                     .reject(h, RETRY, f64::INFINITY)
                     .map_err(|too_small| preferred(error, too_small))?,

@@ -77,7 +77,7 @@ impl<State: Checkpoint> Reversible<State> {
     /// Steps that meet the tolerance of a method, which need not be symmetric. A `trial` of at most `most` steps with a
     /// copy of the stepper fits their size; where a step turns out too long, the steps from there on are shorter.
     pub fn within_tolerance(
-        [stepper, trial]: [Box<dyn Estimating<State = State>>; 2],
+        [mut stepper, trial]: [Box<dyn Estimating<State = State>>; 2],
         most: usize,
         ends: (f64, f64),
         (h, h_min): (f64, f64),
@@ -88,6 +88,8 @@ impl<State: Checkpoint> Reversible<State> {
         State: Clone,
     {
         let trial = Adaptive::new(trial, ends, h, h_min);
+        // its steps are as long as the rule wants them
+        stepper.insist(true);
         Self {
             trial: Some(Trial::new(trial, most, state.clone(), monitor)),
             ..Self::of(StepMaker::Estimating(stepper), ends, (h, h_min))
