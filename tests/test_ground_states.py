@@ -202,3 +202,11 @@ def test_a_cold_state_is_the_ground_state_however_wide_the_bounds_are(temperatur
     assert thermal.energy == pytest.approx(-5.387390917445, abs=1e-7)
     assert thermal.bound < 1e-8
     assert thermal.log_partition == pytest.approx(5.387390917445 / temperature, rel=0.05)
+
+
+def test_states_of_infinite_temperature_are_random_alone():
+    chain = lv.SpinSystem(6, ["xx", "yy", "zz"])
+    hot = lv.thermal_state(lv.Schrodinger(chain), np.inf, states=3, seed=2)
+    same = lv.thermal_state(lv.Schrodinger(chain), 1e300, states=3, seed=2)
+    assert np.abs(hot.psi - same.psi).max() < 1e-14
+    assert hot.log_partition == pytest.approx(np.log(64), abs=0.5)

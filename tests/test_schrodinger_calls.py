@@ -392,3 +392,29 @@ def test_products_that_overflow_are_not_said_to_be_of_no_hermitian_matrix():
 
     with pytest.raises(ValueError, match="products with H are not finite"):
         lv.Schrodinger((2, product))
+
+
+def test_a_wave_that_keeps_too_much_is_told_of_what_it_takes(monkeypatch):
+    monkeypatch.setattr("liouville._arguments.memory", lambda: 2**24)
+    system = lv.Schrodinger(lv.Lattice(10**4))
+    with pytest.raises(MemoryError, match=r"fewer times in t="):
+        lv.integrate(system, "auto", t=np.linspace(0, 1, 1001), psi=np.ones(10**4))
+
+
+def test_a_complex_potential_is_told_without_its_numbers():
+    with pytest.raises(TypeError, match="potential is complex, wanted real numbers") as caught:
+        lv.Grid(-1, 1, 300, potential=-1j * np.ones(300))
+    assert "absorbing potentials" in str(caught.value)
+    assert len(str(caught.value)) < 300
+    with pytest.raises(TypeError, match="not one of str") as caught:
+        lv.Grid(-1, 1, 300, potential=["a"] * 300)
+    assert len(str(caught.value)) < 100
+
+
+@pytest.mark.parametrize("name", ["parity", "momentum"])
+def test_symmetries_that_only_spins_have_are_refused_by_a_sentence(name):
+    hop = [("+- + h.c.", -1.0)]
+    with pytest.raises(TypeError, match=f"FermionSystem takes no {name}=\nhint: SpinSystem has"):
+        lv.FermionSystem(6, hop, **{name: 0})
+    with pytest.raises(TypeError, match=f"BosonSystem takes no {name}="):
+        lv.BosonSystem(4, hop, particles=2, **{name: 0})

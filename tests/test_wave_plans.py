@@ -388,3 +388,15 @@ def test_planning_of_many_steps_takes_a_small_part_of_their_run():
     started = time.process_time()
     lv.integrate(system, plan, psi=[1.0, 0.0], **run)
     assert min(plans) < 0.25 * (time.process_time() - started)
+
+
+@pytest.mark.parametrize(
+    ("dimension", "tol", "end"), [(2, 1e-8, 1e-3), (4, 1e-8, 0.2), (20, 1e-8, 4.0), (20, 1e-3, 9.0)]
+)
+def test_the_plan_of_lanczos_counts_the_products_that_a_run_takes(dimension, tol, end):
+    matrix = np.random.default_rng(1).normal(size=(60, 60))
+    system = lv.Schrodinger(matrix + matrix.T)
+    method = lv.Lanczos(tol, dimension=dimension)
+    planned = lv.plan(system, method, t=(0, end)).products
+    made = lv.integrate(system, method, t=(0, end), psi=np.ones(60)).stats["products"]
+    assert 0.7 * made < planned < 1.4 * made

@@ -101,7 +101,7 @@ def thermal_state(
     system : Schrodinger
         The equation; of one that depends on time H at the time `t`.
     temperature : float
-        T in units of energy, positive.
+        T in units of energy, positive; infinite for states that are random alone.
     states : int, default 10
         How many random states R there are, of independent Gaussian numbers.
     seed : int, default 0
@@ -145,8 +145,8 @@ def thermal_state(
     """
     system = wave(system).with_params(params)
     warmth = number("temperature is a number", temperature)
-    if not (np.isfinite(warmth) and warmth > 0):
-        raise ValueError(f"temperature is positive and finite, not {warmth:g}")
+    if not warmth > 0:
+        raise ValueError(f"temperature is positive, not {warmth:g}")
     rows, at = count("states", states), number("t is a number", t)
     size = system.hamiltonian.size
     what = f"{rows} thermal states of {system!r}"

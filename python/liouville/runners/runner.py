@@ -109,6 +109,9 @@ class Runner(ABC):
         The parameters that have a value for each member.
     """
 
+    #: How a run that would keep too many states keeps fewer.
+    keep_less = KEEP_LESS
+
     constraints: tuple[str, ...] = ()
     #: Which method "auto" took, in words; empty where the method was given.
     taken = ""
@@ -306,7 +309,7 @@ class Runner(ABC):
     def _check_records(self, request: Request, records: int) -> None:
         """Refuse more records than fit in memory, where they are to be kept there."""
         if not request.is_stored:
-            hint = KEEP_LESS if request.is_ensemble else KEEP_LESS + STORE
+            hint = self.keep_less if request.is_ensemble else self.keep_less + STORE
             check_memory(f"keeping {records} states", records * self.row, hint)
 
 

@@ -83,6 +83,7 @@ class WaveRunner(Runner):
         if is_stepped(method, request):
             self._stops = stops_of(times, method, request, check)
         else:
+            self.keep_less = "give fewer times in t=, or keep none with states=False"
             check(len(times))
         self.plan = self._planned(method, times, request)
         self._check_states()

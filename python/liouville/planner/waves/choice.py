@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
@@ -304,8 +305,9 @@ def _magnus(system: Schrodinger, method: Magnus, times: Sequence[float], why: st
 
 
 def _lanczos(span: Span, method: Lanczos, system: Schrodinger) -> WavePlan:
-    """Guess the products: a Krylov space of dimension m goes about m/2 / beta."""
-    products = float(np.maximum(np.ceil(2 * span.thetas / method.dimension), 1).sum())
+    """Estimate the products by steps that keep the bound of a Krylov space's error."""
+    step = _krylov_step(method.dimension, method.tol / max(float(span.thetas.sum()), 1e-300))
+    products = float(np.maximum(np.ceil(span.thetas / step), 1).sum())
     rate = method.tol / float(span.intervals.sum())
     return WavePlan(
         method=method,
@@ -317,7 +319,17 @@ def _lanczos(span: Span, method: Lanczos, system: Schrodinger) -> WavePlan:
         guarantee=span.spectrum.guarantee,
         products=products * method.dimension,
         bound=None,
-        reasons=("asked for; the number of products is a guess",),
+        reasons=("asked for; the number of products is that of a state of all energies",),
         core=Krylov(method.dimension, rate, max(TIMES * method.tol, LEAST)),
         is_complex=not system.is_real,
     )
+
+
+def _krylov_step(dimension: int, rate: float) -> float:
+    r"""Return the longest step, in units of 1/beta, with an error of `rate` times it.
+
+    The off-diagonal elements of Lanczos' matrix are about half a unit each for a state of all
+    energies, and the error of a step s of m of them is at most :math:`(s / 2)^m / m!`.
+    """
+    m = dimension
+    return float(np.exp((np.log(rate) + m * np.log(2.0) + math.lgamma(m + 1)) / (m - 1)))

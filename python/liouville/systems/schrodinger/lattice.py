@@ -12,7 +12,14 @@ from numpy.typing import ArrayLike
 from liouville._arguments import count
 from liouville.errors import hinted
 from liouville.systems._trace import numbers
-from liouville.systems.schrodinger.entries import MAKING, Bounds, Entries, check_entries, check_size
+from liouville.systems.schrodinger.entries import (
+    MAKING,
+    OPEN,
+    Bounds,
+    Entries,
+    check_entries,
+    check_size,
+)
 
 
 @dataclass(frozen=True, init=False, eq=False, repr=False)
@@ -153,7 +160,11 @@ def on_sites(name: str, value: Any, shape: tuple[int, ...]) -> np.ndarray:
         return np.zeros(shape)
     found = numbers(value)
     if found is None:
-        raise TypeError(f"{name} is an array of real numbers, not {value!r}")
+        given = np.asarray(value)
+        if given.dtype.kind == "c":
+            raise TypeError(hinted(f"{name} is complex, wanted real numbers", OPEN))
+        what = repr(value) if given.ndim == 0 else f"one of {given.dtype.name}"
+        raise TypeError(f"{name} is an array of real numbers, not {what}")
     if found.shape not in ((), shape, (prod(shape),)):
         flat = f" or ({prod(shape)},)" if len(shape) > 1 else ""
         raise ValueError(f"{name} has shape {found.shape}, wanted {shape}{flat}")

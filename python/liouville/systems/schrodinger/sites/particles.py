@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from liouville.errors import hinted
 from liouville.systems.schrodinger.sites.basis import Basis, Charge
 from liouville.systems.schrodinger.sites.system import SiteSystem, counted, whole
 from liouville.systems.schrodinger.sites.terms import Letters
@@ -77,7 +78,9 @@ class FermionSystem(SiteSystem):
         particles: int | tuple[int, int] | None = None,
         spinful: bool | None = None,
         periodic: bool = False,
+        **symmetries: Any,
     ) -> None:
+        _check_none("FermionSystem", symmetries)
         length = counted("sites", sites, periodic)
         is_pair = isinstance(particles, (tuple, list, np.ndarray))
         self.spinful = is_pair if spinful is None else bool(spinful)
@@ -173,7 +176,9 @@ class BosonSystem(SiteSystem):
         cutoff: int | None = None,
         particles: int | None = None,
         periodic: bool = False,
+        **symmetries: Any,
     ) -> None:
+        _check_none("BosonSystem", symmetries)
         length = counted("sites", sites, periodic)
         if cutoff is None and particles is None:
             raise ValueError("cutoff= or particles= is wanted: a site has room for any number")
@@ -202,3 +207,11 @@ class BosonSystem(SiteSystem):
         if most < 2:
             self._basis.check()
         self._basis.check(f"of {self.sites} sites the most bosons on one are cutoff={most - 1}")
+
+
+def _check_none(kind: str, symmetries: dict[str, Any]) -> None:
+    """Refuse symmetries that spins alone have here, and other arguments."""
+    for name in symmetries:
+        sentence = f"{kind} takes no {name}="
+        hint = "SpinSystem has sectors of parity and momentum; particles= is one here"
+        raise TypeError(hinted(sentence, hint) if name in ("parity", "momentum") else sentence)
