@@ -266,3 +266,40 @@ def test_a_function_of_time_may_be_singular_outside_the_run():
     assert np.linalg.norm(chosen.psi[-1] - steps.psi[-1]) < 1e-7 * np.linalg.norm(psi)
     with pytest.raises(ValueError, match="is inf at t = 0"):
         lv.plan(driven, t=(0, 1))
+
+
+@pytest.mark.parametrize("size", [3, 300])
+def test_a_drive_that_does_not_depend_on_time_is_a_part_of_h(size):
+    rng = np.random.default_rng(size)
+    still, one, two = (np.diag(rng.normal(size=size)) for _ in range(3))
+    one += 0.3 * (np.eye(size, k=1) + np.eye(size, k=-1))
+    functions = (lambda t, params: params.a, lambda t, params: 2 * params.b)
+    system = lv.Schrodinger(
+        still, drive=[*zip(functions, (one, two), strict=True)], params={"a": 0.7, "b": -0.2}
+    )
+    psi = np.full(size, size**-0.5)
+    plain = lv.Schrodinger(still + 0.7 * one - 0.4 * two)
+    run = lv.integrate(system, "auto", t=(0, 20), psi=psi)
+    wanted = lv.integrate(plain, "auto", t=(0, 20), psi=psi)
+    assert np.linalg.norm(run.psi[-1] - wanted.psi[-1]) < 2e-8
+    assert run.stats["products"] < 1.3 * wanted.stats["products"]
+    assert lv.plan(system, t=(0, 20)).bound is not None
+    # other values, and those of members
+    other = lv.integrate(system, lv.Lanczos(), t=(0, 5), psi=psi, params={"a": 1.1})
+    plain = lv.Schrodinger(still + 1.1 * one - 0.4 * two)
+    wanted = lv.integrate(plain, "auto", t=(0, 5), psi=psi)
+    assert np.linalg.norm(other.psi[-1] - wanted.psi[-1]) < 2e-8
+    many = lv.ensemble(system, "auto", t=(0, 5), psi=psi, params={"a": [0.7, 1.1]})
+    assert np.linalg.norm(many.psi[-1, 1] - wanted.psi[-1]) < 2e-8
+
+
+def test_a_drive_without_time_has_its_derivatives():
+    z, x = np.diag([1.0, -1.0]), np.array([[0.0, 1.0], [1.0, 0.0]])
+    system = lv.Schrodinger(z, drive=[(lambda t, params: params.a, x)], params={"a": 0.3})
+    last = [
+        lv.integrate(system, "auto", t=(0, 3), psi=[1, 0], params={"a": 0.3 + d}).psi[-1]
+        for d in (-1e-4, 1e-4)
+    ]
+    slope = (last[1] - last[0]) / 2e-4
+    run = lv.integrate(system, "auto", t=(0, 3), psi=[1, 0], tangents={"params.a": 1.0})
+    assert np.linalg.norm(run.tangents["params.a"].psi[-1] - slope) < 1e-6

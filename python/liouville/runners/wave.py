@@ -140,7 +140,7 @@ class WaveRunner(Runner):
         from liouville.runners import wave_derivative
         from liouville.runners.wave_windows import with_breaks
 
-        wave_derivative.check_plan(self.plan)
+        self.plan = wave_derivative.followed(self.system, self.plan)
         runs = math.prod(self.members)
         if request.tangents is not None:
             self._directions = wave_derivative.WaveDirections(self.system, request.tangents)
@@ -174,7 +174,7 @@ class WaveRunner(Runner):
         from liouville.runners import wave_derivative
         from liouville.runners.wave_windows import of_potential, with_breaks
 
-        wave_derivative.check_plan(self.plan)
+        self.plan = wave_derivative.followed(self.system, self.plan)
         names = wave_derivative.check_wrt(self.system, wrt)
         self.plan = with_breaks(self.plan, self.system, names)
         potentials = bool(of_potential(self.system, names))

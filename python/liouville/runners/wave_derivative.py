@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from liouville import _core
 from liouville._arguments import check_memory
 from liouville.errors import hinted
-from liouville.planner import WavePlan
+from liouville.planner import WavePlan, plan_wave
+from liouville.planner.waves.driven import Planned
 from liouville.planner.waves.propagators import (
     Driven,
     Exponentials,
@@ -84,11 +85,18 @@ def places_of(system: Schrodinger) -> dict[str, Place]:
     return found
 
 
-def check_plan(plan: WavePlan) -> None:
-    """Refuse a plan whose run leaves nothing that a derivative could follow."""
+def followed(system: Schrodinger, plan: WavePlan) -> WavePlan:
+    """Return the plan of a run that is differentiated, whose drive is no part of an H without time.
+
+    TypeError where the run leaves nothing that a derivative could follow.
+    """
+    if system.is_driven and plan.is_settled:
+        assert isinstance(plan.method, Planned)
+        plan = plan_wave(system, plan.method, plan.times, is_differentiated=True)
     is_split = isinstance(plan.core, Shears) and not plan.is_complex
     if not is_split and not isinstance(plan.core, LEFT):
         raise TypeError(hinted(f"{plan.scheme} has no tangents and no pullback", COVERED))
+    return plan
 
 
 def check_room(

@@ -43,12 +43,16 @@ def plan_wave(
     method: Planned,
     times: Sequence[float],
     is_real: bool = False,
+    is_differentiated: bool = False,
 ) -> WavePlan:
     """Choose the steps of a method, and for ``"auto"`` the method.
 
     `times` are those of the start and of the states to keep; `is_real` says whether the start is
-    known to be real.
+    known to be real. A drive that does not depend on time is a part of H, unless the run is to be
+    differentiated by its parameters.
     """
+    if not (is_differentiated or isinstance(method, Magnus)):
+        system = system.settled
     _check_system(system, method)
     check_sampled(system.drives, times[0], times[-1])
     if isinstance(method, Magnus):

@@ -15,9 +15,12 @@ from liouville.planner.plan import AGAIN, Plan, check_kinds, decoded
 from liouville.planner.waves.driven import driving
 from liouville.planner.waves.propagators import (
     Driven,
+    Krylov,
     MagnusSteps,
+    Processed,
     Propagator,
     Series,
+    Shears,
     read_propagator,
 )
 from liouville.systems import Schrodinger
@@ -90,10 +93,16 @@ class WavePlan(Plan):
         """Times of the start and of the states that are kept."""
         return (self.t0, *(t for t, _ in self.stops))
 
+    @property
+    def is_settled(self) -> bool:
+        """Whether it is for an H without time, which a drive may be a part of."""
+        return isinstance(self.core, Shears | Series | Krylov | Processed)
+
     def check(self, times: Sequence[float], system: Schrodinger) -> None:
         """Refuse another equation, or other times, than it was made for."""
         if self.times != tuple(times):
             raise ValueError(hinted("the plan was made for other times", AGAIN))
+        system = system.settled if self.is_settled else system
         of_time = isinstance(self.core, Driven | MagnusSteps)
         if not isinstance(self.core, MagnusSteps) and of_time != system.is_driven:
             kind = "without time" if system.is_driven else "that depends on time"
@@ -116,7 +125,7 @@ class WavePlan(Plan):
             found = system.separated(self.t0, self.stops[-1][0], self.method.tol)
             if found is not None:
                 return found.hamiltonian
-        return system.hamiltonian
+        return system.settled.hamiltonian if self.is_settled else system.hamiltonian
 
     def __repr__(self) -> str:
         """Name the scheme, steps and products."""

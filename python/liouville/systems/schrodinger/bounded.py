@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from copy import copy
 from dataclasses import replace
 from functools import cached_property
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -26,12 +27,19 @@ from liouville.systems.schrodinger.bounds import (
     likely,
     probable,
 )
-from liouville.systems.schrodinger.entries import SMALL, Bounds
-from liouville.systems.schrodinger.forms import Term
+from liouville.systems.schrodinger.entries import SMALL, Bounds, Entries
+from liouville.systems.schrodinger.forms import Term, term_of_matrix
+from liouville.systems.schrodinger.frame import Frame
 from liouville.systems.schrodinger.grid import Grid
 from liouville.systems.schrodinger.moving import MovingProduct
 from liouville.systems.schrodinger.separated import Separated, separate
 from liouville.systems.schrodinger.time_functions import TimeFunction
+
+#: What is kept of an H with a drive.
+OF_DRIVE = (
+    "_spectrum", "_known", "_static", "_closer", "_parts", "term_bounds", "settled", "_recorded",
+    "_weights", "sensitivity", "potential_sensitivity",
+)  # fmt: skip
 
 #: Up to this order in the core the parts of H(t) are made as arrays, for their eigenvalues.
 FEW = 128
@@ -43,6 +51,7 @@ class Bounded(Pickled):
     hamiltonian: _core.Hamiltonian
     hbar: float
     grid: Grid | None
+    frame: Frame
     size: int
     is_driven: bool
     _given: Bounds | None
@@ -166,6 +175,38 @@ class Bounded(Pickled):
         for function, values in zip(self._functions, found.T, strict=True):
             function.check(times, values)
         return found
+
+    @cached_property
+    def settled(self) -> Self:
+        """The same H without time, where no function of its drive depends on it; else this one."""
+        if self._moving is not None or not self._functions:
+            return self
+        if any(function.is_driven for function in self._functions):
+            return self
+        values = self._finite_values(np.zeros(1))[0].tolist()
+        each = [self._terms[0]]
+        for k, (value, (_, matrix)) in enumerate(zip(values, self._drive, strict=True)):
+            entries = Entries.read(f"H{k + 1}", matrix)
+            each.append(term_of_matrix(entries, self.frame, value / self.hbar))
+        bounds = None
+        if self.hamiltonian.size <= FEW:
+            (bounds,) = self.corners([tuple(values)])
+        else:
+            known = [term.bounds for term in each if term.bounds is not None]
+            if len(known) == len(each):
+                bounds = sum(low for low, _ in known), sum(high for _, high in known)
+        other = copy(self)
+        for name in OF_DRIVE:
+            other.__dict__.pop(name, None)
+        operators = [operator for term in each for operator in term.operators]
+        other._functions, other._drive, other._terms = [], [], [Term(operators, bounds)]
+        other.is_driven = False
+        other._join()
+        return other
+
+    def _join(self) -> None:
+        """Make the core's H of the terms and of functions of time."""
+        raise NotImplementedError
 
     @property
     def takes_lanczos(self) -> bool:

@@ -31,7 +31,7 @@ from liouville.systems.schrodinger.spins import SpinChain
 from liouville.systems.schrodinger.time_functions import TimeFunction
 
 #: Values computed once of functions of time and their parameters, ...
-OF_FUNCTIONS = ("_spectrum", "_known", "sensitivity", "potential_sensitivity")
+OF_FUNCTIONS = ("_spectrum", "_known", "settled", "sensitivity", "potential_sensitivity")
 
 #: ... and of a potential.
 OF_POTENTIAL = ("_static", "_closer", "_parts", "term_bounds")
@@ -77,7 +77,7 @@ class Schrodinger(Bounded):
     grid : Grid or None
         The grid, if there is one.
     is_driven : bool
-        Whether H depends on time.
+        Whether H has a drive, or depends on time.
     is_real : bool
         Whether H is real, after its phases are taken away where that can be done.
     is_foreign : bool
