@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 import liouville as lv
+from liouville import problems
 
 NAN, INF = math.nan, math.inf
 
@@ -761,3 +762,11 @@ def test_parameters_of_a_system_cannot_be_changed_in_place(made):
     for own in (copy.deepcopy(params), pickle.loads(pickle.dumps(params)), params | {"m": 1.0}):
         assert own["m"] == 1.0
         own["m"] = 2.0  # a copy is the user's
+
+
+@pytest.mark.parametrize("call", [lv.integrate, lv.ensemble])
+def test_parameters_of_a_field_that_are_a_number_are_refused(call):
+    top = problems.load("euler_top")
+    for params in (np.array(1.0), np.array("x"), np.ones(2)):
+        with pytest.raises(TypeError, match="params is a mapping of names, not array"):
+            call(top.system, lv.VolumeSplitting(), t=(0, 1.0), steps=2, params=params, **top.start)

@@ -438,3 +438,36 @@ def test_a_robot_floats_under_any_root(root):
     centre = end.body("trunk").position  # it turns about its tip, which the ground holds
     np.testing.assert_allclose(np.linalg.norm(centre - [0, 1, 3], axis=1), 0.75, rtol=1e-12)
     assert np.abs(centre - centre[0]).max() > 0.01
+
+
+REPEATED = """<mujoco><worldbody><replicate count="{count}" offset="1 0 0">
+<replicate count='{count}'><body><joint/><geom size=".1" contype="0" conaffinity="0"/></body>
+</replicate></replicate></worldbody></mujoco>"""
+
+
+def test_a_file_that_repeats_without_end_is_refused_by_its_size_before_it_is_read(tmp_path):
+    def refused(source):
+        with pytest.raises(ValueError, match=r"stands for \d+ elements or more, of which 100000"):
+            mjcf(source)
+
+    refused(REPEATED.format(count=10_000))
+    refused(REPEATED.format(count="&#49;000"))
+    refused(f"<mujoco><!-- </replicate> -->{REPEATED.format(count=99_999)}</mujoco>")
+    (tmp_path / "inner.xml").write_text(REPEATED.format(count=1000))
+    (tmp_path / "outer.xml").write_text("<mujoco><include file='inner.xml'/></mujoco>")
+    refused(tmp_path / "outer.xml")
+    # each file attaches the one before twice
+    (tmp_path / "0.xml").write_text("<mujoco><worldbody><body/></worldbody></mujoco>")
+    for k in range(1, 20):
+        attached = "".join(f"<attach model='m' prefix='{x}'/>" for x in "ab")
+        (tmp_path / f"{k}.xml").write_text(
+            f"<mujoco><asset><model name='m' file='{k - 1}.xml'/></asset>"
+            f"<worldbody>{attached}</worldbody></mujoco>"
+        )
+    refused(tmp_path / "19.xml")
+    assert len(mjcf(REPEATED.format(count=2)).system().bodies) == 4
+
+
+def test_text_that_is_no_text_is_refused_with_a_sentence():
+    with pytest.raises(ValueError, match=r"MuJoCo does not read .* is no character"):
+        mjcf("<mujoco model='\ud800'/>")

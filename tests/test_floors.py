@@ -52,7 +52,7 @@ CRATE_FLOORS = {
     "waves": (("problem",), ("method",), ("run",)),
 }
 PACKAGE_FLOORS = (
-    ("_casadi", "_core", "errors", "html"),
+    ("_casadi", "_core", "_handlers", "_schema", "errors", "html"),
     (
         *("_arguments", "_job", "_options", "_scipy", "checksum", "events", "failure", "locks"),
         *(

@@ -102,6 +102,9 @@ def distribute(
 ) -> Solution:
     """Integrate the members of an ensemble on the workers of an executor.
 
+    What is sent is a pickle, and a worker that loads one runs any code in it: let workers take work
+    from your own programs alone.
+
     Parameters
     ----------
     task : Task

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from liouville.bodies import unmodelled
+from liouville.bodies import expansion, unmodelled
 from liouville.bodies.assembly import Assembly
 from liouville.bodies.body import numbers
 from liouville.bodies.reading import Reader
@@ -33,7 +33,8 @@ def from_mjcf(
     The file is drawn at its reference pose, so a value of a joint is that of MuJoCo less its
     ``ref``. Armature, damping and springs of joints, equality constraints (connect, weld and joint,
     here exact) and actuators of hinges and slides come along. What an assembly has not is refused
-    by name.
+    by name. Other files that it names are read too; one of more than 100,000 elements is refused,
+    those counted that it repeats.
 
     Parameters
     ----------
@@ -126,6 +127,8 @@ def _compiled(source: str | Path, *, is_urdf: bool = False) -> tuple[Any, Any]:
     if not isinstance(source, str | Path):
         raise TypeError(f"a file is a path or its text, not {source!r}")
     is_text = isinstance(source, str) and source.lstrip().startswith("<")
+    what = "the text" if is_text else f"'{source}'"
+    _check_size(source, is_text, what)
     try:
         read = mujoco.MjSpec.from_string if is_text else mujoco.MjSpec.from_file
         spec = read(str(source))
@@ -135,11 +138,34 @@ def _compiled(source: str | Path, *, is_urdf: bool = False) -> tuple[Any, Any]:
                 body.add_site(name=LINK + body.name)
         model = spec.compile()
     except ValueError as error:
-        what = "the text" if is_text else f"'{source}'"
         raise ValueError(f"MuJoCo does not read {what}: {error}") from error
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     return model, data
+
+
+def _check_size(source: str | Path, is_text: bool, what: str) -> None:
+    """Refuse what MuJoCo cannot be given, and what would keep it busy for longer than minutes."""
+    try:
+        str(source).encode()
+    except UnicodeEncodeError as error:
+        odd = source[error.start : error.end] if isinstance(source, str) else str(source)
+        raise ValueError(f"MuJoCo does not read {what!a}: {odd!a} is no character") from error
+    folder, text = Path(), str(source)
+    if not is_text:
+        folder = Path(source).parent
+        try:
+            text = Path(source).read_text(encoding="utf-8", errors="replace")
+        except OSError:  # MuJoCo says why
+            return
+    count = expansion.elements(text, folder)
+    if count > expansion.MOST:
+        raise ValueError(
+            hinted(
+                f"{what} stands for {count} elements or more, of which {expansion.MOST} are read",
+                "lower the counts in it, as those of replicate",
+            )
+        )
 
 
 def _read(model: Any, data: Any, without: Sequence[str], controls: Any) -> Reader:

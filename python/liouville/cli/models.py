@@ -19,7 +19,7 @@ from liouville.points import with_ends
 
 
 def system_of(model: str) -> tuple[ModuleType, Any]:
-    """Import a problem by its name or a model file, and find the system in it."""
+    """Import a problem by its name or a model file, which runs it, and find the system in it."""
     path, _, attribute = model.rpartition(":") if ".py:" in model else (model, "", "system")
     if not path.endswith(".py"):
         module = problems.load(model)

@@ -25,6 +25,7 @@ from liouville.export.files import ends as ends
 from liouville.export.files import write_zarr as write_zarr
 from liouville.export.layout import MARK as MARK
 from liouville.export.layout import SLASH as SLASH
+from liouville.export.reading import order_of as order_of
 from liouville.export.sections import save_section as save_section
 from liouville.export.sections import section_to_xarray as section_to_xarray
 from liouville.export.tables import to_dataframe

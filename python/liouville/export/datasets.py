@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from liouville.export.layout import Layout, laid_out, read, unit_attribute
+from liouville.export.layout import Layout, laid_out, unit_attribute
+from liouville.export.reading import read
 from liouville.solution import Solution
 
 if TYPE_CHECKING:
@@ -66,14 +67,14 @@ def dataset_of(solution: Solution) -> xarray.Dataset:
     return dataset
 
 
-def from_xarray(dataset: xarray.Dataset) -> Solution:
-    """Return the solution of a dataset that :func:`to_xarray` made."""
+def from_xarray(dataset: xarray.Dataset, where: str) -> Solution:
+    """Return the solution of a dataset that :func:`to_xarray` made; `where` is its file's name."""
     variables = {
         str(name): (tuple(map(str, x.dims)), x.values, dict(x.attrs))
         for name, x in dataset.data_vars.items()
     }
     labels = {str(dim): x.values for dim, x in dataset.coords.items()}
-    return read(Layout(variables, labels, dict(dataset.attrs)))
+    return read(Layout(variables, labels, dict(dataset.attrs)), where)
 
 
 def paired(dataset: xarray.Dataset) -> xarray.Dataset:
@@ -87,8 +88,11 @@ def paired(dataset: xarray.Dataset) -> xarray.Dataset:
     )
 
 
-def unpaired(dataset: xarray.Dataset) -> xarray.Dataset:
-    """Give pairs as complex numbers."""
+def unpaired(dataset: xarray.Dataset, where: str) -> xarray.Dataset:
+    """Give pairs as complex numbers; ValueError where some are none."""
+    for name, x in dataset.items():
+        if PART in x.dims and (x.dims[-1], x.shape[-1], x.dtype.str[1:]) != (PART, 2, "f8"):
+            raise ValueError(f"{str(name)!r} of {where} must be pairs of numbers along {PART!r}")
     return dataset.assign(
         {
             name: (x.dims[:-1], np.ascontiguousarray(x.values).view(complex)[..., 0], x.attrs)

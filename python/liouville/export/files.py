@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import shutil
 import threading
@@ -12,12 +11,15 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from liouville import _schema as schema
 from liouville import checksum
+from liouville._handlers import raise_of_handler
 from liouville.checksum import FREE, META
 from liouville.errors import hinted, quoted
 from liouville.export.datasets import dataset_of, from_xarray, needed, paired, unpaired
 from liouville.export.formats import points_of, read_npz, save_mat, save_npz, save_xyz
-from liouville.export.layout import MARK, VERSION, read
+from liouville.export.layout import MARK, VERSION
+from liouville.export.reading import order_of, read
 from liouville.export.tables import save_csv, save_parquet
 from liouville.locks import lock_of, locked
 from liouville.methods import Method
@@ -182,6 +184,8 @@ def load(
 ) -> Solution:
     """Read a NetCDF or NumPy file or a Zarr folder that :func:`~liouville.export.save` wrote.
 
+    The file may be anybody's: no code in it is run, and only the arrays are read that it names.
+
     Parameters
     ----------
     path : path
@@ -203,8 +207,8 @@ def load(
         There is nothing at this path.
     ValueError
         The suffix is unknown, what is there is no saved solution, or it is damaged: a checksum
-        does not fit, or an array or a part of one is missing; or the system or the method is not
-        the one that made it.
+        does not fit, an array or a part of one is missing, or an entry is not what it must be; or
+        the system or the method is not the one that made it.
     ImportError
         xarray or the package for this kind of file is not installed.
 
@@ -245,10 +249,12 @@ def _read(path: Path, are_all: bool = True) -> Solution:
         )
     if not path.exists():
         raise FileNotFoundError(f"there is no file {str(path)!r}")
+    where = repr(str(path))
     if path.suffix == ".npz":
-        layout = read_npz(path)
+        with _naming(f"{where} cannot be read as .npz"):
+            layout = read_npz(path)
         _check_mark(path, layout.attributes)
-        return read(layout)
+        return read(layout, where)
     is_whole = _check_folder(path) if path.suffix == ".zarr" else checksum.is_intact(path)
     with _opened(path) as opened:
         _check_mark(path, opened.attrs)
@@ -259,12 +265,31 @@ def _read(path: Path, are_all: bool = True) -> Solution:
                     "the file is damaged, or another program wrote it again; xarray may read it",
                 )
             )
-        step = 1 if are_all else max(1, opened.sizes["time"] - 1)
-        dataset = opened.isel(time=slice(None, None, step))
+        dataset = _named(opened, path)
+        if not are_all:
+            step = max(1, dataset.sizes["time"] - 1)
+            dataset = dataset.isel(time=slice(None, None, step))
         for name, variable in dataset.variables.items():
-            with _naming(f"{str(path)!r} is damaged: its array {str(name)!r} cannot be read"):
+            with _naming(f"{where} is damaged: its array {str(name)!r} cannot be read"):
                 variable.load()
-    return from_xarray(unpaired(dataset))
+    return from_xarray(unpaired(dataset, where), where)
+
+
+def _named(opened: xarray.Dataset, path: Path) -> xarray.Dataset:
+    """Return the arrays alone that a file names, once they are there and as large as they say."""
+    where = repr(str(path))
+    names = order_of(opened.attrs, where)
+    for name in ("time", *names):
+        if name not in opened.variables:
+            raise ValueError(f"{where} has no {name!r}")
+    found = opened.drop_vars(set(map(str, opened.variables)) - {"time", *names})
+    if "time" not in found.sizes:
+        raise ValueError(f"'time' of {where} must be a row of numbers")
+    if path.is_file() and found.nbytes > path.stat().st_size:
+        raise ValueError(
+            f"the arrays of {where} are of {found.nbytes} bytes, and it of {path.stat().st_size}"
+        )
+    return found
 
 
 def _check_folder(path: Path) -> bool:
@@ -275,7 +300,7 @@ def _check_folder(path: Path) -> bool:
     attributes = checksum.document_in(described).get(FREE)
     _check_mark(path, attributes if isinstance(attributes, dict) else {})
     group = checksum.verified(described, FREE)
-    checksum.check_arrays(path, json.loads(group[FREE]["order"]))
+    checksum.check_arrays(path, order_of(group[FREE], repr(str(path))))
     return True
 
 
@@ -284,6 +309,7 @@ def _check_mark(path: Path, attributes: Mapping[str, Any]) -> None:
     if found is None:
         sentence = f"{str(path)!r} holds no liouville solution"
         raise ValueError(hinted(sentence, "liouville.load reads what solution.save wrote"))
+    found = schema.entry(attributes, MARK, schema.integers(0), repr(str(path)))
     if found != VERSION:
         sentence = f"{str(path)!r} has layout {found} of a solution, this liouville reads {VERSION}"
         raise ValueError(hinted(sentence, "read it with the liouville that wrote it"))
@@ -311,5 +337,6 @@ def _naming(sentence: str) -> Iterator[None]:
     except (ImportError, MemoryError):
         raise
     except Exception as error:
+        raise_of_handler(error)
         why = str(error).partition("\n")[0] or type(error).__name__
         raise ValueError(f"{sentence}: {why}") from error

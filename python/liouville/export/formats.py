@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import re
 import zipfile
 from collections.abc import Mapping, Sequence
@@ -11,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from liouville import _schema as schema
 from liouville.errors import hinted
 from liouville.export.datasets import needed
 from liouville.export.layout import Layout, laid_out, reactions
@@ -19,6 +21,11 @@ from liouville.solution import Solution
 
 #: The key of the description of the arrays in an .npz file.
 DESCRIPTION = "liouville"
+
+#: What the description has: axes and attributes of each array, and the names along axes.
+ANY = schema.Kind("a value", lambda _: True)
+ARRAY = schema.rows(schema.lists(schema.TEXT), schema.mappings(schema.TEXT))
+LABELS = schema.mappings(schema.NAMES)
 
 #: MATLAB takes names of so many letters.
 LONGEST = 63
@@ -46,23 +53,44 @@ def save_npz(solution: Solution, path: Path) -> None:
 
 
 def read_npz(path: Path) -> Layout:
-    """Read what :func:`save_npz` wrote; ValueError says why it cannot be read."""
-    try:
-        with path.open("rb") as file, np.load(file, allow_pickle=False) as opened:
-            arrays = dict(opened)
-    except (ValueError, OSError, EOFError, zipfile.BadZipFile) as error:
-        why = str(error).partition("\n")[0]
-        raise ValueError(f"{str(path)!r} cannot be read as .npz: {why}") from error
-    try:
-        described = json.loads(str(arrays[DESCRIPTION]))
-        axes = described["axes"].items()
-        variables = {name: (tuple(dims), arrays[name], own) for name, (dims, own) in axes}
-        labels = {"time": arrays["time"], **described["labels"]}
-        return Layout(variables, labels, described["attributes"])
-    except (KeyError, ValueError, TypeError) as error:
-        sentence = f"{str(path)!r} holds no liouville solution"
-        hint = "liouville.load reads what solution.save wrote"
-        raise ValueError(hinted(sentence, hint)) from error
+    """Read what :func:`save_npz` wrote, those arrays alone that it names."""
+    where = repr(str(path))
+    with path.open("rb") as file, np.load(file, allow_pickle=False) as opened:
+        _check_sizes(opened.zip, path)
+        if DESCRIPTION not in opened:
+            return Layout({}, {}, {})
+        what = f"{DESCRIPTION!r} of {where}"
+        described = schema.checked(
+            schema.parsed(str(opened[DESCRIPTION]), what), schema.MAPPING, what
+        )
+        axes = schema.entry(described, "axes", schema.mappings(ANY), what)
+        labels = schema.entry(described, "labels", LABELS, what)
+        attributes = schema.entry(described, "attributes", schema.mappings(ANY), what)
+        for name in axes:
+            schema.entry(axes, name, ARRAY, f"'axes' of {where}")
+        for name in ("time", *axes):
+            if name not in opened:
+                raise ValueError(f"it has no {name!r}")
+        variables = {name: (tuple(dims), opened[name], own) for name, (dims, own) in axes.items()}
+        return Layout(variables, {"time": opened["time"], **labels}, attributes)
+
+
+def _check_sizes(opened: zipfile.ZipFile, path: Path) -> None:
+    """Refuse arrays that ask for more memory than they take in the file."""
+    for member in opened.infolist():
+        with opened.open(member) as array:
+            is_old = np.lib.format.read_magic(array) == (1, 0)
+            shape, _, dtype = (
+                np.lib.format.read_array_header_1_0(array)
+                if is_old
+                else np.lib.format.read_array_header_2_0(array)
+            )
+        size = math.prod(shape) * dtype.itemsize
+        if min(shape, default=0) < 0 or size > member.compress_size:
+            name = member.filename.removesuffix(".npy")
+            raise ValueError(
+                f"its array {name!r} is of {size} bytes, of which {member.compress_size} are there"
+            )
 
 
 def save_mat(solution: Solution, path: Path) -> None:

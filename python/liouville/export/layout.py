@@ -1,23 +1,29 @@
-"""Solutions as named arrays with the names of their axes, and back: what files hold."""
+"""Solutions as named arrays with the names of their axes: what files hold."""
 
 from __future__ import annotations
 
 import json
-import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from liouville.events import AFTER
-from liouville.failure import Failure
-from liouville.points import STATES, Points
+from liouville.points import STATES
 from liouville.solution import Array, Solution
 from liouville.systems import Field, Mechanics
-from liouville.tangents import Tangent
 
 # The attribute that marks liouville's files, and the version of their layout.
 MARK, VERSION = "liouville_solution", 3
+
+# What a file has beside states and what is called by names, with the axes after time and member.
+TABLES = {
+    "invariants": ("invariant",),
+    "residuals": ("residual", "constraint"),
+    "balance": ("term",),
+    "reactions": ("coordinate",),
+}
 
 # The axis of a state, where it is not "coordinate".
 AXES = {"lam": "constraint", "psi": "place"}
@@ -51,47 +57,49 @@ class Layout:
 def laid_out(solution: Solution) -> Layout:
     """Return a solution as named arrays; nothing is copied."""
     names, failures = solution.names, solution.failures
-    variables: dict[str, Variable] = {}
-    lead = ("time",) if solution.members is None else ("time", "member")
-    axis_of = AXES | ({"z": "unknown"} if "unknowns" in names else {})
+    axes = Axes(solution.members is not None, "unknowns" in names)
+    found: list[tuple[str, Array, dict[str, str]]] = []
     for name, values in solution.states.items():
-        own = unit_attribute(solution, name)
-        variables[name] = ((*lead, axis_of.get(name, "coordinate")), values, own)
+        found.append((name, values, unit_attribute(solution, name)))
     for name, (values, unit) in positions(solution).items():
-        variables[name] = (lead, values, {"units": unit} if unit else {})
+        found.append((name, values, {"units": unit} if unit else {}))
     if solution.invariants:
         columns = np.stack(list(solution.invariants.values()), axis=-1)
-        variables["invariants"] = ((*lead, "invariant"), columns, {})
+        found.append(("invariants", columns, {}))
     if solution.residuals:
         known = names["constraints"]
         shape = next(iter(solution.residuals.values())).shape[:-1]
         rows = np.full((*shape, len(solution.residuals), len(known)), np.nan)
         for place, (name, values) in enumerate(solution.residuals.items()):
             rows[..., place, place_of(name, values, known)] = values
-        variables["residuals"] = ((*lead, "residual", "constraint"), rows, {})
+        found.append(("residuals", rows, {}))
     if solution.balance:
         columns = np.stack(list(solution.balance.values()), axis=-1)
-        variables["balance"] = ((*lead, "term"), columns, {})
+        found.append(("balance", columns, {}))
     forces = reactions(solution)
     if forces is not None:
-        own = unit_attribute(solution, "reaction")
-        variables["reactions"] = ((*lead, "coordinate"), forces, own)
+        found.append(("reactions", forces, unit_attribute(solution, "reaction")))
     for name, values in solution.observed.items():
-        label = "observed_" + name.replace("/", SLASH)
         own = {"name": name} | unit_attribute(solution, name)
-        variables[label] = ((*lead, f"{label}_axis")[: values.ndim], values, own)
+        found.append(labelled("observed", values, own))
     for name, points in solution.events.items():
-        label = name.replace("/", SLASH)
-        axis = f"event_axis_{label}"
         own = {"name": name} | unit_attribute(solution, "t")
-        variables[f"event_t_{label}"] = ((axis,), points.t, own)
+        found.append(labelled("event", points.t, own))
         for state, values in points.states.items():
-            dims = (axis, axis_of.get(state.removesuffix(AFTER), "coordinate"))[: values.ndim]
             own = {"name": name, "state": state}
             own |= unit_attribute(solution, state.removesuffix(AFTER))
-            variables[f"event_{state}_{label}"] = (dims, values, own)
+            found.append(labelled("event", values, own))
     for name, tangent in solution.tangents.items():
-        variables |= _of_tangent(name, tangent, lead, axis_of)
+        for state, values in tangent.states.items():
+            found.append(labelled("tangent", values, {"name": name, "state": state}))
+        for event, points in tangent.events.items():
+            own = {"name": name, "event": event}
+            found.append(labelled("tangent", points.t, own))
+            for state, values in points.states.items():
+                found.append(labelled("tangent", values, own | {"state": state}))
+    variables = {
+        name: (axes.fitting(name, own, values.ndim), values, own) for name, values, own in found
+    }
     labels = {
         "coordinate": names["coordinates"],
         "constraint": names["constraints"],
@@ -140,25 +148,58 @@ def positions(solution: Solution) -> dict[str, tuple[Array, str]]:
     return solution.system.positions(solution.states["x"])
 
 
-def _of_tangent(
-    name: str, tangent: Tangent, lead: tuple[str, ...], axis_of: dict[str, str]
-) -> dict[str, Variable]:
-    """Return the arrays of a tangent: of several directions these are an axis before the last."""
-    label, found = name.replace("/", SLASH), dict[str, Variable]()
-    is_several = next(iter(tangent.states.values())).ndim > len(lead) + 1
-    directions = (f"direction_{label}",) if is_several else ()
-    for state, values in tangent.states.items():
-        axes = (*lead, *directions, axis_of.get(state, "coordinate"))
-        found[f"tangent_{state}_{label}"] = (axes, values, {"name": name, "state": state})
-    for event, points in tangent.events.items():
-        of, own = event.replace("/", SLASH), {"name": name, "event": event}
-        axes = (f"event_axis_{of}", *directions)
-        found[f"tangent_event_t_{label}_{of}"] = (axes, points.t, own)
-        for state, values in points.states.items():
-            dims = (*axes, axis_of.get(state.removesuffix(AFTER), "coordinate"))
-            dims = dims if values.ndim > 1 else dims[:1]
-            found[f"tangent_event_{state}_{label}_{of}"] = (dims, values, own | {"state": state})
-    return found
+def labelled(family: str, values: Array, own: dict[str, str]) -> tuple[str, Array, dict[str, str]]:
+    """Return a variable that is called by what it is of."""
+    return label_of(family, own), values, own
+
+
+def label_of(family: str, own: Mapping[str, str]) -> str:
+    """Call a variable by its family, and by the names and the state that it is of."""
+    words = ["event"] * (family == "tangent" and "event" in own)
+    words += [own.get("state", "t")] * (family != "observed")
+    words += [own[key].replace("/", SLASH) for key in ("name", "event") if key in own]
+    return "_".join([family, *words])
+
+
+@dataclass(frozen=True)
+class Axes:
+    """The axes that variables have, in a file that is of an ensemble, or has unknowns, or not."""
+
+    is_ensemble: bool
+    has_unknowns: bool
+
+    @property
+    def lead(self) -> tuple[str, ...]:
+        """The axes of what is known at each record."""
+        return ("time", "member") if self.is_ensemble else ("time",)
+
+    def of(self, name: str, own: Mapping[str, str]) -> list[tuple[str, ...]]:
+        """Return the axes that a variable may have, none of them with as many as another."""
+        family = name.partition("_")[0]
+        if name in TABLES:
+            return [(*self.lead, *TABLES[name])]
+        if name in STATES:
+            return [(*self.lead, self._axis(name))]
+        if family == "observed":
+            return [self.lead, (*self.lead, f"{name}_axis")]
+        if family not in ("event", "tangent"):
+            return [self.lead]  # a position, which the states give too
+        last = (self._axis(own["state"].removesuffix(AFTER)),) if "state" in own else ()
+        direction = f"direction_{own['name'].replace('/', SLASH)}"
+        event = own["name"] if family == "event" else own.get("event")
+        first = self.lead if event is None else (f"event_axis_{event.replace('/', SLASH)}",)
+        found = [(*first, *last)]
+        if family == "tangent":
+            found.append((*first, direction, *last))
+        # of an ensemble the numbers of members
+        return [*found, first] if event is not None and last else found
+
+    def fitting(self, name: str, own: Mapping[str, str], count: int) -> tuple[str, ...]:
+        """Return the axes of a variable that has so many."""
+        return next(axes for axes in self.of(name, own) if len(axes) == count)
+
+    def _axis(self, state: str) -> str:
+        return "unknown" if state == "z" and self.has_unknowns else AXES.get(state, "coordinate")
 
 
 def reactions(solution: Solution) -> Array | None:
@@ -172,110 +213,10 @@ def reactions(solution: Solution) -> Array | None:
     return solution.reaction() if system.constraints and is_whole else None
 
 
-def read(layout: Layout) -> Solution:
-    """Return the solution of a layout that :func:`laid_out` made."""
-
-    def names(dim: str) -> tuple[str, ...]:
-        return tuple(str(label) for label in layout.labels[dim])
-
-    def columns(variable: str, dim: str) -> dict[str, Array]:
-        if variable not in layout.variables:
-            return {}
-        dims, values, _ = layout.variables[variable]
-        axis = dims.index(dim)
-        return {name: values.take(i, axis) for i, name in enumerate(names(dim))}
-
-    attributes = layout.attributes
-    order = [name for name in json.loads(attributes["order"]) if name in layout.variables]
-    variables = {name: layout.variables[name] for name in order}
-    forces = variables.get("reactions")
-    return Solution(
-        t=np.asarray(layout.labels["time"]),
-        states={name: x for name, (_, x, _) in variables.items() if name in STATES},
-        invariants=columns("invariants", "invariant"),
-        residuals={
-            name: values[..., _filled(values)]
-            for name, values in columns("residuals", "residual").items()
-        },
-        observed={
-            own["name"]: x
-            for name, (_, x, own) in variables.items()
-            if name.startswith("observed_")
-        },
-        balance=columns("balance", "term"),
-        events=_events(variables),
-        tangents=_tangents(variables),
-        dense_order=int(attributes.get("dense_order", 0)),
-        names={
-            "coordinates": names("coordinate"),
-            "constraints": names("constraint"),
-            **({"unknowns": names("unknown")} if "unknown" in layout.labels else {}),
-        },
-        h=float(attributes["h"]),
-        members=_members(attributes.get("members", -1)),
-        failures=_failures(json.loads(attributes.get("failures", "{}"))),
-        endings={int(k): x for k, x in json.loads(attributes.get("endings", "{}")).items()},
-        units=json.loads(attributes.get("units", "{}")),
-        varied=tuple(json.loads(attributes.get("varied", "[]"))),
-        changing=tuple(json.loads(attributes.get("changing", "[]"))),
-        reactions=None if forces is None else forces[1],
-        initial=json.loads(attributes.get("initial", "{}")),
-        tolerances=json.loads(attributes["tolerances"]),
-        method=attributes["method"],
-        stats=json.loads(attributes["stats"]),
-        params=json.loads(attributes["params"]),
-        status=attributes["status"],
-        message=attributes["message"],
-    )
-
-
-def _events(variables: dict[str, Variable]) -> dict[str, Points]:
-    found = [(x, own) for name, (_, x, own) in variables.items() if name.startswith("event_")]
-    points = {}
-    for times, own in found:
-        if "state" not in own:
-            name = own["name"]
-            of = [(x, own) for x, own in found if "state" in own and own["name"] == name]
-            points[name] = Points(times, {own["state"]: x for x, own in of})
-    return points
-
-
-def _tangents(variables: dict[str, Variable]) -> dict[str, Tangent]:
-    rows = [(x, own) for name, (_, x, own) in variables.items() if name.startswith("tangent_")]
-
-    def of(name: str, event: str | None) -> dict[str, Array]:
-        """Return the arrays of a direction at the records or at an event; times are "t"."""
-        where = name, event
-        return {o.get("state", "t"): x for x, o in rows if (o["name"], o.get("event")) == where}
-
-    found = {}
-    for name in dict.fromkeys(own["name"] for _, own in rows):
-        met = dict.fromkeys(o["event"] for _, o in rows if o["name"] == name and "event" in o)
-        points = {event: of(name, event) for event in met}
-        events = {event: Points(states.pop("t"), states) for event, states in points.items()}
-        found[name] = Tangent(of(name, None), events)
-    return found
-
-
 def place_of(residual: str, values: Array, constraints: tuple[str, ...]) -> slice:
     """Return to which constraints a residual belongs."""
     first = len(constraints) - values.shape[-1] if residual == "nonholonomic" else 0
     return slice(first, first + values.shape[-1])
-
-
-def _filled(values: Array) -> Array:
-    """Return which columns are there: the others are NaN throughout."""
-    flat = values.reshape(math.prod(values.shape[:-1]), values.shape[-1])
-    is_missing = np.isnan(flat).all(axis=0) & bool(len(flat))
-    return np.logical_not(is_missing)
-
-
-def _failures(given: dict[str, list[Any]]) -> dict[int, Failure]:
-    return {int(member): Failure(*failure) for member, failure in given.items()}
-
-
-def _members(count: int) -> int | None:
-    return None if count < 0 else int(count)
 
 
 def _plain(value: Any) -> Any:

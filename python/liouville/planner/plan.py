@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import os
 from abc import ABC, abstractmethod
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any, ClassVar, Self
 
 import numpy as np
 
+from liouville import _schema as schema
 from liouville import checksum, html
 from liouville.errors import hinted
 from liouville.methods import METHODS, Method
@@ -19,6 +20,23 @@ AGAIN = "make one for this run with lv.plan(...)"
 
 #: The key of an array in a file.
 ARRAY = "array"
+
+#: What fields of plans hold, by what they are declared as.
+KINDS = {
+    "int": schema.integers(0),
+    "float": schema.NUMBER,
+    "str": schema.TEXT,
+    "float | None": schema.either(schema.NUMBER, schema.one_of(None)),
+    "tuple[str, ...]": schema.lists(schema.TEXT),
+    "tuple[int, ...]": schema.lists(schema.integers(0)),
+    "tuple[float, ...]": schema.lists(schema.NUMBER),
+    "tuple[float, float]": schema.BOUNDS,
+    "tuple[int, int]": schema.rows(schema.integers(0), schema.integers(0)),
+    "tuple[tuple[float, int], ...]": schema.lists(schema.rows(schema.NUMBER, schema.integers(1))),
+    "np.ndarray": schema.Kind(
+        "an array of numbers", lambda x: isinstance(x, np.ndarray) and bool(np.isfinite(x).all())
+    ),
+}
 
 
 @dataclass(frozen=True, repr=False)
@@ -85,7 +103,7 @@ class Plan(ABC):
                 raise ValueError(f"its form is {form!r}, wanted {' or '.join(kinds)}")
             given["method"] = read_method(given["method"])
             return kinds[form]._read(given)
-        except (ValueError, TypeError, KeyError, AttributeError) as error:
+        except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
             why = f"{error} is missing" if isinstance(error, KeyError) else error
             message = f"{str(path)!r} is no plan that liouville saved: {why}"
             raise ValueError(hinted(message, "lv.plan(...).save(path) writes one")) from error
@@ -130,9 +148,8 @@ def decoded(value: Any) -> Any:
     return tuple(decoded(x) for x in value) if isinstance(value, list) else value
 
 
-def check_kinds(plan: Plan, kinds: dict[str, type | tuple[type, ...]]) -> None:
-    """Refuse attributes of another kind."""
-    for name, kind in kinds.items():
-        value = getattr(plan, name)
-        if not isinstance(value, kind) or isinstance(value, bool):
-            raise TypeError(f"{name} is {value!r}")
+def check_fields(of: Any) -> None:
+    """Refuse a plan, or a part of one, whose fields are not what they are declared as."""
+    for each in fields(of):
+        if each.type in KINDS:
+            schema.checked(getattr(of, each.name), KINDS[str(each.type)], f"its {each.name}")

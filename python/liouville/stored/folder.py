@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from liouville import _schema as schema
 from liouville import checksum
 from liouville.checksum import FREE, META
 
@@ -38,7 +39,7 @@ class Folder:
         self.arrays = {
             name: meta
             for name, meta in found.items()
-            if meta["node_type"] == "array" and meta["dimension_names"][0] in axes
+            if meta.get("node_type") == "array" and _first_axis(meta, path / name) in axes
         }
 
     def clear(self) -> None:
@@ -108,6 +109,12 @@ def attributes_of(path: Path) -> dict[str, Any]:
     """Return the attributes of a group."""
     found: dict[str, Any] = checksum.verified(path / META, FREE)[FREE]
     return found
+
+
+def _first_axis(meta: Mapping[str, Any], path: Path) -> str | None:
+    """Return the name of an array's first axis."""
+    names = schema.entry(meta, "dimension_names", schema.lists(schema.TEXT), repr(str(path)))
+    return names[0] if names else None
 
 
 def _crc_of(data: np.ndarray, size: int) -> int:

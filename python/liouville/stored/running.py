@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from liouville import _core, checksum, export
+from liouville import _schema as schema
 from liouville._options import check_options
 from liouville.checksum import FREE, META
 from liouville.errors import hinted
@@ -41,6 +42,9 @@ from liouville.stored.stream import JOB, STATE, Stream, chunks_of
 
 #: The layout of a checkpoint.
 LAYOUT = 8
+
+#: What made a checkpoint.
+VERSION = {"liouville": schema.TEXT, "layout": schema.integers(0)}
 
 #: The message in a folder of a run that is going on, or was cut off.
 CUT_OFF = "not finished: liouville.resume goes on with it"
@@ -161,11 +165,11 @@ def _restored(path: Path, checkpoint: int | str | None, clock: float) -> _Stored
     stream = Stream(runner, folder, chunks)
     try:
         stats = stream.restore(run, state)
-    except ValueError as error:
+    except (ValueError, KeyError, TypeError) as error:
         raise ValueError(_foreign(path, "whose state is of another run")) from error
     attributes = attributes_of(path)
     # no earlier: what is after the state may be lost
-    checksum.check_arrays(path, json.loads(attributes["order"]))
+    checksum.check_arrays(path, export.order_of(attributes, repr(str(path))))
     folder.describe({**attributes, "status": "interrupted", "message": CUT_OFF})
     return _StoredRun(runner, interval, run, stream, folder, clock - stats["seconds"])
 
@@ -296,8 +300,9 @@ def _status(path: Path) -> str:
     if not (path / CHECKPOINT / JOB).is_file():
         hint = "only integrate(..., store=) leaves what is needed for that; liouville.load reads it"
         raise ValueError(hinted(f"{str(path)!r} holds a solution, and no run to go on with", hint))
-    status: str = attributes_of(path)["status"]
-    made = attributes_of(path / CHECKPOINT)
+    where, attributes = repr(str(path)), attributes_of(path / CHECKPOINT)
+    status: str = schema.entry(attributes_of(path), "status", schema.TEXT, where)
+    made = {key: schema.entry(attributes, key, kind, where) for key, kind in VERSION.items()}
     if status != "done" and (made["liouville"], made["layout"]) != (_core.VERSION, LAYOUT):
         hint = f"go on with liouville {made['liouville']}; liouville.load reads what is there"
         sentence = _foreign(path, f"of liouville {made['liouville']}, and this is {_core.VERSION}")

@@ -66,6 +66,16 @@ class Field(Pickled, ABC):
         """Return the parameter vector with changes; ValueError names an unknown one."""
         return self._symbols.params.values(params)
 
+    def numbers(self, params: Mapping[str, ArrayLike] | np.ndarray | None) -> np.ndarray:
+        """Return the parameter vector, which may be given as :meth:`values` gives it."""
+        known = self.values(None)
+        if isinstance(params, np.ndarray) and (params.shape, params.dtype) == (
+            known.shape,
+            known.dtype,
+        ):
+            return params
+        return self.values(params)  # type: ignore[arg-type]  # another array is refused
+
     def start(self, start: Mapping[str, Any], members: bool = False) -> np.ndarray:
         """Check a start and return it as an array of shape (n,), or (P, n) for P members.
 

@@ -345,7 +345,7 @@ class PolynomialField(Field):
         ValueError
             There is no such parameter, or the field has a divergence then.
         """
-        values = params if isinstance(params, np.ndarray) else self.values(params)
+        values = self.numbers(params)
         if np.array_equal(values, self._values):
             return self
         other = copy(self)

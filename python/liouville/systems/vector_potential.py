@@ -238,7 +238,7 @@ class PotentialField(PlaneField):
         ValueError
             There is no such parameter.
         """
-        values = params if isinstance(params, np.ndarray) else self.values(params)
+        values = self.numbers(params)
         if np.array_equal(values, self._values):
             return self
         other = copy(self)

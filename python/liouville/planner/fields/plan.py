@@ -10,7 +10,7 @@ import numpy as np
 
 from liouville.errors import hinted
 from liouville.methods import VolumeSplitting
-from liouville.planner.plan import AGAIN, Plan, check_kinds, decoded, read_method
+from liouville.planner.plan import AGAIN, Plan, check_fields, decoded, read_method
 from liouville.splitting import Split, split
 from liouville.terms import Terms
 
@@ -159,7 +159,8 @@ class FieldPlan(Plan):
         plan = cls(method=method, trials=trials, **decoded(given))
         if plan.method.is_open and not (plan.has_planes and plan.method.order):
             raise ValueError("its method leaves something to choose")
-        check_kinds(plan, {"n": int, "terms": int, "seed": int, "h": float, "cost": float})
+        for each in (plan, *trials):
+            check_fields(each)
         counts = (("order", len(plan.order)), ("directions", plan.n if plan.directions else 0))
         for name, count in counts:
             if sorted(getattr(plan, name)) != list(range(count)):

@@ -11,7 +11,7 @@ import numpy as np
 from liouville import _core
 from liouville.errors import hinted
 from liouville.methods import Chebyshev, SchrodingerSplitting, WaveMethod
-from liouville.planner.plan import AGAIN, Plan, check_kinds, decoded
+from liouville.planner.plan import AGAIN, Plan, check_fields, decoded
 from liouville.planner.waves.driven import driving
 from liouville.planner.waves.propagators import (
     Driven,
@@ -161,14 +161,8 @@ class WavePlan(Plan):
         )
         if not isinstance(plan.method, WaveMethod):
             raise TypeError(f"its method is {plan.method!r}")
-        numbers = {"t0": float, "theta": float, "products": float}
-        check_kinds(plan, {"scheme": str, "guarantee": str, **numbers, "stops": tuple})
-        if not isinstance(plan.bound, float | None):
-            raise TypeError(f"bound is {plan.bound!r}")
-        for t, steps in plan.stops:
-            if not (isinstance(t, float) and isinstance(steps, int) and steps > 0):
-                raise TypeError(f"stops has {(t, steps)!r}")
-        low, high = plan.bounds
-        if not (plan.stops and low <= high):
-            raise ValueError("it has no steps or no bounds")
+        for each in (plan, core):
+            check_fields(each)
+        if not plan.stops:
+            raise ValueError("it has no steps")
         return plan

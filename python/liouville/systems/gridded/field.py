@@ -357,8 +357,7 @@ class GriddedField(PlaneField):
 
     def with_params(self, params: Mapping[str, ArrayLike] | np.ndarray | None) -> Self:
         """Return the field: it has no parameters; ValueError names one that is given."""
-        if not isinstance(params, np.ndarray):
-            self.values(params)
+        self.numbers(params)
         return self
 
     def start(self, start: Mapping[str, Any], members: bool = False) -> np.ndarray:
