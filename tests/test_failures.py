@@ -583,3 +583,46 @@ def test_the_last_good_state_is_kept_however_thin_the_output():
     assert kept.stats["steps"] == caught.value.step == round(10 * kept.t[-1])
     np.testing.assert_allclose(kept.t, [0, caught.value.step / 10], rtol=1e-15)
     np.testing.assert_allclose(kept.q[-1], every_step.q[caught.value.step], rtol=0, atol=1e-14)
+
+
+def long_runs():
+    chain = np.zeros(2**12, dtype=complex)
+    chain[5] = 1.0
+    wave = lv.Schrodinger((2**12, lambda x: 2 * x - np.roll(x, 1) - np.roll(x, -1)), bounds=(0, 4))
+    swing, turn = problems.load("pendulum"), problems.load("euler_top")
+    steps = {"t": (0, 1e5), "steps": 10**8, "every": 10**7}
+    x = np.tile(turn.start["x"], (3, 1))
+    return {
+        "mechanics": lambda: lv.integrate(swing.system, lv.Spark(2), **steps, **swing.start),
+        "field": lambda: lv.integrate(turn.system, lv.VolumeSplitting(), **steps, **turn.start),
+        "members": lambda: lv.ensemble(turn.system, lv.VolumeSplitting(), **steps, x=x),
+        "wave": lambda: lv.integrate(wave, lv.Chebyshev(1e-6), t=(0, 1e4), psi=chain),
+        "pullback": lambda: lv.vjp(
+            swing.system, lv.Spark(2), wrt=["v"], **steps, **swing.start
+        ),
+        "section": lambda: lv.section(
+            turn.system, lv.VolumeSplitting(), plane=turn.system.coordinates[0], t=(0, 1e6),
+            h=0.001, x=x,
+        ),
+        "tracing": lambda: lv.Lagrangian(lambda t, q, v, params: time.sleep(5), q=1),
+    }  # fmt: skip
+
+
+@pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="there are no alarms")
+@pytest.mark.parametrize("name", long_runs())
+def test_an_exception_of_a_signal_handler_is_raised_as_it_is(name):
+    alarm = TimeoutError("time is over")
+
+    def handler(number, frame):
+        raise alarm
+
+    before = signal.signal(signal.SIGALRM, handler)
+    try:
+        signal.setitimer(signal.ITIMER_REAL, 0.3)
+        with pytest.raises(TimeoutError) as raised:
+            long_runs()[name]()
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0)
+        signal.signal(signal.SIGALRM, before)
+    assert raised.value is alarm
+    assert not hasattr(alarm, "__notes__")

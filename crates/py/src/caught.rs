@@ -18,7 +18,11 @@ pub(crate) fn begin_slice(budget: Duration) {
 
 /// A place for the first exception; clones are the same place.
 #[derive(Clone, Default)]
-pub(crate) struct Caught(Arc<Mutex<Option<PyErr>>>);
+pub(crate) struct Caught {
+    error: Arc<Mutex<Option<PyErr>>>,
+    /// Whether a function of the model raises it, and not a handler of signals.
+    is_of_model: bool,
+}
 
 /// Works without the interpreter, and raises what a signal raised meanwhile: steps of the work look for it.
 pub(crate) fn attending<T: Send>(py: Python<'_>, work: impl FnOnce() -> T + Send) -> PyResult<T> {
@@ -28,12 +32,25 @@ pub(crate) fn attending<T: Send>(py: Python<'_>, work: impl FnOnce() -> T + Send
 }
 
 impl Caught {
+    /// A place for what a function of the model raises.
+    pub(crate) fn of_model() -> Self {
+        Self {
+            is_of_model: true,
+            ..Self::default()
+        }
+    }
+
+    /// Whether a function of the model raised what is here.
+    pub(crate) fn is_of_model(&self) -> bool {
+        self.is_of_model
+    }
+
     /// Keeps the exception of an outcome, if there is one; returns whether there is none.
     pub(crate) fn is_fine(&self, outcome: PyResult<()>) -> bool {
         let Err(error) = outcome else {
             return true;
         };
-        self.0
+        self.error
             .lock()
             .unwrap_or_else(PoisonError::into_inner)
             .get_or_insert(error);
@@ -42,7 +59,10 @@ impl Caught {
 
     /// The exception, if there is one.
     pub(crate) fn take(&self) -> Option<PyErr> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner).take()
+        self.error
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .take()
     }
 
     /// A token that is cancelled by a signal, such as Ctrl-C.

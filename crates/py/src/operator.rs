@@ -159,7 +159,7 @@ impl Operator {
     #[staticmethod]
     #[pyo3(signature = (n, function, is_driven = false))]
     fn product(n: usize, function: Py<PyAny>, is_driven: bool) -> Self {
-        let caught = Caught::default();
+        let caught = Caught::of_model();
         let product = Callable {
             n,
             function,

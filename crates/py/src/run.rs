@@ -12,7 +12,7 @@ use liouville_base::cancel;
 use liouville_base::run::{Advance, Failure, StartError, Status};
 use liouville_mechanics::run::Problem;
 use numpy::{PyArray1, PyArrayDyn, PyArrayMethods, PyReadonlyArray1};
-use pyo3::exceptions::PyMemoryError;
+use pyo3::exceptions::{PyException, PyMemoryError};
 use pyo3::intern;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -99,7 +99,8 @@ impl Run {
 #[pymethods]
 impl Run {
     /// Makes steps for `seconds`, or until there are `steps` in all; "paused", "done", or the error with the
-    /// step and its time. An exception raised inside a step is raised here.
+    /// step and its time. An exception of a signal is raised here, and so is one of a function of the model that is no
+    /// `Exception`; another ends the step, as "raised" with the exception as its cause.
     #[pyo3(signature = (seconds, steps = None))]
     fn advance<'py>(
         &mut self,
@@ -114,9 +115,21 @@ impl Run {
         begin_slice(budget);
         let status =
             py.detach(|| cancel::within(signals.cancel(), || run.advance_to(steps, budget)));
-        let mut caught = self.caught.iter().chain([&signals]);
-        if let Some(error) = caught.find_map(Caught::take) {
+        let caught = self.caught.iter().chain([&signals]);
+        let (of_model, of_signals): (Vec<_>, Vec<_>) = caught.partition(|x| x.is_of_model());
+        if let Some(error) = of_signals.into_iter().find_map(Caught::take) {
             return Err(error);
+        }
+        if let Some(error) = of_model.into_iter().find_map(Caught::take) {
+            if !error.is_instance_of::<PyException>(py) {
+                return Err(error);
+            }
+            let dict = PyDict::new(py);
+            dict.set_item("kind", "raised")?;
+            dict.set_item("cause", error)?;
+            dict.set_item("step", self.inner.done())?;
+            dict.set_item("start", self.inner.time())?;
+            return Ok(dict.into_any());
         }
         match status {
             Status::Paused => Ok("paused".into_pyobject(py)?.into_any()),

@@ -13,6 +13,7 @@ import numpy as np
 
 from liouville import _core
 from liouville._arguments import memory
+from liouville._handlers import raise_of_handler
 from liouville.control import Steps
 from liouville.errors import IntegrationError, hinted
 from liouville.failure import Failure, ending_of, summary_of
@@ -310,10 +311,10 @@ def report_progress(report: Report | None, run: _core.Run, steps: Steps) -> None
 
 def advance_slice(run: _core.Run, steps: int | None = None) -> Outcome:
     """Advance for a slice of time, to so many steps at most; returns how that ended."""
-    try:
-        return run.advance(SLICE, steps)
-    except Exception as error:  # of a function of the user's that makes products
-        return {"kind": "raised", "cause": error, "step": run.done, "start": run.t}
+    outcome: Outcome = run.advance(SLICE, steps)
+    if isinstance(outcome, dict) and outcome["kind"] == "raised":
+        raise_of_handler(outcome["cause"])
+    return outcome
 
 
 def failures_of(run: _core.Run, runner: Runner) -> dict[int, Failure]:

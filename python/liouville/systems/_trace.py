@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 
 from liouville import _casadi as ca
 from liouville._arguments import large_integers
+from liouville._handlers import raise_of_handler
 from liouville.errors import hinted
 from liouville.systems._call_errors import (
     complex_value,
@@ -301,6 +302,7 @@ def _call(what: str, function: Callable[..., Any], args: Args) -> Any:
             warnings.filterwarnings("ignore", r"\s*casadi: a numpy function", FutureWarning)
             value = function(*symbols, params.namespace)
     except Exception as error:
+        raise_of_handler(error)
         if is_undecided(error):
             raise undecided(what, function, error) from error
         if is_complex(error):
