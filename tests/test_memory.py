@@ -133,6 +133,66 @@ def test_memory_that_runs_out_unforeseen_is_an_error_with_the_solution_so_far(na
         assert "not fit in memory" in more[1]
 
 
+SWEEP = """
+import os, resource, sys
+os.environ["OPENBLAS_NUM_THREADS"] = "1"
+import numpy as np
+import liouville as lv
+from liouville.problems import load
+from liouville.runners import execute, runner
+
+n, many = 10**6, 300_000
+swing, turn = load("pendulum"), load("euler_top")
+wave = lv.Schrodinger((n, lambda x: 2 * x - np.roll(x, 1) - np.roll(x, -1)), bounds=(0.0, 4.0))
+psi = np.ones(n) / np.sqrt(n) + 0j
+x = np.random.default_rng(0).normal(size=(many, 3))
+q, v = np.tile([1.0, 0.0], (many, 1)), np.zeros((many, 2))
+at, split = turn.system.coordinates[0], lv.VolumeSplitting()
+acts = {{
+    "series": lambda: lv.integrate(wave, lv.Chebyshev(1e-6), t=(0.0, 0.5), psi=psi),
+    "shears": lambda: lv.integrate(wave, lv.SchrodingerSplitting(1e-6), t=(0.0, 0.5), psi=psi),
+    "section": lambda: lv.section(turn.system, split, plane=at, t=(0.0, 0.1), h=0.01, x=x),
+    "starts": lambda: lv.ensemble(
+        swing.system, lv.Spark(2), t=(0.0, 0.5), steps=1, q=q, v=v, threads=1
+    ),
+    "fields": lambda: lv.ensemble(turn.system, split, t=(0.0, 0.1), steps=1, x=x, threads=1),
+}}
+act = acts[{name!r}]
+execute.memory = lambda: 1e18
+runner.check_memory = lambda *_: None
+used = int(open("/proc/self/statm").read().split()[0]) * resource.getpagesize()
+_, hard = resource.getrlimit(resource.RLIMIT_AS)
+for room in {rooms}:
+    resource.setrlimit(resource.RLIMIT_AS, (used + room * 2**20, hard))
+    try:
+        act()
+        said = "done"
+    except (MemoryError, lv.IntegrationError) as error:
+        said = type(error).__name__
+    resource.setrlimit(resource.RLIMIT_AS, (hard, hard))
+    print(room, said, flush=True)
+"""
+
+
+@limited
+@pytest.mark.parametrize("name", ["series", "shears", "section", "starts", "fields"])
+@pytest.mark.parametrize(
+    "rooms",
+    [(35, 65, 100, 130), pytest.param(tuple(range(30, 151, 5)), marks=pytest.mark.slow)],
+    ids=["some", "all"],
+)
+def test_no_limit_of_memory_aborts_a_run(name, rooms):
+    alone = {**os.environ, "MALLOC_ARENA_MAX": "1"}
+    for room in rooms:  # each in a process of its own: what one has freed another may take
+        code = SWEEP.format(name=name, rooms=(room,))
+        found = subprocess.run(
+            [sys.executable, "-c", code],
+            capture_output=True, text=True, timeout=300, check=False, env=alone,
+        )  # fmt: skip
+        assert found.returncode == 0, (room, found.returncode, found.stderr[-500:])
+        assert found.stdout.startswith(f"{room} ")
+
+
 SAVED = """
 import os, resource, shutil
 os.environ["OPENBLAS_NUM_THREADS"] = "1"

@@ -9,8 +9,9 @@ use liouville_waves::method::Sweeper;
 use liouville_waves::problem::{
     Bond, Dense, Diagonals, Drive, HamiltonianAt, Kinetic, Potential, Spins,
 };
-use numpy::{PyArray1, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
-use pyo3::exceptions::PyValueError;
+use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
+use pyo3::exceptions::{PyMemoryError, PyValueError};
+use pyo3::intern;
 use pyo3::prelude::*;
 use std::sync::Arc;
 
@@ -37,6 +38,15 @@ struct Callable {
     caught: Caught,
 }
 
+/// A copy as an array, which NumPy makes: where there is no memory for it, it raises a `MemoryError`.
+fn array_of<'py>(py: Python<'py>, x: &[f64]) -> PyResult<Bound<'py, PyArray1<f64>>> {
+    let numpy = py.import(intern!(py, "numpy"))?;
+    let made = numpy.call_method1(intern!(py, "empty"), (x.len(),))?;
+    let array = made.cast_into::<PyArray1<f64>>()?;
+    array.readwrite().as_slice_mut()?.copy_from_slice(x);
+    Ok(array)
+}
+
 impl liouville_waves::problem::Product for Callable {
     fn size(&self) -> usize {
         self.n
@@ -48,7 +58,7 @@ impl liouville_waves::problem::Product for Callable {
 
     fn multiply(&self, nodes: &[(f64, f64)], x: &[f64], out: &mut [f64]) -> bool {
         self.caught.is_fine(Python::attach(|py| {
-            let (argument, function) = (PyArray1::from_slice(py, x), self.function.bind(py));
+            let (argument, function) = (array_of(py, x)?, self.function.bind(py));
             let product = if self.is_driven {
                 function.call1((nodes.to_vec(), argument))?
             } else {
@@ -315,6 +325,9 @@ impl Hamiltonian {
     /// The exception of a function that makes products, or else this error.
     fn explained(&self, error: StepError) -> PyErr {
         let raised = self.caught.iter().find_map(Caught::take);
-        raised.unwrap_or_else(|| refused(error))
+        raised.unwrap_or_else(|| match error {
+            StepError::NoMemory => PyMemoryError::new_err("products with H do not fit in memory"),
+            error => refused(error),
+        })
     }
 }

@@ -9,7 +9,7 @@ use crate::semi_explicit::SemiExplicit;
 use crate::split::Split;
 use crate::{job, schrodinger, split};
 use liouville_base::cancel;
-use liouville_base::run::{Advance, Failure, StartError, Status};
+use liouville_base::run::{Advance, Failure, StartError, Status, check};
 use liouville_mechanics::run::Problem;
 use numpy::{PyArray1, PyArrayDyn, PyArrayMethods, PyReadonlyArray1};
 use pyo3::exceptions::{PyException, PyMemoryError};
@@ -37,6 +37,7 @@ pub(crate) fn run<'py>(
     method: &Bound<'py, PyAny>,
     job: &Bound<'py, PyAny>,
 ) -> PyResult<Bound<'py, PyAny>> {
+    check_room(job)?;
     let problem = match system {
         System::General(problem) => Problem::General(problem.0.clone(), problem.1.clone()),
         System::Separable(problem) => Problem::Separable(problem.0.clone()),
@@ -52,6 +53,26 @@ pub(crate) fn run<'py>(
         }
     };
     Run::started(py, job::start(problem, method, job)?, Vec::new())
+}
+
+/// A start is copied, laid out for a method, and stepped: so many times its bytes are there at once, or more.
+const COPIES: usize = 3;
+
+/// Refuses a run where there is no memory for its start.
+fn check_room(job: &Bound<'_, PyAny>) -> PyResult<()> {
+    let start = job.getattr(intern!(job.py(), "start"))?;
+    let mut bytes = 0;
+    for part in start.try_iter()? {
+        bytes += part?
+            .getattr(intern!(job.py(), "nbytes"))?
+            .extract::<usize>()?;
+    }
+    check(COPIES.saturating_mul(bytes)).map_err(|_| {
+        let size = bytes as f64 / f64::from(1 << 20);
+        PyMemoryError::new_err(format!(
+            "a start of {size:.1} MiB leaves no memory for a run"
+        ))
+    })
 }
 
 /// Runs of Schrödinger equations as an ensemble: the Hamiltonian, method and job of each member.

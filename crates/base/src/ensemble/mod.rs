@@ -11,10 +11,11 @@ pub use records::RecordLayout;
 use crate::cancel;
 use crate::error::StepError;
 use crate::method::Stats;
-use crate::run::{Advance, Events, Failure, Status};
+use crate::run::{Advance, Events, Failure, Status, check_spare};
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use records::MemberRecords;
 use std::collections::VecDeque;
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -27,6 +28,9 @@ const LONGEST_TURN: f64 = 1e-2;
 const SHORTEST_TURN: f64 = 1e-4;
 /// in between so that every run has its turn in this time.
 const ROUND: f64 = 0.2;
+
+/// Once in so many blocks there must be memory to spare for those that begin.
+const BLOCKS: usize = 16;
 
 /// Members in lock-step, and their run once it has begun.
 struct MemberBlock {
@@ -69,6 +73,8 @@ pub struct Ensemble {
     queue: Mutex<Queue>,
     pool: Option<ThreadPool>,
     threads: usize,
+    /// How many blocks have begun.
+    begun: AtomicUsize,
     /// Whether a run is carried to its end before the next begins.
     is_aligned: bool,
     members: usize,
@@ -117,6 +123,7 @@ impl Ensemble {
                 .then(|| ThreadPoolBuilder::new().num_threads(threads).build().ok())
                 .flatten(),
             threads,
+            begun: AtomicUsize::new(0),
             members,
             t0,
         }
@@ -132,6 +139,14 @@ impl Ensemble {
         (ROUND * self.threads as f64 / runs as f64).clamp(SHORTEST_TURN, LONGEST_TURN)
     }
 
+    /// Begins the run of a block, whose memory is made without a check: once in so many there must be some to spare.
+    fn begun(&self, members: &[usize]) -> Result<Box<dyn Advance>, StepError> {
+        if self.begun.fetch_add(1, Ordering::Relaxed) % BLOCKS == BLOCKS - 1 {
+            check_spare()?;
+        }
+        (self.begin)(members)
+    }
+
     /// Gives turns to runs until the deadline, at least one.
     fn work(&self, start: Instant, budget: Duration, wanted: f64) {
         loop {
@@ -141,7 +156,7 @@ impl Ensemble {
             let left = budget.saturating_sub(start.elapsed());
             let begun = match block.run.take() {
                 Some(run) => Ok(run),
-                None => (self.begin)(&block.members),
+                None => self.begun(&block.members),
             };
             let mut run = match begun {
                 Ok(run) => run,

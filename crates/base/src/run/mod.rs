@@ -16,7 +16,7 @@ pub use events::{
     SubstepDetector, WatchedFunction, is_met_at, met_at_end, same_time,
 };
 pub use record::Records;
-pub use room::reserve;
+pub use room::{check, check_spare, refill, reserve, resize};
 pub use start::{Span, StartError};
 
 use crate::checkpoint::{Checkpoint, CheckpointMismatch, Count, Numbers};

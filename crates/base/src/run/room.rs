@@ -29,6 +29,51 @@ pub fn reserve(x: &mut Vec<f64>, more: usize) -> Result<(), StepError> {
     }
 }
 
+/// Makes an array of so many equal numbers, in the memory that it has where that is enough.
+///
+/// # Errors
+/// There is no memory for them; the array is empty.
+pub fn resize<T: Copy>(x: &mut Vec<T>, length: usize, value: T) -> Result<(), StepError> {
+    x.clear();
+    x.try_reserve_exact(length)
+        .map_err(|_| StepError::NoMemory)?;
+    x.resize(length, value);
+    Ok(())
+}
+
+/// Makes an array of these parts, one after another, in the memory that it has where that is enough.
+///
+/// # Errors
+/// There is no memory for them; the array is empty.
+pub fn refill<T: Copy>(x: &mut Vec<T>, parts: &[&[T]]) -> Result<(), StepError> {
+    x.clear();
+    let length = parts.iter().map(|part| part.len()).sum();
+    x.try_reserve_exact(length)
+        .map_err(|_| StepError::NoMemory)?;
+    parts.iter().for_each(|part| x.extend_from_slice(part));
+    Ok(())
+}
+
+/// Refuses work that takes so many bytes in arrays that are made without a check, where there is no memory for them.
+///
+/// # Errors
+/// There is none.
+pub fn check(bytes: usize) -> Result<(), StepError> {
+    if bytes < LITTLE || is_available(bytes) {
+        Ok(())
+    } else {
+        Err(StepError::NoMemory)
+    }
+}
+
+/// The same of the bytes that must remain for the rest of the program.
+///
+/// # Errors
+/// There are fewer.
+pub fn check_spare() -> Result<(), StepError> {
+    check(SPARE)
+}
+
 /// Makes room for exactly so many further numbers, unless nothing would be left to spare.
 fn has_grown(x: &mut Vec<f64>, more: usize) -> bool {
     if x.try_reserve_exact(more).is_err() {

@@ -6,6 +6,7 @@ use liouville_base::checkpoint::Checkpoint;
 use liouville_base::error::{Quantity, StepError};
 use liouville_base::observe::Observe;
 use liouville_base::real::Scalar;
+use liouville_base::run::{refill, reserve, resize};
 use liouville_base::simd::InstructionSet;
 use std::any::Any;
 use std::borrow::Cow;
@@ -93,6 +94,7 @@ impl Observer {
     ) -> Result<(), StepError> {
         if self.states {
             let turn = turning(phase);
+            reserve(row, 2 * q.len())?;
             row.extend(q.iter().zip(p).flat_map(|(q, p)| turn([*q, *p])));
         }
         row.push(squares(q, p).sqrt());
@@ -123,7 +125,9 @@ impl Observer {
             if is_by_rows {
                 return Ok(by_rows(sum, self.machine, x, &mut self.product));
             }
-            self.product.resize(x.len(), 0.0);
+            if self.product.len() != x.len() {
+                resize(&mut self.product, x.len(), 0.0)?;
+            }
             sum.multiply(self.machine, x, &mut self.product, &mut self.scratch)?;
             Ok(dot(x, &self.product))
         };
@@ -200,7 +204,10 @@ impl<S: Scalar> Observe<Wave<S>> for Observer {
             let from = row.len();
             let (q, p) = (part(&state.q, member), part(&state.p, member));
             if keeps_starts {
-                let parts = [q.to_vec(), p.to_vec()];
+                let mut parts = [Vec::new(), Vec::new()];
+                for (kept, part) in parts.iter_mut().zip([&q, &p]) {
+                    refill(kept, &[part])?;
+                }
                 self.starts.push((parts, state.phase));
             }
             let appended = self.append(member, t, ([&q, &p], state.phase), row);

@@ -3,6 +3,7 @@
 use super::kept::Kept;
 use super::{Drive, HamiltonianAt, Operator, Potential, Product, RowBlock, Update};
 use liouville_base::error::StepError;
+use liouville_base::run::resize;
 use liouville_base::simd::{InstructionSet, Stored};
 use liouville_fourier::FourierScratch;
 
@@ -331,9 +332,14 @@ fn apply<S: Stored>(
 ) -> Result<(), StepError> {
     let ProductScratch { from, to, .. } = scratch;
     for member in 0..S::MEMBERS {
-        from.clear();
-        from.extend(x.iter().map(|x| x.member(member)));
-        to.resize(x.len(), 0.0);
+        for part in [&mut *from, to] {
+            if part.len() != x.len() {
+                resize(part, x.len(), 0.0)?;
+            }
+        }
+        for (from, x) in from.iter_mut().zip(x) {
+            *from = x.member(member);
+        }
         if !product.multiply(nodes, from, to) {
             return Err(StepError::Interrupted);
         }

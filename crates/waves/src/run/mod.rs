@@ -14,7 +14,7 @@ use liouville_base::ensemble::{Ensemble, RecordLayout};
 use liouville_base::error::StepError;
 use liouville_base::method::Stepper;
 use liouville_base::real::{Lanes, WIDTH};
-use liouville_base::run::{Advance, BetweenTimes, Run, StartError};
+use liouville_base::run::{Advance, BetweenTimes, Run, StartError, resize};
 use liouville_base::simd::Stored;
 use prepared::Prepared;
 use std::sync::Arc;
@@ -88,7 +88,7 @@ pub fn start_each(
     let (layout, count, t0) = (layout.clone(), starters.len(), starters[0].job.t0);
     let begin = move |members: &[usize]| {
         let own = &starters[members[0]];
-        own.single(0, 1, CancelToken::of_thread(), own.in_lanes(&[0]))
+        own.single(0, 1, CancelToken::of_thread(), own.in_lanes(&[0])?)
     };
     let ensemble = Ensemble::new(Box::new(begin), (count, 1), threads, layout, t0);
     Ok(Box::new(ensemble))
@@ -159,7 +159,7 @@ impl Starter {
     /// A run of these members in lock-step.
     fn block(&self, members: &[usize]) -> Begun {
         let stepper = self.method.lockstep::<Lanes<WIDTH>>(self.sweeper(1));
-        self.launch(stepper, members.len(), self.in_lanes(members))
+        self.launch(stepper, members.len(), self.in_lanes(members)?)
     }
 
     /// All members: in lock-step if they share a matrix by rows and are not too few.
@@ -178,7 +178,7 @@ impl Starter {
         let layout = self.layout();
         let begin = move |members: &[usize]| match members {
             [member] => {
-                let state = self.in_lanes(&[*member]);
+                let state = self.in_lanes(&[*member])?;
                 self.single(*member, 1, CancelToken::of_thread(), state)
             }
             _ => self.block(members),
@@ -205,18 +205,19 @@ impl Starter {
     }
 
     /// Wave functions in lock-step; places without a member follow the last.
-    fn in_lanes<S: Stored>(&self, members: &[usize]) -> Wave<S> {
+    fn in_lanes<S: Stored>(&self, members: &[usize]) -> Result<Wave<S>, StepError> {
         let n = self.job.n;
         let part = |part: usize| {
-            let mut values = vec![S::splat(0.0); n];
+            let mut values = Vec::new();
+            resize(&mut values, n, S::splat(0.0))?;
             for (i, value) in values.iter_mut().enumerate() {
                 for place in 0..S::MEMBERS {
                     let member = members[place.min(members.len() - 1)];
                     value.set_member(place, self.job.psi[part][member * n + i]);
                 }
             }
-            values
+            Ok(values)
         };
-        Wave::new(part(0), part(1))
+        Ok(Wave::new(part(0)?, part(1)?))
     }
 }

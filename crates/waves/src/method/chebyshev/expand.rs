@@ -6,6 +6,7 @@ use super::super::{Move, Sink, squares};
 use super::{Chebyshev, Series};
 use crate::problem::Update;
 use liouville_base::error::StepError;
+use liouville_base::run::{refill, resize};
 use liouville_base::simd::Stored;
 
 /// Relative growth of T_k(G) u that is no rounding error, and the part of k² ε that is one.
@@ -86,8 +87,7 @@ impl<S: Stored> Chebyshev<S> {
         let size = self.turns[0].len();
         let count = self.kept[series].c.iter().map(Vec::len).max();
         let count = count.unwrap_or(0);
-        self.turns[1].clear();
-        self.turns[1].resize(size, S::splat(0.0));
+        resize(&mut self.turns[1], size, S::splat(0.0))?;
         let mut k = 0;
         while k < count {
             let last = count.min(k + AT_ONCE);
@@ -149,8 +149,7 @@ impl<S: Stored> Chebyshev<S> {
         let rows = self.sweeper.hamiltonian().size();
         if self.lengths.len() == 1 {
             for sum in &mut self.next {
-                sum.clear();
-                sum.resize(rows, S::splat(0.0));
+                resize(sum, rows, S::splat(0.0))?;
             }
         } else {
             self.outputs.reset(rows, self.lengths.len())?;
@@ -158,17 +157,14 @@ impl<S: Stored> Chebyshev<S> {
         }
         if self.sweeper.hamiltonian().is_doubled() {
             // the terms are complex vectors (q, p): even ones are summed in (C, C'), odd ones in (S, S')
-            self.turns[0].clear();
-            self.turns[0].extend_from_slice(parts[0]);
-            self.turns[0].extend_from_slice(parts[1]);
+            refill(&mut self.turns[0], &parts)?;
             return self.expand(series, 0, 1.0);
         }
         for (to, part) in parts.into_iter().enumerate() {
             if is_zero(part) {
                 continue;
             }
-            self.turns[0].clear();
-            self.turns[0].extend_from_slice(part);
+            refill(&mut self.turns[0], &[part])?;
             // −i q goes to −p, −i (i p) to q
             let expanded = self.expand(series, to, if to == 0 { -1.0 } else { 1.0 })?;
             if expanded != Expanded::Yes {
@@ -240,12 +236,14 @@ impl<S: Stored> Chebyshev<S> {
     }
 
     /// Sets `next` to an output.
-    pub(super) fn read(&mut self, output: usize, n: usize) {
+    pub(super) fn read(&mut self, output: usize, n: usize) -> Result<(), StepError> {
         let [even, odd] = &mut self.next;
         if self.lengths.len() > 1 {
             let rows = self.sweeper.hamiltonian().size();
             for (part, sum) in [&mut *even, &mut *odd].into_iter().enumerate() {
-                sum.resize(rows, S::splat(0.0));
+                if sum.len() != rows {
+                    resize(sum, rows, S::splat(0.0))?;
+                }
                 self.outputs.read(output, part, sum);
             }
         }
@@ -258,6 +256,7 @@ impl<S: Stored> Chebyshev<S> {
             odd.extend_from_slice(p);
             even.truncate(n);
         }
+        Ok(())
     }
 }
 

@@ -222,7 +222,7 @@ impl<S: Stored> Stepper for Chebyshev<S> {
             }
             self.is_lost = false;
         }
-        self.read(output, state.q.len());
+        self.read(output, state.q.len())?;
         let [q, p] = &self.next;
         guard(squares(q, p), state.start, self.guard, t + h)?;
         state.q.copy_from_slice(q);

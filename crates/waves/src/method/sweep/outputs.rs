@@ -7,6 +7,7 @@
 use super::Sweeper;
 use super::sink::{copy, tile_rows, tiled};
 use liouville_base::error::StepError;
+use liouville_base::run::resize;
 use liouville_base::simd::{ForEach, Kernel, Number, SimdView, SimdViews, Stored};
 
 /// Multiplications between two polls for cancellation.
@@ -40,7 +41,7 @@ impl<S: Stored> Outputs<S> {
     /// There is no memory for them.
     pub fn reset(&mut self, rows: usize, count: usize) -> Result<(), StepError> {
         (self.rows, self.count) = (rows, count);
-        fill(&mut self.values, tiled::<S>(rows, 2 * count))
+        resize(&mut self.values, tiled::<S>(rows, 2 * count), S::splat(0.0))
     }
 
     /// Copies a sum of an output.
@@ -85,7 +86,7 @@ impl<S: Stored> TermBlock<S> {
     /// There is none.
     pub fn reset(&mut self, rows: usize, count: usize) -> Result<(), StepError> {
         (self.rows, self.count) = (rows, count);
-        fill(&mut self.tiles, tiled::<S>(rows, count))
+        resize(&mut self.tiles, tiled::<S>(rows, count), S::splat(0.0))
     }
 
     /// The terms, for moves that make them.
@@ -111,14 +112,6 @@ impl<S: Stored> TermBlock<S> {
         self.taken.push(self.weights.len() - start);
         self.weights.resize(start + self.count, 0.0);
     }
-}
-
-fn fill<S: Stored>(x: &mut Vec<S>, length: usize) -> Result<(), StepError> {
-    x.clear();
-    x.try_reserve_exact(length)
-        .map_err(|_| StepError::NoMemory)?;
-    x.resize(length, S::splat(0.0));
-    Ok(())
 }
 
 impl<S: Stored> Sweeper<S> {
