@@ -343,3 +343,17 @@ def test_a_double_pendulum_in_micrometres():
     start = m.start(values={"A": 0.3}, rates={"B": 1.0})
     run = lv.integrate(m.system(), lv.Spark(3), t=(0, 0.1), h=0.01, **start)
     assert run.status == "done"
+
+
+@pytest.mark.parametrize("gap", [1e-12, 1e-6, 1e-4])
+def test_constraints_that_contradict_each_other_have_no_start(gap):
+    def twice(t, q, params):
+        return {"a": ca.sumsqr(q) - 1, "b": 2 * (ca.sumsqr(q) - 1 - gap)}
+
+    system = lv.Lagrangian(lambda t, q, v, params: ca.sumsqr(v) / 2 - q[1], twice, q=2)
+    if gap < 1e-9:  # a rounding
+        moved = system.consistent(q=[1.3, 0.2], v=[0.0, 1.0])
+        assert abs(moved["q"] @ moved["q"] - 1) < 1e-11
+        return
+    with pytest.raises(ValueError, match="'a' and 'b' are redundant"):
+        system.consistent(q=[1.3, 0.2], v=[0.0, 1.0])

@@ -500,3 +500,28 @@ def test_a_second_reset_at_the_end_is_left_out_where_the_first_turns_the_motion(
         run = lv.integrate(FREE, lv.Spark(2), t=(0, end), h=0.25, q=[0], v=[1], events=events)
         assert [len(points) for points in run.events.values()] == [1, 0]
         assert run.v[-1, 0] == -0.5
+
+
+def test_hits_that_are_short_but_do_not_shrink_end_the_run_too():
+    free = lv.Lagrangian(lambda t, q, v, params: ca.sumsqr(v) / 2, q=1)
+    width, impact = 1e-9, lv.Impact(1.0)
+    walls = {
+        "left": lv.Event(lambda t, q, v, lam, params: q[0], "down", reset=impact),
+        "right": lv.Event(lambda t, q, v, lam, params: width - q[0], "down", reset=impact),
+    }
+    run = lv.integrate(free, lv.Spark(2), t=(0, 0.1), steps=1, q=[width / 2], v=[1.0], events=walls)
+    hits = np.sort(np.concatenate([run.events[name].t for name in walls]))
+    assert "accumulate" in run.message
+    assert 64 <= len(hits) < 1000
+    assert np.abs(np.diff(hits) / width - 1).max() < 1e-6
+    # wider, each of as many hits is one
+    width = 1e-6
+    run = lv.integrate(
+        free, lv.Spark(2), t=(0, 2e-4), steps=1, q=[width / 2], v=[1.0],
+        events={
+            "left": walls["left"],
+            "right": lv.Event(lambda t, q, v, lam, params: width - q[0], "down", reset=impact),
+        },
+    )  # fmt: skip
+    assert run.message == ""
+    assert sum(len(x.t) for x in run.events.values()) == 200
