@@ -9,6 +9,7 @@ import re
 import signal
 import subprocess
 import sys
+import time
 from functools import cache
 
 import casadi as ca
