@@ -385,3 +385,33 @@ def test_an_event_at_the_end_of_a_run_is_of_that_run():
         end = {"y": run.y[-1], "z": run.z[-1]}
         again = lv.integrate(pendulum(), lv.Spark(3), t=(0.6, 0.8), **call, **end)
         assert [len(points) for points in again.events.values()] == [0, 0]
+
+
+GROWING = lv.SemiExplicit(
+    field=lambda t, y, z, p: [z[0] * y[0] - y[0], 1e307 + 0 * t],
+    constraint=lambda t, y, p: {"c": y[0] - ca.cos(t)},
+    y=2,
+    z=1,
+)
+
+
+def test_a_state_that_overflows_is_no_result():
+    call = {"t": (0.0, 100.0), "steps": 100}
+    for kept in ({}, {"every": 50}, {"states": False}, {"t_eval": [5.0, 100.0]}):
+        with pytest.raises(lv.IntegrationError, match="'y1' is not finite") as caught:
+            lv.integrate(GROWING, lv.Spark(2), y=[1.0, 0.0], **call, **kept)
+        assert caught.value.step == 17
+    both = lv.ensemble(GROWING, lv.Spark(2), y=[[1.0, 0.0], [1.0, -1.7e308]], **call)
+    assert {k: x.step for k, x in both.failures.items()} == {0: 17, 1: 34}
+
+
+@pytest.mark.parametrize("method", [lv.Spark(2), lv.LobattoPair(), lv.HHT()], ids=repr)
+def test_coordinates_that_overflow_are_no_result(method):
+    free = lv.Lagrangian(lambda t, q, v, p: ca.dot(v, v) / 2, q=("x", "y"))
+    call = {"t": (0.0, 1e170), "steps": 10}
+    start = {"q": [0.0, 1.7e308], "v": [0.0, 1e150]}
+    for states in (True, False):
+        with pytest.raises(lv.IntegrationError):
+            lv.integrate(free, method, **call, **start, states=states)
+    many = lv.ensemble(free, method, **call, q=[start["q"], [0, 0]], v=[start["v"], [0, 0]])
+    assert 0 in many.failures

@@ -31,6 +31,7 @@ use liouville_base::linalg::{add_scaled, copy, max_norm, sum_compensated};
 use liouville_base::method::{Stats, Stepper, Symmetric};
 use liouville_base::newton::{self, Backoff, Continuation, Equations, Predictor};
 use liouville_base::tableau::Spark;
+use liouville_problem::finite_state;
 use newton_matrix::CollocationMatrix;
 use stages::{CollocationStages, CollocationStep};
 pub use tangent::{Index2Adjoint, Index2Tangents, SemiExplicitTangentObserver};
@@ -207,6 +208,7 @@ impl Stepper for Index2 {
         copy(&mut self.y_low, &state.y_low);
         self.stages.add_moves(&mut self.y_low);
         sum_compensated(&state.y, &mut self.y_low, &mut self.y);
+        finite_state(&self.y, t + h)?;
         self.begin_estimate(t, state);
         copy(&mut state.y, &self.y);
         copy(&mut state.y_low, &self.y_low);

@@ -43,7 +43,7 @@ pub use energy::{EnergyChange, EnergyColumns, EnergyWatch, KineticColumns};
 pub use estimate::Estimate;
 pub use kinetic::Kinetic;
 pub use mass::Mass;
-pub use model::{Model, finite, finite_k};
+pub use model::{Model, finite, finite_k, finite_state};
 pub use monitor::{TimeScale, Traced};
 pub use nonholonomic::diagnose_rank_all;
 pub use nonholonomic::{Nonholonomic, NonholonomicPatterns};

@@ -279,6 +279,21 @@ fn not_finite<R: Real>(values: &[R], quantity: Quantity, t: f64) -> StepError {
     StepError::NotFinite { quantity, index, t }
 }
 
+/// Refuses a state that has overflown.
+///
+/// # Errors
+/// [`StepError::Overflow`] for the first coordinate that is not finite.
+pub fn finite_state<R: Real>(x: &[R], t: f64) -> Result<(), StepError> {
+    match x.iter().position(|x| !x.all(f64::is_finite)) {
+        Some(index) => Err(StepError::Overflow {
+            index,
+            member: 0,
+            t,
+        }),
+        None => Ok(()),
+    }
+}
+
 /// [`finite`] of k, whose constraints come after the m holonomic ones.
 ///
 /// # Errors

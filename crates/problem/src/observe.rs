@@ -1,6 +1,9 @@
 //! Records of a mechanical or semi-explicit system at an output point.
 
-use super::{Acceleration, Dynamics, Mechanical, Model, State, TangentView, model::finite};
+use super::{
+    Acceleration, Dynamics, Mechanical, Model, State, TangentView, model::finite,
+    model::finite_state,
+};
 use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch, Numbers};
 use liouville_base::error::{Quantity, StepError};
 use liouville_base::observe::Observe;
@@ -90,6 +93,8 @@ impl<M: Dynamics> Observer<M> {
         state: &S,
         row: &mut Vec<f64>,
     ) -> Result<(), StepError> {
+        finite_state(state.y(), t)?;
+        finite_state(state.z(), t)?;
         if let Some(states) = &mut self.states {
             self.model.solve_lam(states, t, state.y(), state.z())?;
             row.extend_from_slice(state.y());
@@ -216,6 +221,8 @@ impl<R: Real> Together<R> {
         members: usize,
         row: &mut Vec<f64>,
     ) -> Result<(), StepError> {
+        finite_state(&state.y, t)?;
+        finite_state(&state.z, t)?;
         if let Some(states) = &mut self.states {
             states.solve(&mut self.model, t, &state.y, &state.z)?;
         }
