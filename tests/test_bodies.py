@@ -575,6 +575,20 @@ def test_springs_bushings_and_forces_act_as_in_minimal_coordinates():
     solution = run(system, m.start())
 
     def length(q):
+def test_roundings_of_a_tiny_moment_of_inertia_shorten_no_steps():
+    """A rod with 1e-12 of its inertia about its axis had taken 1.4 million steps instead of 33."""
+    found = {}
+    for moment in (1e-6, 1e-12):
+        m = lv.bodies.Assembly(gravity=G)
+        m.body("rod", mass=1.0, inertia=(0.1, 0.1, moment), at=(0, 0, -1))
+        m.spherical("S", m.ground, "rod", at=(0, 0, 0))
+        start = m.start(rates={"S": (1.0, 0.5, 0.0)})
+        found[moment] = lv.integrate(m.system(), lv.Spark(4), t=(0, 2), rtol=1e-8, **start)
+    places = [run.body("rod").position[-1] for run in found.values()]
+    assert off(*places) < 1e-8
+    assert found[1e-12].stats["steps"] < 300
+
+
         return ca.norm_2(q)
 
     plain = lv.Lagrangian(

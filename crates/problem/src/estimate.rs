@@ -34,6 +34,8 @@ pub struct Estimate<S = State> {
     error: f64,
     /// The power of h of an error that was raised.
     raised: Option<f64>,
+    /// What roundings change each velocity by: that much of a defect is no error of a step.
+    noise: Vec<f64>,
 }
 
 /// c_s. Errors of methods of few stages pass zeros at other places than e does, and those of Lobatto
@@ -70,6 +72,7 @@ impl<S: Carried + Clone> Estimate<S> {
             off: f64::INFINITY,
             error: f64::INFINITY,
             raised: None,
+            noise: Vec::new(),
         }
     }
 
@@ -86,11 +89,11 @@ impl<S: Carried + Clone> Estimate<S> {
         let before = self.before.as_ref().unwrap_or(state);
         let ends = [before.y(), state.y()];
         let (rows, n) = (velocities.rows(), state.y().len());
-        let off = |weights: &[f64]| {
-            let of = |k: usize| (0..rows).map(|i| weights[i] * velocities[(i, k)]).sum();
+        let off = [0, 1].map(|end| {
+            let of = |k: usize| self.defect(velocities, end, k);
             self.tolerance.weigh(ends, (0..n).map(of))
-        };
-        let off = off(&self.weights[0]).max(off(&self.weights[1]));
+        });
+        let off = off[0].max(off[1]);
         let speeds = (0..rows).map(|i| {
             self.tolerance
                 .weigh(ends, velocities.row(i).iter().copied())
@@ -110,7 +113,17 @@ impl<S: Carried + Clone> Estimate<S> {
     /// What the polynomial of the stages misses of a velocity at the start, 0, or at the end, 1.
     pub fn defect(&self, velocities: &Matrix, end: usize, k: usize) -> f64 {
         let weights = self.weights[end].iter().enumerate();
-        weights.map(|(i, weight)| weight * velocities[(i, k)]).sum()
+        let defect: f64 = weights.map(|(i, weight)| weight * velocities[(i, k)]).sum();
+        match self.noise.get(k) {
+            Some(noise) => defect.signum() * (defect.abs() - noise).max(0.0),
+            None => defect,
+        }
+    }
+
+    /// Takes what roundings change each velocity by.
+    pub fn set_noise(&mut self, noise: &[f64]) {
+        self.noise.clear();
+        self.noise.extend_from_slice(noise);
     }
 
     /// The error, in units of the tolerance.

@@ -3,9 +3,15 @@
 use super::Spark;
 use super::kinks::{self, Kinks};
 use super::velocity_error::VelocityError;
+use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch, Numbers};
 use liouville_base::error::StepError;
 use liouville_base::method::{Estimating, Tolerance};
-use liouville_problem::{Estimate, State};
+use liouville_problem::{Estimate, Mass, Model, State};
+
+/// Solutions of stage equations are off by some of so many roundings.
+const ROUNDINGS: f64 = 1024.0;
+/// Roundings are looked for where a step is this part of the longest since they last were.
+const SHORT: f64 = 0.125;
 
 impl Spark {
     /// The same, with errors estimated in units of a tolerance.
@@ -13,6 +19,7 @@ impl Spark {
     pub fn estimating(mut self, tolerance: Tolerance) -> Self {
         let estimate = Estimate::new(&self.tableau, tolerance);
         self.estimate = Some(Box::new(estimate));
+        self.noise = Noise::new(self.model.problem.n);
         self.kinks = Kinks::new(&self.model, &self.tableau);
         self.velocity_error = VelocityError::new(self.model.problem.n);
         self
@@ -30,6 +37,10 @@ impl Spark {
         let Some(estimate) = &mut self.estimate else {
             return;
         };
+        if self.noise.is_heard_at(h) {
+            self.noise.hear(&mut self.model, t + h, state);
+            estimate.set_noise(&self.noise.velocities);
+        }
         estimate.measure(self.predictor.velocities(), h, state);
         self.kinks.begin();
         self.velocity_error.begin();
@@ -75,6 +86,72 @@ impl Spark {
         Ok(estimate
             .tolerance
             .first_step(&state.y, [acceleration; 2], span))
+    }
+}
+
+/// What roundings of momenta change velocities by: much, where a moment of inertia is tiny.
+///
+/// It is looked for where steps become so short that it may be the cause.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Noise {
+    velocities: Vec<f64>,
+    /// The longest step since it was last looked for.
+    longest: f64,
+}
+
+impl Noise {
+    /// That of a system with so many coordinates, which is none yet.
+    fn new(n: usize) -> Self {
+        Self {
+            velocities: vec![0.0; n],
+            longest: 0.0,
+        }
+    }
+
+    fn is_heard_at(&mut self, h: f64) -> bool {
+        let is_short = h.abs() < SHORT * self.longest;
+        self.longest = if is_short {
+            h.abs()
+        } else {
+            self.longest.max(h.abs())
+        };
+        is_short
+    }
+
+    /// Finds by how much velocities change with momenta that are off by roundings, in two patterns of signs.
+    fn hear(&mut self, model: &mut Model, t: f64, state: &State) {
+        let mut mass = Mass::new(model);
+        if mass.update(model, t, &state.y, &state.z).is_err() {
+            return;
+        }
+        self.velocities.fill(0.0);
+        for flipped in 0..2 {
+            let momenta = state.p.iter().enumerate();
+            let off = momenta.map(|(k, p)| if k % 2 == flipped { -p.abs() } else { p.abs() });
+            let mut off: Vec<f64> = off.map(|p| ROUNDINGS * f64::EPSILON * p).collect();
+            mass.solve_velocity(&mut off);
+            for (noise, off) in self.velocities.iter_mut().zip(off) {
+                *noise = noise.max(off.abs());
+            }
+        }
+    }
+}
+
+// Where errors do not control the steps nothing is saved, as of members in lock-step.
+impl Checkpoint for Noise {
+    fn save(&self, member: usize, out: &mut dyn Numbers) {
+        if !self.velocities.is_empty() {
+            self.longest.save(member, out);
+            self.velocities.save(member, out);
+        }
+    }
+
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
+        if self.velocities.is_empty() {
+            return Ok(());
+        }
+        self.longest.restore(member, saved)?;
+        self.velocities.restore(member, saved)
     }
 }
 

@@ -111,6 +111,7 @@ pub struct Spark {
     predictor: Predictor,
     /// The error estimate, where steps are controlled by errors.
     estimate: Option<Box<Estimate>>,
+    noise: estimate::Noise,
     /// Whether steps are refused that only continuation might solve, as shorter ones are made in their place.
     is_shortened: bool,
     /// Whether a controlled step is made by all attempts, as shorter ones have failed too.
@@ -144,6 +145,7 @@ impl Spark {
             predictor: Predictor::new(&model, &tableau),
             general,
             estimate: None,
+            noise: estimate::Noise::default(),
             is_shortened: false,
             insists: false,
             kinks: Kinks::default(),
@@ -175,6 +177,7 @@ impl Spark {
         self.kinks = Kinks::default();
         self.velocity_error = VelocityError::default();
         self.estimate = None;
+        self.noise = estimate::Noise::default();
         (self.is_shortened, self.insists) = (false, false);
         (self.schur_backoff, self.backoff) = Default::default();
         self.stats = Stats::default();
@@ -309,6 +312,7 @@ liouville_base::checkpoint!(Spark {
     predictor,
     kinks,
     velocity_error,
+    noise,
     schur_backoff,
     backoff
 });

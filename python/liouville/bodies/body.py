@@ -193,7 +193,7 @@ def check_numbers(name: str, kind: str, mass: float, entries: NDArray[np.float64
     moments = np.linalg.eigvalsh(entries)
     if not moments[0] > 0:
         sentence = f"{what} has the principal moment {moments[0]:.3g}, and wants positive ones"
-        hint = "a thin rod takes a small moment about its axis, a point m.point_mass"
+        hint = "a thin rod takes 1e-8 of the others about its axis, a point m.point_mass"
         raise ValueError(hinted(sentence, hint))
     if moments[0] + moments[1] < moments[2] * (1 - TRIANGLE):
         raise ValueError(
