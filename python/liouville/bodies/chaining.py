@@ -22,7 +22,7 @@ Effort = Callable[..., Any]
 
 @dataclass(frozen=True, eq=False)
 class Gear:
-    """A relation between the rates of joints: the sum of factors times rates is zero."""
+    """A relation between joints: the sum of factors times values is zero, or that of the rates."""
 
     name: str
     ratios: Mapping[tuple[str, str], Value]
@@ -31,6 +31,12 @@ class Gear:
     def uses(self) -> set[str]:
         """The joints that it relates."""
         return {joint for joint, _ in self.ratios}
+
+    @property
+    def joints(self) -> tuple[tuple[str, str], ...]:
+        """Joints and coordinates whose values it relates, none where one has a rate alone."""
+        has_values = all(coordinate not in RATES for _, coordinate in self.ratios)
+        return tuple(self.ratios) if has_values else ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,8 +163,10 @@ class Chaining(Registry):
         return Axis(name, turns, tuple(float(x) for x in own), point)
 
     def gear(self, name: str, ratios: Mapping[str, Value]) -> None:
-        """Keep the sum of factors times rates of joints at zero: a gear, a rack, a differential.
+        """Keep the sum of factors times values of joints at zero: a gear, a rack, a differential.
 
+        Values are zero as drawn, angles count turns, and so the phase of the teeth is kept. Where
+        a joint has rates alone, as a ball joint has, it is the sum of factors times rates.
         Factors of equal signs make the joints turn opposite ways, as wheels outside each other do.
 
         Parameters

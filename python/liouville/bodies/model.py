@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -21,7 +21,7 @@ from liouville.bodies.body import (
     row,
     stacked,
 )
-from liouville.bodies.chaining import Coupling
+from liouville.bodies.chaining import Coupling, Gear
 from liouville.bodies.compound import grouped, rotors
 from liouville.bodies.elements import (
     Efforts,
@@ -37,9 +37,6 @@ from liouville.bodies.normal_forces import multipliers, normal_forces, pushes
 from liouville.bodies.poses import Poses, kinetic
 from liouville.bodies.rolling import is_across, rolled
 from liouville.systems.traced import HALF_TURN
-
-if TYPE_CHECKING:
-    from liouville.bodies.chaining import Gear
 
 
 @dataclass(frozen=True)
@@ -90,8 +87,8 @@ class Model:
         layout: Layout,
     ) -> None:
         self.bodies, self.joints, self.elements = bodies, joints, elements
-        self.couplings = [x for x in gears if isinstance(x, Coupling)]
-        self.gears = [x for x in gears if not isinstance(x, Coupling)]
+        self.couplings = [x for x in gears if x.joints]
+        self.gears = [x for x in gears if isinstance(x, Gear) and not x.joints]
         self.gravity, self.layout = gravity, layout
         self.indices = {body.name: k for k, body in enumerate(bodies)} | {"ground": len(bodies)}
         self.is_nonholonomic = bool(self.gears) or any("rolling" in x.kind for x in joints)
@@ -157,9 +154,13 @@ class Model:
             units | rows | {coupling.name: self._coupled(coupling) for coupling in self.couplings}
         )
 
-    def _coupled(self, coupling: Coupling) -> ca.SX:
-        """Return what a coupling holds at zero."""
+    def _coupled(self, coupling: Gear | Coupling) -> ca.SX:
+        """Return what a coupling or a gear of values holds at zero."""
         value: ca.SX
+        if isinstance(coupling, Gear):
+            values = [self.coordinates[joint][0] for joint in coupling.ratios]
+            factors = [column(factor, self.params, 1) for factor in coupling.ratios.values()]
+            return ca.dot(ca.vertcat(*factors), ca.vertcat(*values))
         value, *other = (self.coordinates[joint][0] for joint in coupling.joints)
         for k, factor in enumerate(coupling.coefficients):
             value = value - factor * (other[0] ** k if k else 1)
