@@ -122,6 +122,36 @@ def test_energy_takes_the_symmetric_part_and_no_loads():
         np.testing.assert_allclose(values[:, first], wanted, rtol=1e-13)
 
 
+def test_the_skew_part_of_a_stiffness_is_a_force_whose_work_counts():
+    turning = np.array([[0.0, 0.8, 0.0], [-0.8, 0.0, 0.0], [0.0, 0.0, 0.0]])
+    mass = np.diag([2.0, 1.0, 3.0])
+    stiffness = np.array([[5.0, -2, 0], [-2, 6, -3], [0, -3, 4]])
+    own = lv.Structure(mass, stiffness + turning)
+    forced = lv.Structure(
+        mass, stiffness, force=lambda t, q, v, p: {"q0": -0.8 * q[1], "q1": 0.8 * q[0]}
+    )
+    assert not own.is_conservative
+    call = {"t": (0, 20), "q": [1, 0, -0.5], "v": [0.2, 0.3, 0]}
+    damped = [lv.integrate(x, lv.HHT(), rtol=1e-5, **call) for x in (own, forced)]
+    assert [run.message for run in damped] == ["", ""]
+    works = [run.work[-1] for run in damped]
+    assert works[0] == pytest.approx(works[1], rel=1e-6)
+    assert works[0] > 0.3
+    balance = lv.power_balance(lv.integrate(own, lv.Spark(3), h=0.02, **call))
+    assert np.max(balance.defect) < 1e-11
+    flutter = lv.Structure(np.eye(2), [[1, 0.5], [-0.5, 1]], 0.01 * np.eye(2))
+    run = lv.integrate(flutter, lv.Spark(3), t=(0, 30), h=0.1, q=[1, 0], v=[0, 0])
+    assert np.ptp(run.invariants["energy"]) > 1
+    assert run.message == ""
+
+
+def test_a_mass_matrix_is_symmetric_to_roundoff():
+    off = np.triu(MASS, 1) * 1e-15
+    assert structure(mass=MASS + off).is_conservative is False
+    with pytest.raises(ValueError, match=r"not symmetric: mass\[0, 1\] is 1 and mass\[1, 0\] is 0"):
+        lv.Structure(np.array([[2.0, 1.0], [0.0, 2.0]]), np.eye(2))
+
+
 def test_a_diagonal_is_an_array_and_a_load_may_be_constant():
     system = lv.Structure([2.0, 4.0], force=[2.0, -4.0], invariants={"x": lambda t, q, v, p: q[0]})
     assert repr(system) == "Structure(q0, q1; 0 constraints)"

@@ -16,6 +16,9 @@ from liouville.tape import Part
 #: Rows, columns, and the row and column of each entry.
 Pattern = tuple[int, int, np.ndarray, np.ndarray]
 
+#: A matrix is symmetric where its skew part is below this part of its largest entry.
+SYMMETRIC = 1e-12
+
 #: A term of a tape: first output, input group, factor and matrix.
 Term = tuple[int, int, float, _core.Rows]
 
@@ -80,6 +83,22 @@ class Matrix:
     def col(self) -> np.ndarray:
         """The column of each entry."""
         return self.places // self.n
+
+    @property
+    def skew(self) -> Matrix | None:
+        """Half the difference from the transposed; None where that is roundoff."""
+        mirrored = self.row.astype(np.int64) * self.n + self.col
+        places = np.concatenate([self.places, mirrored])
+        halves = np.concatenate([self.values, -self.values]) / 2
+        own, entry = np.unique(places, return_inverse=True)
+        values = np.bincount(entry, halves, own.size).astype(float)
+        if np.abs(values).max(initial=0.0) <= SYMMETRIC * np.abs(self.values).max(initial=0.0):
+            return None
+        return Matrix(self.n, own[values != 0], values[values != 0])
+
+    def at(self, row: int, col: int) -> float:
+        """Return an entry."""
+        return float(self.values[self.places == col * self.n + row].sum())
 
     @cached_property
     def rows(self) -> _core.Rows:

@@ -33,7 +33,8 @@ class Structure(Mechanics):
     mass, stiffness, damping : sparse matrix or array_like
         M, K and C: sparse matrices of SciPy's or square arrays, shape (n, n), or arrays of shape
         (n,) for diagonal ones. Stiffness and damping are zero unless given; every coordinate has
-        mass.
+        mass, and M is symmetric to roundoff. The skew part of K, as of bearings, seals and brakes,
+        is a force without a potential, whose work counts as that of forces.
     force : callable or array_like, optional
         ``force(t, q, v, params)``, the forces Q: n values, or a dict of those that are not zero by
         coordinate names. An array of n numbers is a constant load.
@@ -86,6 +87,7 @@ class Structure(Mechanics):
         if len(coordinates) != n:
             raise ValueError(f"q names {len(coordinates)} coordinates, the mass matrix has {n}")
         _check_mass(matrices["mass"], coordinates)
+        turning = matrices["stiffness"].skew if "stiffness" in matrices else None
         args = s.args
         extra = _load(force, args, coordinates)
         names, g, lam, g_y = holonomic(constraint, s)
@@ -107,8 +109,17 @@ class Structure(Mechanics):
             coordinates=coordinates,
             constraints=names,
             invariants=traced_invariants(invariants, args, ca.SX(0)),
-            power=extra_power(extra, s.z, ca.SX(0), g, s, lam),
+            power=extra_power(_with(extra, turning, s.y), s.z, ca.SX(0), g, s, lam),
         )
+
+
+def _with(extra: ca.SX, turning: Matrix | None, y: ca.SX) -> ca.SX:
+    """Return forces with those of the skew part of a stiffness, which have no potential."""
+    if turning is None:
+        return extra
+    n, row, col = turning.n, turning.row.tolist(), turning.col.tolist()
+    matrix = ca.DM.triplet(row, col, ca.DM(turning.values), n, n)
+    return extra - ca.mtimes(ca.SX(matrix), y)
 
 
 def _check_mass(mass: Matrix, coordinates: tuple[str, ...]) -> None:
@@ -119,6 +130,18 @@ def _check_mass(mass: Matrix, coordinates: tuple[str, ...]) -> None:
             hinted(
                 f"coordinate '{name}' has no mass: its row of the mass matrix is empty",
                 "condense it out of the matrices, or give it a mass",
+            )
+        )
+    if mass.skew is not None:
+        skew = mass.skew
+        k = int(np.argmax(np.abs(skew.values)))
+        i, j = sorted((int(skew.row[k]), int(skew.col[k])))
+        ends = [mass.at(*place) for place in ((i, j), (j, i))]
+        raise ValueError(
+            hinted(
+                f"the mass matrix is not symmetric: mass[{i}, {j}] is {ends[0]:g} and "
+                f"mass[{j}, {i}] is {ends[1]:g}",
+                "its energy is that of the symmetric part: give (M + M.T) / 2 if that is meant",
             )
         )
 
