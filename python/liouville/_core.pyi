@@ -14,7 +14,6 @@ __all__ = [
     "OPERATIONS",
     "VERSION",
     "Column",
-    "EnergyWatch",
     "FieldPullback",
     "Hamiltonian",
     "Mechanical",
@@ -32,7 +31,6 @@ __all__ = [
     "Tape",
     "WaveDerivative",
     "WaveRecord",
-    "are_independent",
     "chebyshev_degree",
     "compositions",
     "driven_cost",
@@ -189,38 +187,13 @@ def listing(
 ) -> tuple[
     list[tuple[int, float]], list[tuple[str, int, list[int]]], list[tuple[str, int, list[int]]]
 ]: ...
-
-@final
-class EnergyWatch:
-    def __new__(
-        cls,
-        energy: int,
-        kinetic: int | tuple[int, int, int],
-        start: float | None = None,
-        roundoff: float = 0.0,
-        falls: bool = False,
-    ) -> EnergyWatch: ...
-    def add(self, times: NDArray[np.float64], rows: NDArray[np.float64]) -> None: ...
-    def reset(self, t: float, change: float) -> None: ...
-    def found_of_each(
-        self,
-        times: NDArray[np.float64],
-        rows: NDArray[np.float64],
-        starts: NDArray[np.float64],
-        resets: dict[int, list[tuple[float, float]]],
-        members: tuple[int, int],
-    ) -> list[tuple[int, tuple[Literal["change", "rise", "jump"], list[float]]]]: ...
-    def found(self) -> tuple[Literal["change", "rise", "jump"], list[float]] | None: ...
-    def save(self) -> NDArray[np.float64]: ...
-    def restore(self, saved: NDArray[np.float64]) -> None: ...
-
-def are_independent(
+def first_dependent(
     problem: Mechanical,
     params: NDArray[np.float64],
     t: float,
     y: NDArray[np.float64],
     cutoff: float,
-) -> bool: ...
+) -> int | None: ...
 def violation(
     problem: Mechanical,
     params: NDArray[np.float64],
@@ -240,6 +213,7 @@ class Run:
     @property
     def over(self) -> int: ...
     def failures(self) -> list[_Error]: ...
+    def found(self) -> list[tuple[int, tuple[Literal["change", "rise", "jump"], list[float]]]]: ...
     @property
     def t(self) -> float: ...
     @property

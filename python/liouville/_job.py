@@ -41,6 +41,11 @@ Sensitivity = _core.Sensitivity | _core.SemiExplicitSensitivity
 Tangents = tuple[Sensitivity, Array, Array, Array, Array, AlphaSlopes | None]
 
 
+#: What is looked at in each step: a tape of energies and powers with whether the energy can only
+#: fall, and one of constraints left out with their numbers and for each member their sizes.
+WatchedSteps = tuple[tuple[_core.Tape, bool] | None, tuple[_core.Tape, list[int], Array] | None]
+
+
 @dataclass(kw_only=True, eq=False, slots=True)
 class Job:
     """A run of one member, or of an ensemble; the core reads its attributes.
@@ -70,6 +75,8 @@ class Job:
         parameters, a row for each direction, and by which part of themselves the steps become
         longer, and derivatives of a step of the alpha family or None. Changes of the members of an
         ensemble come one after another.
+    watched : tuple
+        What is looked at in each step of a mechanical system, as :data:`WatchedSteps` has it.
     varied : list of Split
         The split fields of members, where these have parameters of their own.
     seen : tuple
@@ -97,6 +104,7 @@ class Job:
     control: tuple[object, ...] | None = None
     watch: tuple[int, Array | None, list[Event]] | None = None
     tangents: Tangents | Array | None = None
+    watched: WatchedSteps = (None, None)
     varied: list[_core.Split] = field(default_factory=list)
     seen: tuple[int, Array | None] = (0, None)
     threads: int = 1

@@ -88,6 +88,8 @@ pub enum StepError {
     SingularMass { coordinate: usize },
     #[error("the gradients of constraints {constraints:?} are linearly dependent")]
     DependentConstraints { constraints: Vec<usize> },
+    #[error("constraint {constraint} no longer follows from the others")]
+    Contradiction { constraint: usize },
     #[error("the hidden constraint does not determine unknown {unknown}")]
     SingularHidden { unknown: usize },
     #[error("the Newton matrix of the stages is singular")]

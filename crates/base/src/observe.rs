@@ -16,6 +16,28 @@ pub trait Observe<State>: Checkpoint {
     fn observe(&mut self, t: f64, state: &State, row: &mut Vec<f64>) -> Result<(), StepError>;
 }
 
+/// What is found of a motion: its kind, and its numbers.
+pub type Finding = (&'static str, Vec<f64>);
+
+/// Looks at the states that the steps of a run lead to, whether they are recorded or not.
+pub trait Watch<State>: Checkpoint {
+    /// Called once after each step: whether its state is to be looked at.
+    fn is_due(&mut self, is_last: bool) -> bool;
+
+    /// Looks at the state at a time, to which a step of this size has led, perhaps the last; that of the start has
+    /// size zero.
+    ///
+    /// # Errors
+    /// The state is none of the system.
+    fn look(&mut self, at: (f64, f64, bool), state: &State) -> Result<(), StepError>;
+
+    /// Goes on from the state after a reset.
+    fn restart(&mut self, t: f64, state: &State);
+
+    /// What is found so far, with the place of the member.
+    fn found(&self) -> Vec<(usize, Finding)>;
+}
+
 /// Tells how long steps should be, by a positive function s of time and state.
 pub trait Monitor<State>: Checkpoint {
     /// (ds/dt)/s along the motion.

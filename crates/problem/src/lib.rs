@@ -33,13 +33,14 @@ mod second_order;
 mod sensitivity;
 mod separable;
 mod tangents;
+mod watch;
 
 pub use acceleration::Acceleration;
 pub use consistency::{Kind, Tolerances, Violation};
 pub use cotangents::{Cotangents, PointAdjoint};
 pub use dense::{Nearby, Path, Point};
 pub use dynamics::Dynamics;
-pub use energy::{EnergyChange, EnergyColumns, EnergyWatch, KineticColumns};
+pub use energy::EnergyWatch;
 pub use estimate::Estimate;
 pub use kinetic::Kinetic;
 pub use mass::Mass;
@@ -64,6 +65,8 @@ pub use tangents::{
     AccelerationTangents, BeginTangents, Directions, MomentumTangents, TangentObserver,
     TangentRestart, TangentState, TangentView,
 };
+
+pub use watch::{StepWatch, Watched};
 
 use liouville_base::linalg::{BlockPlan, Pattern};
 use liouville_base::method;

@@ -49,12 +49,21 @@ impl Redundant {
 }
 
 impl Mechanical {
-    /// Whether the gradients of all holonomic constraints are independent at (t, y): of length one, each has a part of
-    /// more than `cutoff` that is orthogonal to the others.
+    /// The first of several members, a row of y and of `params` each, of which some gradients of holonomic constraints
+    /// are dependent at (t, y): of length one, one has no part of more than `cutoff` that is orthogonal to the others.
     ///
     /// # Panics
-    /// When y or `params` has another size.
-    pub fn are_independent(&self, params: &[f64], t: f64, y: &[f64], cutoff: f64) -> bool {
+    /// When a row has another size.
+    pub fn first_dependent<'a>(
+        &self,
+        mut members: impl Iterator<Item = (&'a [f64], &'a [f64])>,
+        t: f64,
+        cutoff: f64,
+    ) -> Option<usize> {
+        members.position(|(params, y)| !self.are_independent(params, t, y, cutoff))
+    }
+
+    fn are_independent(&self, params: &[f64], t: f64, y: &[f64], cutoff: f64) -> bool {
         let (at, lam) = (&self.patterns.g_y, vec![0.0; self.m]);
         let mut registers = self.node_blocks.bind(params);
         let blocks = self.node_blocks.eval(&mut registers, [&[t], y, &lam]);

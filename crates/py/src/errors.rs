@@ -71,6 +71,11 @@ pub(crate) fn error<'py>(py: Python<'py>, error: &StepError) -> PyResult<Bound<'
             dict.set_item("constraints", constraints)?;
             "redundant"
         }
+        StepError::Contradiction { constraint } => {
+            dict.set_item("index", constraint)?;
+            dict.set_item("part", "constraint")?;
+            "contradiction"
+        }
         StepError::SingularHidden { unknown } => {
             dict.set_item("index", unknown)?;
             "singular hidden"

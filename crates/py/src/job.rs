@@ -15,6 +15,7 @@ use liouville_mechanics::run::{
     self, Control, Detection, EventFunction, Method, Problem, SparkMethod, SystemSensitivity,
     Tangents,
 };
+use liouville_problem::Watched;
 use liouville_spark::Solver;
 use numpy::{PyArrayDyn, PyArrayMethods, PyUntypedArrayMethods};
 use numpy::{PyReadonlyArray1, PyReadonlyArrayDyn};
@@ -291,6 +292,30 @@ fn tangents((sensitivity, y, z, tau, stretch, alpha): &TangentsOf<'_>) -> PyResu
     })
 }
 
+/// What is looked at in each step: a tape of energies and powers with whether the energy can only fall, and a tape of
+/// constraints left out with their numbers and for each member their sizes, or None.
+type WatchedOf<'py> = (
+    Option<(PyRef<'py, convert::Tape>, bool)>,
+    Option<(
+        PyRef<'py, convert::Tape>,
+        Vec<usize>,
+        PyReadonlyArray1<'py, f64>,
+    )>,
+);
+
+fn watched((energy, left_out): &WatchedOf<'_>) -> PyResult<Watched> {
+    let sized = |(tape, which, sizes): &(PyRef<'_, convert::Tape>, Vec<usize>, _)| {
+        let sizes: &PyReadonlyArray1<'_, f64> = sizes;
+        Ok::<_, PyErr>((tape.0.clone(), which.clone(), sizes.as_slice()?.to_vec()))
+    };
+    Ok(Watched {
+        energy: energy
+            .as_ref()
+            .map(|(tape, falls)| (tape.0.clone(), *falls)),
+        left_out: left_out.as_ref().map(sized).transpose()?,
+    })
+}
+
 /// A job, by the attributes of its dataclass; an ensemble has arrays of rows.
 #[derive(FromPyObject)]
 struct MechanicalJob<'py> {
@@ -302,6 +327,7 @@ struct MechanicalJob<'py> {
     control: Option<ControlOf<'py>>,
     watch: Option<Watch<'py>>,
     tangents: Option<TangentsOf<'py>>,
+    watched: WatchedOf<'py>,
     threads: usize,
     is_ensemble: bool,
     is_reversible: bool,
@@ -343,6 +369,7 @@ impl MechanicalJob<'_> {
             is_differentiated: self.is_differentiated,
             detection: self.watch.as_ref().map(detection).transpose()?,
             tangents: self.tangents.as_ref().map(tangents).transpose()?,
+            watched: watched(&self.watched)?,
             observer: self.observer.0.clone(),
             states: self.states,
             threads: self.threads,

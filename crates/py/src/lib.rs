@@ -7,7 +7,6 @@ mod caught;
 mod composition;
 mod convert;
 mod derivative;
-mod energy;
 mod errors;
 mod field_pullback;
 mod gridded;
@@ -45,7 +44,6 @@ mod _core {
     #[pymodule_export]
     use super::derivative::{WaveDerivative, WaveRecord};
     #[pymodule_export]
-    use super::energy::PyEnergyWatch;
     #[pymodule_export]
     use super::field_pullback::FieldPullback;
     #[pymodule_export]
@@ -57,7 +55,7 @@ mod _core {
     #[pymodule_export]
     use super::mechanical::{Mechanical, Sensitivity};
     #[pymodule_export]
-    use super::multipliers::{are_independent, multipliers};
+    use super::multipliers::{first_dependent, multipliers};
     #[pymodule_export]
     use super::operator::{Hamiltonian, Operator};
     #[pymodule_export]

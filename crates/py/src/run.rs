@@ -9,6 +9,7 @@ use crate::semi_explicit::SemiExplicit;
 use crate::split::Split;
 use crate::{job, schrodinger, split};
 use liouville_base::cancel;
+use liouville_base::observe::Finding;
 use liouville_base::run::{Advance, Failure, StartError, Status, check};
 use liouville_mechanics::run::Problem;
 use numpy::{PyArray1, PyArrayDyn, PyArrayMethods, PyReadonlyArray1};
@@ -195,6 +196,11 @@ impl Run {
             Ok(dict)
         };
         self.inner.failures().into_iter().map(of_member).collect()
+    }
+
+    /// What was found of the motion, or of members that are over: the number of each, a kind and its numbers.
+    fn found(&self) -> Vec<(usize, Finding)> {
+        self.inner.found()
     }
 
     /// Statistics of the steps.

@@ -2,55 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from itertools import accumulate
+from collections.abc import Iterable
 from typing import Literal
 
-from liouville import _core
-
-#: A finding of a watch: see :meth:`liouville._core.EnergyWatch.found`.
-Found = tuple[Literal["change", "rise", "jump"], list[float]]
+#: What the core has found of the energy of a member; see :meth:`liouville._core.Run.found`.
+Found = tuple[int, tuple[Literal["change", "rise", "jump"], list[float]]]
 
 
-def watch_of(
-    columns: Mapping[str, int], start: float | None, *, roundoff: float, falls: bool
-) -> _core.EnergyWatch | None:
-    r"""Return a watch over the energy of records, None if they lack the columns.
-
-    The watch finds where the energy changed by more than its own size, or jumped and stayed. The
-    size of an energy that is :math:`E_0` first is :math:`|E_0|` and the mean so far of the kinetic
-    energy :math:`v^T p / 2`, but not below a tenth of the present one. A jump parts all energies
-    before from all after it, by a thousandth of the size and a thousand times the median change.
-    What roundings of the states make of an energy near zero, as at rest, is no change.
-    An energy that can only fall may rise by a fifth of its size, in however many records.
-
-    Parameters
-    ----------
-    columns : mapping of str to int
-        Names and widths of the columns of a record.
-    start : float or None
-        The energy at the start; without one, that of the first record.
-    roundoff : float
-        What roundings of the states change the energy by.
-    falls : bool
-        Whether the energy can only fall, as of methods that damp or by friction.
-    """
-    has_states = "v" in columns and "p" in columns
-    if "invariant energy" not in columns or not (has_states or "kinetic" in columns):
-        return None
-    at = dict(zip(columns, accumulate(columns.values(), initial=0), strict=False))
-    kinetic = (at["v"], at["p"], columns["v"]) if has_states else at["kinetic"]
-    return _core.EnergyWatch(at["invariant energy"], kinetic, start, roundoff, falls)
-
-
-def sentence_of(found_of: Mapping[int, Found], *, is_ensemble: bool) -> str:
-    """Return a sentence on what watches have found, of one motion or of members by their number."""
-    found = [(member, *what) for member, what in sorted(found_of.items())]
-    if not found:
+def sentence_of(found: Iterable[Found], *, is_ensemble: bool) -> str:
+    """Return a sentence on what was found of the energy of a motion or of members."""
+    each = [(member, *what) for member, what in found]
+    if not each:
         return ""
-    # the earliest change of all members before a rise or a jump of any
-    changes = [each for each in found if each[1] == "change"]
-    member, kind, numbers = min(changes, key=lambda each: each[2][0]) if changes else found[0]
+    # the earliest change of all members before a jump or a rise of any
+    changes = [one for one in each if one[1] == "change"]
+    member, kind, numbers = min(changes or each[:1], key=lambda one: one[2][1])
     of = f" of member {member}" if is_ensemble else ""
     if kind == "jump":
         begin, end, part = numbers
@@ -58,14 +24,13 @@ def sentence_of(found_of: Mapping[int, Found], *, is_ensemble: bool) -> str:
             f"the energy{of} has jumped by {100 * part:.2g} % of its size between "
             f"t = {begin:.6g} and t = {end:.6g}: steps were too large there"
         )
+    begin, end, before, now = numbers
     if kind == "rise":
-        begin, end, low, high = numbers
         return (
-            f"the energy{of}, which can only fall, has risen from {low:.3g} at t = {begin:.6g} "
-            f"to {high:.3g} at t = {end:.6g}: steps were too large there"
+            f"the energy{of}, which can only fall, has risen from {before:.3g} at t = {begin:.6g} "
+            f"to {now:.3g} at t = {end:.6g}: steps were too large there"
         )
-    _, t, first, now = numbers
     return (
-        f"the energy{of} has changed from {first:.3g} to {now:.3g} at t = {t:.6g}, "
+        f"the energy{of} has changed from {before:.3g} to {now:.3g} at t = {end:.6g}, "
         "by more than its own size: steps were too large before"
     )

@@ -124,11 +124,7 @@ def execute(
         reached = run.t
         (times, rows), stats = run.take(), runner.stats(run)
         events, endings = runner.events(run)
-        if found := runner.contradiction(rows):
-            good, outcome = found
-            outcome |= {"step": max(good - 1, 0) * runner.every, "start": times[max(good - 1, 0)]}
-            times, rows, reached = times[:good], rows[:good], outcome["start"]
-        elif isinstance(outcome, dict):
+        if isinstance(outcome, dict):
             runner.add_cause(outcome, times, rows)
     stats["seconds"] = time.perf_counter() - clock
 
@@ -142,7 +138,8 @@ def execute(
             status = ending_of(failures, runner.members[0])
             stats["steps"] = _most_steps(runner, events, endings, failures)
     if status != "failed":
-        message = "; ".join(filter(None, [message, runner.remark(times, rows, events)]))
+        assert not isinstance(run, dict)
+        message = "; ".join(filter(None, [message, runner.remark(run, times, rows)]))
     ended = status, message
     solution = solution_of(runner, times, rows, stats, reached, ended, events, failures)
     if runner.members and endings:

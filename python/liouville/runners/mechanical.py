@@ -8,17 +8,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from liouville import _core
-from liouville._job import AlphaTransposed, Job
+from liouville._job import AlphaTransposed, Job, WatchedSteps
 from liouville.control import Takes
 from liouville.errors import Description, hinted, quoted
-from liouville.events import sides_of
 from liouville.methods import Composition, LobattoPair, Method
 from liouville.parts import AND
-from liouville.points import Points
-from liouville.runners.energy import watch_of
 from liouville.runners.runner import Request
 from liouville.runners.traced import TracedRunner
-from liouville.systems import Mechanical, Mechanics
+from liouville.systems import Mechanical, Mechanics, _motion
 from liouville.systems._redundant import sizes
 from liouville.tangents import Tangent
 
@@ -26,16 +23,7 @@ if TYPE_CHECKING:
     from liouville.solution import Solution
     from liouville.systems._sensitivity import Cotangents
 
-#: A constraint left out may miss this much of the size of what it is made of.
-IMPLIED = 1e-8
-
-#: A power of forces that take from the energy may be above zero by this part of the largest.
-NOISE = 1e-12
-
-#: What roundings do to an energy is found by so many units of the last digit, in so many patterns
-#: of signs; controlled steps are taken to be so many.
 EPS = float(np.finfo(float).eps)
-ROUNDINGS, PATTERNS, SHORTEST = 64, 9, 1000
 
 #: An absolute tolerance below so many units in the last digit of the largest coordinate is hard to
 #: meet by those near zero.
@@ -95,8 +83,29 @@ class MechanicalRunner(TracedRunner):
         kept = self._stepped.constraints
         left = [k for k, name in enumerate(self.constraints) if name not in kept]
         self._left_out = tuple(left)
-        self._sizes = sizes(self.system, *point)[left]
         self._problem = self._form()
+
+    @property
+    def _sizes_left_out(self) -> np.ndarray:
+        """The sizes of what constraints left out are made of, a row for each member."""
+        y, z, each = (np.atleast_2d(x) for x in (*self._begin[:2], self._each_values))
+        each = np.broadcast_to(each, (len(y), each.shape[-1]))
+        points = zip(y, z, map(np.ascontiguousarray, each), strict=True)
+        left = [*self._left_out]
+        return np.array([sizes(self.system, self.steps.t0, *point)[left] for point in points])
+
+    def _watched_steps(self) -> WatchedSteps:
+        """Return what is looked at in each step: energies, and constraints that are left out."""
+        energy = left = None
+        # damping adds to the energy on the way back
+        is_ahead = self.steps.t0 < self.steps.t1
+        is_damped = self.system.may_only_lose and is_ahead
+        if self.system.is_conservative or is_damped:
+            energy = _motion.energies(self.system), is_damped or not self._is_general
+        if self._left_out:
+            tape = _motion.rows_of(self.system, self._left_out)
+            left = tape, [*self._left_out], self._sizes_left_out.ravel()
+        return energy, left
 
     @property
     def _differentiated_system(self) -> Mechanics:
@@ -104,6 +113,8 @@ class MechanicalRunner(TracedRunner):
 
     def _job(self) -> Job:
         job = super()._job()
+        if not self._parts:
+            job.watched = self._watched_steps()
         job.is_reversible = self._is_reversible
         if self._directions is not None:
             # imported here: few runs have tangents
@@ -243,92 +254,6 @@ class MechanicalRunner(TracedRunner):
         energy, work = (parts[name][..., 0] for name in ("invariant energy", "work"))
         start = self.initial.get("energy", energy[:1])
         return {"work": work, "dissipated": start + work - energy}
-
-    def watch(self, member: int | None = None) -> _core.EnergyWatch | None:
-        """Return a watch over the energy of a system that nothing drives; see :class:`Runner`."""
-        is_damped = self.system.may_only_lose
-        # damping adds to the energy on the way back
-        is_seen = self._states and self.steps.t0 < self.steps.t1
-        if not self.system.is_conservative and not (is_damped and is_seen):
-            return None
-        start = None if self.members else self.initial.get("energy")
-        falls = is_damped or not self._is_general
-        roundoff = 0.0 if member is None else self._roundoff(member)
-        return watch_of(self.columns, start, roundoff=roundoff, falls=falls)
-
-    def _roundoff(self, member: int) -> float:
-        """Return by how much roundings of the states change the energy of a member at its start.
-
-        Coordinates are off by some units of their last digit, and velocities by as much in a step.
-        """
-        if "invariant energy" not in self.widths:
-            return 0.0
-        y, z = (np.atleast_2d(x)[member if x.ndim > 1 else 0] for x in self._begin[:2])
-        params = np.atleast_2d(self._each_values)
-        signs = np.random.default_rng(0).choice([-1.0, 1.0], (2, PATTERNS, y.size))
-        signs[:, 0] = 0.0
-        off_y = ROUNDINGS * EPS * np.abs(y)
-        off_z = ROUNDINGS * EPS * np.abs(z)
-        if self.system.states[1] == "v":
-            steps = self.steps.count if self.steps.control is None else SHORTEST
-            off_z += off_y * steps / abs(self.steps.t1 - self.steps.t0)
-        args = [np.full((PATTERNS, 1), self.steps.t0), y + signs[0] * off_y, z + signs[1] * off_z]
-        rows = self._observer.map(params[member % len(params)], args)
-        place = list(self.widths.values())[: [*self.widths].index("invariant energy")]
-        changes = np.abs(rows[1:, sum(place)] - rows[0, sum(place)])
-        return float(changes[np.isfinite(changes)].max(initial=0.0))
-
-    def is_driven(self, t: np.ndarray, rows: np.ndarray, member: int = 0) -> bool:
-        """Return whether records show a force that may add to the energy that is watched.
-
-        Damping takes from the energy whichever way the motion goes.
-        """
-        if not self.system.may_only_lose:
-            return False
-        # imported here: few runs raise an energy
-        from liouville.systems._motion import power_of_forces
-
-        n, params = len(self.system.coordinates), self._rows if self.members else self._values[None]
-        own = params[member if len(params) > 1 else 0]
-        rows = rows[:, member] if self.members else rows
-        y, z = rows[:, :n], rows[:, n : 2 * n]
-        power = np.array([power_of_forces(self.system, own, t, y, x) for x in (z, -z)])
-        return not power.max(initial=0.0) <= NOISE * -power.min(initial=0.0)
-
-    def resets(self, events: Mapping[str, Points], member: int = 0) -> list[tuple[float, float]]:
-        """Return when resets have changed the energy of a member, and by how much, in order."""
-        is_known = events and "invariant energy" in self.widths
-        if not is_known or self.steps.t1 < self.steps.t0:
-            return []
-        place = list(self.widths.values())[: [*self.widths].index("invariant energy")]
-        params = self._rows if self.members else self._values[None]
-        params = np.ascontiguousarray(params[member if len(params) > 1 else 0])
-        found: list[tuple[float, float]] = []
-        for points in events.values():
-            at = points.of_member(member) if self.members else points
-            energies = []
-            for side in sides_of(at.states, self.system.states) or ():
-                args = map(np.ascontiguousarray, [at.t[:, None], *side])
-                rows = self._observer.map(params, [*args])
-                energies.append(rows[:, sum(place)])
-            if energies:
-                found += zip(at.t.tolist(), (energies[1] - energies[0]).tolist(), strict=True)
-        return sorted(found)
-
-    def contradiction(self, rows: np.ndarray) -> tuple[int, dict[str, Any]] | None:
-        """Return where constraints that were left out do not hold, with the first of them."""
-        if not self._left_out or not rows.size:
-            return None
-        starts = dict(zip(self.columns, np.cumsum([0, *self.columns.values()]), strict=False))
-        m = self.columns["constraint"]
-        more = starts.get("nonholonomic", 0) - m
-        places = [k + (starts["constraint"] if k < m else more) for k in self._left_out]
-        missed = np.abs(rows[..., places]) / self._sizes
-        bad = np.argwhere(missed > IMPLIED)
-        if not bad.size:
-            return None
-        good, *_, which = bad[0].tolist()
-        return good, {"kind": "contradiction", "index": self._left_out[which], "part": "constraint"}
 
     def add_cause(self, error: dict[str, Any], t: np.ndarray, rows: np.ndarray) -> None:
         """Name constraints nearly dependent where a step fails, or a tolerance near roundoff."""

@@ -15,7 +15,7 @@ from liouville.runners.runner import Request, threads_of
 from liouville.runners.semi_explicit import SemiExplicitRunner
 from liouville.runners.traced import TracedRunner
 from liouville.systems import members
-from liouville.systems._redundant import are_implied
+from liouville.systems._redundant import are_implied, first_dependent, redundant
 
 if TYPE_CHECKING:
     from liouville.runners.adjoint import Adjoint
@@ -107,21 +107,33 @@ class MembersRunner(Members, MechanicalRunner):
     def _leave_out(self) -> None:
         """Take the system without what the other constraints imply, which is alike of all."""
         super()._leave_out()
-        if not self._left_out:
+        t, (y, z), left = self.steps.t0, self._begin[:2], self._left_out
+        params = np.broadcast_to(self._rows, (len(y), self._rows.shape[-1]))
+        points = (y, z, np.ascontiguousarray(params))
+        if left:
+            for member in range(1, len(y)):
+                y_own, z_own, own = (x[member] for x in points)
+                if not are_implied(self.system, t, y_own, z_own, own, left):
+                    self._refuse_ranks(left, 0, member)
             return
-        y, z = self._begin[:2]
-        rows = np.broadcast_to(self._rows, (len(y), self._rows.shape[-1]))
-        for member in range(1, len(y)):
-            point = self.steps.t0, y[member], z[member], np.ascontiguousarray(rows[member])
-            if not are_implied(self.system, *point, self._left_out):
-                names = quoted([self.constraints[k] for k in self._left_out])
-                raise ValueError(
-                    hinted(
-                        f"the other constraints imply {names} of member 0, but not just that of "
-                        f"member {member}",
-                        "run members with the same redundant constraints in an ensemble of theirs",
-                    )
-                )
+        if self.system.nonholonomic and not self.varied:
+            return
+        k = first_dependent(self.system, t, y, points[2], 1)
+        while k is not None:
+            if found := redundant(self.system, t, *(x[k] for x in points)):
+                self._refuse_ranks(found, k, 0)
+            k = first_dependent(self.system, t, y, points[2], k + 1)
+
+    def _refuse_ranks(self, left: tuple[int, ...], one: int, other: int) -> None:
+        """Refuse members of which the constraints that follow from others are not the same."""
+        names = quoted([self.constraints[k] for k in left])
+        raise ValueError(
+            hinted(
+                f"the other constraints imply {names} of member {one}, but not just that of "
+                f"member {other}",
+                "run members with the same redundant constraints in an ensemble of theirs",
+            )
+        )
 
 
 class SemiExplicitMembersRunner(Members, SemiExplicitRunner):

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
+from liouville import _core
 from liouville.control import Steps
 from liouville.errors import hinted
 from liouville.methods import VolumeSplitting
@@ -20,7 +20,6 @@ from liouville.planner.fields.planes import (
     plan_planes,
     split_of,
 )
-from liouville.points import Points
 from liouville.runners.field import TAKES, FieldRunner
 from liouville.runners.runner import Request
 from liouville.splitting import Plane, PlaneSplit
@@ -80,12 +79,12 @@ class PlaneRunner(FieldRunner):
         system = _planar(self.system)
         return LAST * longest_step(system, plan.method.composition, system.extended(x, t))
 
-    def remark(self, t: np.ndarray, rows: np.ndarray, events: Mapping[str, Points]) -> str:
+    def remark(self, run: _core.Run, t: np.ndarray, rows: np.ndarray) -> str:
         """Return sentences on starts on land, and on records that cannot be right.
 
         Those are where steps are longer than any that is taken there.
         """
-        said = super().remark(t, rows, events)
+        said = super().remark(run, t, rows)
         return "; ".join(filter(None, [said, self._on_land(), self._too_long(t, rows)]))
 
     def _on_land(self) -> str:

@@ -16,10 +16,9 @@ from liouville import _core
 from liouville._arguments import MOST_STEPS, check_memory, count
 from liouville.control import Steps, Takes, steps_of
 from liouville.errors import Description, describe
-from liouville.events import sides_of
 from liouville.methods import Method
 from liouville.points import Points
-from liouville.runners.energy import Found, sentence_of
+from liouville.runners.energy import sentence_of
 from liouville.systems import System
 from liouville.tangents import Tangent
 
@@ -31,12 +30,6 @@ if TYPE_CHECKING:
 
 KEEP_LESS = "keep fewer with every=, or none with states=False"
 STORE = "; store= keeps all of them in a folder"
-
-#: Numbers that the core looks at in one call: Ctrl-C is answered in between.
-SLICE = 1 << 22
-
-#: The energies at starts that are in the records.
-NONE = np.empty(0)
 
 #: Names of some columns of a record in messages.
 QUANTITIES = {
@@ -197,26 +190,13 @@ class Runner(ABC):
         del request, wrt
         raise TypeError(f"{self.method} has no pullback for {self.system!r}")
 
-    def watch(self, member: int | None = None) -> _core.EnergyWatch | None:
-        """Return a watch over the energy of a motion, None where its change has no bound.
-
-        That over a member knows by how much roundings of its states change the energy.
-        """
-        del member
-        return None
-
-    def is_driven(self, t: np.ndarray, rows: np.ndarray, member: int = 0) -> bool:
-        """Return whether records show a force that may add to the energy that is watched."""
-        del t, rows, member
-        return False
-
     def interrupted(self, done: int) -> str:
         """Return the message of a run that was interrupted after so many steps."""
         return f"interrupted after {done}{self.steps.total} steps"
 
-    def remark(self, t: np.ndarray, rows: np.ndarray, events: Mapping[str, Points]) -> str:
-        """Return sentences on records that cannot be right; empty where there is none."""
-        said = sentence_of(self._found(t, rows, events), is_ensemble=bool(self.members))
+    def remark(self, run: _core.Run, t: np.ndarray, rows: np.ndarray) -> str:
+        """Return sentences on a run that cannot be right; empty where there is none."""
+        said = sentence_of(run.found(), is_ensemble=bool(self.members))
         return "; ".join(filter(None, [said, self.outweighed(self.largest(rows))]))
 
     def largest(self, rows: np.ndarray) -> float:
@@ -239,38 +219,6 @@ class Runner(ABC):
             f"times the largest coordinate, {largest:.3g}: give atol= in the coordinates' unit"
         )
 
-    def resets(self, events: Mapping[str, Points], member: int = 0) -> list[tuple[float, float]]:
-        """Return when resets have changed the energy of a member, and by how much, in order."""
-        del events, member
-        return []
-
-    def _found(
-        self, t: np.ndarray, rows: np.ndarray, events: Mapping[str, Points]
-    ) -> dict[int, Found]:
-        """Return what is found of the energies of members, by their number."""
-        all_of, watch = math.prod(self.members), self.watch()
-        if watch is None:
-            return {}
-        found: dict[int, Found] = {}
-        resets = {k: self.resets(events, k) for k in self._members_with_resets(events)}
-        starts = np.ravel(self.initial.get("energy", NONE))
-        wide = max(1, SLICE * all_of // max(1, rows.size))
-        for first in range(0, all_of, wide):
-            last = min(first + wide, all_of)
-            found |= watch.found_of_each(t, rows, starts, resets, (first, last))
-        for k in [*found]:  # few are
-            del found[k]
-            if own := self.watch(k):
-                found |= own.found_of_each(t, rows, starts, resets, (k, k + 1))
-        return {k: what for k, what in found.items() if not self.is_driven(t, rows, k)}
-
-    def _members_with_resets(self, events: Mapping[str, Points]) -> set[int]:
-        """Return the numbers of the members that resets have changed."""
-        hits = [x.states for x in events.values() if sides_of(x.states, self.system.states)]
-        if not self.members:
-            return {0} if hits else set()
-        return {int(member) for states in hits for member in states["member"]}
-
     def events(self, run: _core.Run) -> tuple[dict[str, Points], dict[int, str]]:
         """Return the events met, by name, and a sentence on each that ended a run, by member."""
         del run
@@ -279,11 +227,6 @@ class Runner(ABC):
     def add_cause(self, error: dict[str, Any], t: np.ndarray, rows: np.ndarray) -> None:
         """Add to an error its cause by the last record; by default nothing."""
         del error, t, rows
-
-    def contradiction(self, rows: np.ndarray) -> tuple[int, dict[str, Any]] | None:
-        """Return how many records are good, and the error of the next, where one is not."""
-        del rows
-        return None
 
     def describe(self, error: dict[str, Any]) -> Description:
         """Describe an error of the core in the user's names: sentence, hint and quantity."""

@@ -86,9 +86,9 @@ class TracedRunner(Runner):
         #: Tangents at events, by their names.
         self._moved_events: dict[str, tuple[np.ndarray, np.ndarray | None]] = {}
 
-    def remark(self, t: np.ndarray, rows: np.ndarray, events: Mapping[str, Points]) -> str:
-        """Return sentences on records that cannot be right; empty where there is none."""
-        said = super().remark(t, rows, events)
+    def remark(self, run: _core.Run, t: np.ndarray, rows: np.ndarray) -> str:
+        """Return sentences on a run that cannot be right; empty where there is none."""
+        said = super().remark(run, t, rows)
         return "; ".join(filter(None, [said, self._half_turns(t, rows)]))
 
     def _half_turns(self, t: np.ndarray, rows: np.ndarray) -> str:

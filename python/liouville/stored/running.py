@@ -41,7 +41,7 @@ from liouville.stored.store import Interval, Store, interval_of, is_there, store
 from liouville.stored.stream import JOB, STATE, Stream, chunks_of
 
 #: The layout of a checkpoint.
-LAYOUT = 8
+LAYOUT = 9
 
 #: What made a checkpoint.
 VERSION = {"liouville": schema.TEXT, "layout": schema.integers(0)}
@@ -196,7 +196,7 @@ class _StoredRun:
             if outcome == "interrupted":
                 self._save()
             if not _is_cut(outcome):
-                outcome = self._stream.add(self._run, self._run.take()) or outcome
+                self._stream.add(self._run, self._run.take())
             if isinstance(outcome, dict):
                 recent = self._stream.recent()
                 self._runner.add_cause(outcome, recent["t"], recent["rows"])
@@ -220,14 +220,12 @@ class _StoredRun:
         while True:
             outcome = advance_slice(run, interval.limit(run.done, most))
             try:
-                bad = stream.add(run, run.collect())
-                if bad is None and outcome == "paused" and interval.is_due(run.done, last):
+                stream.add(run, run.collect())
+                if outcome == "paused" and interval.is_due(run.done, last):
                     self._save()
                     last = time.monotonic()
             except MemoryError:
                 return {"kind": "no memory", "step": run.done, "start": run.t}
-            if bad is not None:
-                return bad
             try:
                 report_progress(report, run, self._runner.steps)
             except KeyboardInterrupt:
@@ -247,7 +245,7 @@ class _StoredRun:
         stats["seconds"] = time.perf_counter() - self._clock
         status, message, quantity = status_of(outcome, self._runner, stats, self._stream.end)
         if status != "failed":
-            message = "; ".join(filter(None, [message, self._stream.remark()]))
+            message = "; ".join(filter(None, [message, self._stream.remark(self._run)]))
         if status == "interrupted":
             message += f"; liouville.resume({str(path)!r}) goes on"
         h = self._runner.steps.mean(self._run.t, stats["steps"])
@@ -260,8 +258,8 @@ class _StoredRun:
 
 
 def _is_cut(outcome: Outcome) -> bool:
-    """Return whether records end before the present state: one is bad, or they do not fit."""
-    return isinstance(outcome, dict) and outcome["kind"] in ("contradiction", "no memory")
+    """Return whether records end before the present state, as they do not fit."""
+    return isinstance(outcome, dict) and outcome["kind"] == "no memory"
 
 
 @contextmanager

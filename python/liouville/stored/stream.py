@@ -62,44 +62,28 @@ class Stream:
         self._first: Columns = {}
         self._last = 0, runner.steps.t0
         self._shown = -math.inf
-        self._watch = runner.watch(0)
-        self._is_driven, self._largest = False, 0.0
+        self._largest = 0.0
         self.rows = chunks[TIME]
         self.end = ""
 
-    def add(self, run: _core.Run, records: tuple[np.ndarray, np.ndarray]) -> dict[str, Any] | None:
-        """Take records, and the events met until then; returns the error of one that is bad."""
+    def add(self, run: _core.Run, records: tuple[np.ndarray, np.ndarray]) -> None:
+        """Take records, and the events met until then."""
         times, rows = records
-        found = self._runner.contradiction(rows)
-        if found:
-            times, rows = times[: found[0]], rows[: found[0]]
         if times.size:
             self._replace(times[0])
             self._last = self._last[0] + times.size, float(times[-1])
         self._largest = max(self._largest, self._runner.largest(rows))
         events, endings = self._runner.events(run)
         self.end = endings.get(0, "")
-        if self._watch is not None:
-            for reset in self._runner.resets(events):
-                self._watch.reset(*reset)
-            self._watch.add(times, rows)
-            self._is_driven = self._is_driven or self._runner.is_driven(times, rows)
         if not self._first and times.size:
             self._first = {"t": times[:1].copy(), "rows": rows[:1].copy()}
         self._append(TIME, {"t": times, "rows": rows})
         for name, points in events.items():
             self._append(arrays.event_axis(name), {"t": points.t, **points.states})
-        if not found:
-            return None
-        count, start = self._last
-        return found[1] | {"step": max(count - 1, 0) * self._runner.every, "start": start}
 
-    def remark(self) -> str:
-        """Return a sentence on records that cannot be right; empty where there is none."""
-        said = ""
-        if self._watch is not None and not self._is_driven:
-            found = self._watch.found()
-            said = sentence_of({0: found} if found else {}, is_ensemble=False)
+    def remark(self, run: _core.Run) -> str:
+        """Return a sentence on a run that cannot be right; empty where there is none."""
+        said = sentence_of(run.found(), is_ensemble=False)
         return "; ".join(filter(None, [said, self._runner.outweighed(self._largest)]))
 
     def recent(self) -> Columns:
@@ -159,13 +143,11 @@ class Stream:
             for name, x in _joined(each).items()
         }
         first = {f"first/{name}": x for name, x in self._first.items()}
-        own = {"end": self.end, "is_driven": self._is_driven, "largest": self._largest}
+        own = {"end": self.end, "largest": self._largest}
         counts = {"written": self._written, "last": self._last, "stats": dict(stats)}
         state = json.dumps({**counts, **own})
         buffer = io.BytesIO()
         whole: dict[str, Any] = {"memory": memory, "counts": np.array(state), **rest, **first}
-        if self._watch is not None:
-            whole["watch"] = self._watch.save()
         np.savez(buffer, **whole)
         self._folder.commit(STATE, buffer.getvalue())
 
@@ -175,9 +157,7 @@ class Stream:
         counts = json.loads(str(state["counts"]))
         self._written, self.end = counts["written"], counts["end"]
         self._last = tuple(counts["last"])
-        self._is_driven, self._largest = counts["is_driven"], counts["largest"]
-        if self._watch is not None:
-            self._watch.restore(state["watch"])
+        self._largest = counts["largest"]
         rest: dict[str, Columns] = {axis: {} for axis in (*self._chunks, "first")}
         for key, values in state.items():
             axis, slash, name = key.rpartition("/")

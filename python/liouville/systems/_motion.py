@@ -55,15 +55,24 @@ def power(system: Mechanics) -> _core.Tape:
     return kept(system, "power", lambda: _power(system))
 
 
-def power_of_forces(
-    system: Mechanics, params: np.ndarray, t: np.ndarray, y: np.ndarray, z: np.ndarray
-) -> np.ndarray:
-    """Return the power of forces and damping at k points, shape (k,)."""
-    m = len(system.constraints) - len(system.nonholonomic)
-    free = np.zeros((len(t), m)), np.zeros((len(t), len(system.nonholonomic)))
-    points = [np.ascontiguousarray(x) for x in (t.reshape(-1, 1), y, z, *free)]
-    found: np.ndarray = power(system).map(params, points)[:, [0, 2]].sum(axis=1)
-    return found
+def energies(system: Mechanics) -> _core.Tape:
+    """Record the energy and the kinetic energy at (t, y, z), and powers that may be damping.
+
+    Of a system whose forces may take from the energy they are those of its forces and its damping
+    matrix, with the velocities there and with opposite ones.
+    """
+    return kept(system, "energies", lambda: _energies(system))
+
+
+def rows_of(system: Mechanics, which: tuple[int, ...]) -> _core.Tape:
+    """Record some of the constraints, by their numbers, at (t, y, z)."""
+    s, model = system._symbols, system._model
+
+    def recorded() -> _core.Tape:
+        rows = ca.vertcat(model.g, model.nonholonomic.k)
+        return record("left out", s.inputs(z=s.z), rows[list(which)])
+
+    return kept(system, f"rows {which}", recorded)
 
 
 def rates(system: Mechanics, functions: Mapping[str, Callable[..., Any]]) -> Slopes:
@@ -129,6 +138,18 @@ def _linearized(system: Mechanics) -> Slopes:
         "linearized", s.inputs(z=s.z, u=u, lam=model.lam, nu=own.nu), [*blocks.values()]
     )
     return tape, {name: block.pattern for name, block in blocks.items()}
+
+
+def _energies(system: Mechanics) -> _core.Tape:
+    s, model, linear = system._symbols, system._model, system._model.linear
+    columns = system._expressions.columns
+    parts = [columns["invariant energy"], ca.dot(model.p, model.v) / 2]
+    forms = linear.terms(0, mass=(2, 0.5), stiffness=(1, 0.5)) + linear.terms(1, mass=(2, 0.5))
+    if system.may_only_lose:
+        parts += [columns["power"], ca.substitute(columns["power"], s.z, -s.z)]
+        forms += linear.terms(2, damping=(2, -1.0)) + linear.terms(3, damping=(2, -1.0))
+    tape = record("energies", s.inputs(z=s.z), *parts)
+    return tape.with_terms(np.empty(0), [], forms) if forms else tape
 
 
 def _power(system: Mechanics) -> _core.Tape:

@@ -66,7 +66,7 @@ def redundant(
     if n >= rows > (MOST_OPERATIONS / n) ** 0.5 and _is_solved(system, t, y, z, params):
         return ()
     # the verdict on nearly all starts; units would change it for dependent rows alone
-    if not system.nonholonomic and _core.are_independent(system.problem, params, t, y, CLEARLY):
+    if first_dependent(system, t, y[None], params[None]) is None:
         return ()
     gradients = _gradients(system, t, y, z, params)
     units = _units(gradients)
@@ -96,6 +96,23 @@ def redundant(
     if rows > n == len(kept) and not _is_driven(system):
         raise ValueError(f"{rows} constraints on {n} coordinates leave nothing to move")
     return left
+
+
+def first_dependent(
+    system: Mechanics, t: float, y: np.ndarray, params: np.ndarray, first: int = 0
+) -> int | None:
+    """Return the first member, from one on, of which constraints may be dependent.
+
+    `y` and `params` have a row for each. With nonholonomic constraints it is that one itself.
+    """
+    rows, n = len(system.constraints), y.shape[1]
+    if rows < 2 or first == len(y):
+        return None
+    if system.nonholonomic or n >= rows > (MOST_OPERATIONS / n) ** 0.5:
+        return first
+    own, params = (np.ascontiguousarray(x[first:]) for x in (y, params))
+    found = _core.first_dependent(system.problem, params, t, own, CLEARLY)
+    return None if found is None else first + found
 
 
 def are_implied(

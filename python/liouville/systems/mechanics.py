@@ -143,8 +143,8 @@ class Mechanics(TracedSystem):
 
     def _state(self) -> dict[str, Any]:
         self.observer(None)  # every run needs it
-        if self.may_only_lose:
-            _motion.power(self)
+        if "energy" in self.invariants and (self.is_conservative or self.may_only_lose):
+            _motion.energies(self)
         return {name: x for name, x in self.__dict__.items() if name != "_model"}
 
     def __repr__(self) -> str:

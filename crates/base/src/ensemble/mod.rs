@@ -11,6 +11,7 @@ pub use records::RecordLayout;
 use crate::cancel;
 use crate::error::StepError;
 use crate::method::Stats;
+use crate::observe::Finding;
 use crate::run::{Advance, Events, Failure, Status, check_spare};
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use records::MemberRecords;
@@ -58,6 +59,8 @@ struct Queue {
     /// The events of members that run alone.
     events: Vec<(usize, Events)>,
     failures: Vec<Failure>,
+    /// What is found of members that are over.
+    found: Vec<(usize, Finding)>,
     /// Whether there is no memory for more records.
     is_short: bool,
     over: usize,
@@ -112,6 +115,7 @@ impl Ensemble {
                 records: MemberRecords::new(layout, members, t0),
                 events: Vec::new(),
                 failures: Vec::new(),
+                found: Vec::new(),
                 is_short: false,
                 over: 0,
                 steps: 0,
@@ -307,6 +311,13 @@ impl Queue {
         self.stats = (self.stats.0 + stats, self.stats.1 + rejected);
         self.steps += run.done() * members.len();
         self.is_short |= self.records.keep(members, run.take(), one).is_err();
+        for (place, finding) in run.found() {
+            match one {
+                Some((own, _)) if place == own => self.found.push((members[0], finding)),
+                Some(_) => {}
+                None => self.found.push((members[place], finding)),
+            }
+        }
         let events = run.events();
         if !events.found.is_empty() {
             self.events.push((members[0], events));
@@ -376,6 +387,12 @@ impl Advance for Ensemble {
 
     fn over(&self) -> usize {
         self.queue().over
+    }
+
+    fn found(&self) -> Vec<(usize, Finding)> {
+        let mut found = self.queue().found.clone();
+        found.sort_by_key(|(member, _)| *member);
+        found
     }
 
     fn events(&mut self) -> Events {

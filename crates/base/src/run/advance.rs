@@ -4,6 +4,7 @@ use super::{Events, StepSizes};
 use crate::checkpoint::CheckpointMismatch;
 use crate::error::StepError;
 use crate::method::Stats;
+use crate::observe::Finding;
 use std::time::Duration;
 
 /// Where a run stands.
@@ -92,6 +93,10 @@ pub trait Advance: Send + Sync {
     /// How many members have reached their end, or failed.
     fn over(&self) -> usize {
         0
+    }
+    /// What is found of the motion so far, or of the members that are over, with their numbers.
+    fn found(&self) -> Vec<(usize, Finding)> {
+        Vec::new()
     }
     /// The events found since the last call; to be called after the records were collected.
     fn events(&mut self) -> Events {

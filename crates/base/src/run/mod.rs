@@ -22,7 +22,7 @@ pub use start::{Span, StartError};
 use crate::checkpoint::{Checkpoint, CheckpointMismatch, Count, Numbers};
 use crate::error::StepError;
 use crate::method::Stats;
-use crate::observe::Observe;
+use crate::observe::{Finding, Observe, Watch};
 use std::time::{Duration, Instant};
 
 /// A state, the control of its steps, and its records.
@@ -31,6 +31,7 @@ pub struct Run<State: Checkpoint> {
     state: State,
     observer: Box<dyn Observe<State>>,
     events: Option<Box<dyn EventDetector<State>>>,
+    watch: Option<Box<dyn Watch<State>>>,
     records: Records,
     width: usize,
     every: usize,
@@ -78,6 +79,7 @@ impl<State: Checkpoint> Run<State> {
             state,
             observer,
             events,
+            watch: None,
             records: Records::with_capacity(expected, width),
             width,
             every,
@@ -98,6 +100,17 @@ impl<State: Checkpoint> Run<State> {
         Ok(run)
     }
 
+    /// The same with a watch over its steps.
+    ///
+    /// # Errors
+    /// The start is no state of the system.
+    pub fn watched(self, mut watch: Option<Box<dyn Watch<State>>>) -> Result<Self, StepError> {
+        if let Some(watch) = &mut watch {
+            watch.look((self.control.time(), 0.0, false), &self.state)?;
+        }
+        Ok(Self { watch, ..self })
+    }
+
     /// The same as a run of so many members in lock-step, for its statistics.
     #[must_use]
     pub fn of_members(self, members: usize) -> Self {
@@ -105,19 +118,22 @@ impl<State: Checkpoint> Run<State> {
     }
 
     fn step(&mut self) -> Result<(), StepError> {
+        let start = self.control.time();
         if let Some(events) = &mut self.events {
-            events.before(self.control.time(), &mut self.state);
+            events.before(start, &mut self.state);
         }
         self.control.step(&mut self.state)?;
         self.n += 1;
-        self.finish_step().inspect_err(|_| {
+        let records = self.records.len();
+        self.finish_step(start).inspect_err(|_| {
             self.n -= 1;
             self.is_recordable = false;
+            self.records.truncate(records);
         })
     }
 
     /// Looks for events in the step just made, and records the state that it led to.
-    fn finish_step(&mut self) -> Result<(), StepError> {
+    fn finish_step(&mut self, start: f64) -> Result<(), StepError> {
         if let Some(events) = &mut self.events {
             self.control.stepper_mut().synchronize(&mut self.state)?;
             let (t, is_last) = (self.control.time(), self.control.is_over());
@@ -131,6 +147,9 @@ impl<State: Checkpoint> Run<State> {
                 Outcome::Restart(start) => {
                     self.control.stepper_mut().forget();
                     self.control.restart(start, &self.state);
+                    if let Some(watch) = &mut self.watch {
+                        watch.restart(start, &self.state);
+                    }
                     if start.to_bits() != t.to_bits() {
                         self.replace_record(start)?;
                         // the rest of the step is still to be made
@@ -140,11 +159,29 @@ impl<State: Checkpoint> Run<State> {
                 }
             }
         }
+        self.look(start)?;
         match self.end {
             Some(end) if self.records.last() == Some(end) => self.replace_record(end),
             _ if self.is_due() => self.record(),
             _ => Ok(()),
         }
+    }
+
+    /// Looks at the state that a step from `start` has led to.
+    fn look(&mut self, start: f64) -> Result<(), StepError> {
+        let (t, is_last) = (self.present(), self.is_over());
+        let Some(watch) = &mut self.watch else {
+            return Ok(());
+        };
+        if !watch.is_due(is_last) {
+            return Ok(());
+        }
+        self.control.stepper_mut().synchronize(&mut self.state)?;
+        if self.end.is_some() {
+            // a reset may have led to it
+            watch.restart(t, &self.state);
+        }
+        watch.look((t, t - start, is_last), &self.state)
     }
 
     /// Records a state that a reset has led to at the time of the last record, which is of the state before.
@@ -191,6 +228,9 @@ impl<State: Checkpoint> Run<State> {
         self.records.save(all, out);
         if let Some(events) = &self.events {
             events.save(all, out);
+        }
+        if let Some(watch) = &self.watch {
+            watch.save(all, out);
         }
     }
 }
@@ -297,11 +337,20 @@ impl<State: Checkpoint> Advance for Run<State> {
         if let Some(events) = &mut self.events {
             events.restore(all, saved)?;
         }
+        if let Some(watch) = &mut self.watch {
+            watch.restore(all, saved)?;
+        }
         if saved.is_empty() {
             Ok(())
         } else {
             Err(CheckpointMismatch)
         }
+    }
+
+    fn found(&self) -> Vec<(usize, Finding)> {
+        self.watch
+            .as_ref()
+            .map_or_else(Vec::new, |watch| watch.found())
     }
 
     fn events(&mut self) -> Events {

@@ -67,6 +67,18 @@ impl Records {
         self.push(observer, t, state)
     }
 
+    /// How many records there are that were not collected.
+    pub(super) fn len(&self) -> usize {
+        self.times.len()
+    }
+
+    /// Drops all records but the first.
+    pub(super) fn truncate(&mut self, count: usize) {
+        let width = self.rows.len().checked_div(self.times.len()).unwrap_or(0);
+        self.times.truncate(count);
+        self.rows.truncate(count * width);
+    }
+
     /// The time of the last record.
     pub fn last(&self) -> Option<f64> {
         self.last

@@ -4,6 +4,9 @@ use super::{Control, Detection, Job, Method, Problem, SparkMethod, System};
 use crate::events::Law;
 use liouville_base::composition::NeedsAdjoint;
 use liouville_base::run::StartError;
+use liouville_base::tape::Tape;
+use liouville_problem::Watched;
+use std::sync::Arc;
 
 impl System {
     /// The system as the method steps it.
@@ -101,6 +104,7 @@ impl Job {
         self.check_sizes(system)?;
         self.check_control(system)?;
         self.check_tangents(system)?;
+        self.check_watched(system)?;
         match &self.detection {
             Some(detection) => detection.check(system),
             None => Ok(()),
@@ -175,6 +179,27 @@ impl Job {
             let law = event.reset.as_ref().map(|(law, _)| law);
             slopes.fit(law, [n, l, lam, params], 1 + n + l + lam + params)
         })
+    }
+
+    fn check_watched(&self, system: &System) -> Result<(), StartError> {
+        let ([n, l], params) = system.sizes();
+        let point = [1, n, l, params];
+        let Watched { energy, left_out } = &self.watched;
+        let has_energy = |(tape, _): &(Arc<Tape>, bool)| {
+            tape.inputs() == point && matches!(tape.outputs(), 2 | 4)
+        };
+        let members = self.members.unwrap_or(1);
+        let has_sizes = |(tape, which, sizes): &(Arc<Tape>, Vec<usize>, Vec<f64>)| {
+            let count = which.len();
+            tape.inputs() == point && tape.outputs() == count && sizes.len() == members * count
+        };
+        if energy.as_ref().is_none_or(has_energy) && left_out.as_ref().is_none_or(has_sizes) {
+            return Ok(());
+        }
+        invalid(
+            "what is watched are tapes of (t, y, z, params), of two or four values for an energy, and of constraints \
+             left out with a size for each and each member",
+        )
     }
 
     fn check_control(&self, system: &System) -> Result<(), StartError> {

@@ -9,7 +9,7 @@ use liouville_base::run::{EventRule, Span};
 use liouville_base::tableau::{self, Scheme};
 use liouville_base::tape::Tape;
 use liouville_index2::semi_explicit::{SemiExplicit, SemiExplicitSensitivity};
-use liouville_problem::{Mechanical, SecondOrder, Sensitivity, Separable};
+use liouville_problem::{Mechanical, SecondOrder, Sensitivity, Separable, Watched};
 use liouville_spark::Solver;
 use std::sync::Arc;
 
@@ -175,6 +175,8 @@ pub struct Job {
     pub observer: Arc<Tape>,
     /// Whether the states are recorded too.
     pub states: bool,
+    /// What is looked at in each step.
+    pub watched: Watched,
     /// Threads of an ensemble.
     pub threads: usize,
 }

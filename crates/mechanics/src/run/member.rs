@@ -1,16 +1,16 @@
 //! The parts of a run that each member has of its own: start, parameters, observer, monitor, detector.
 
-use super::{Begun, Control, Starter};
+use super::{Begun, Control, Starter, System};
 use crate::events::{DenseDetector, Event, Reset, SlopesModel};
 use liouville_base::checkpoint::Checkpoint;
 use liouville_base::composition::Composed;
 use liouville_base::method::{Estimating, Stepper, Symmetric};
-use liouville_base::observe::{Monitor, Observe};
+use liouville_base::observe::{Monitor, Observe, Watch};
 use liouville_base::real::{BATCH, Lanes, Scalar};
 use liouville_base::run::{Adaptive, EventDetector, Fixed, Reversible, Run, StepControl};
 use liouville_base::tape::Tape;
 use liouville_problem::{
-    Carried, Dynamics, Impulse, Model, Observer, Path, Restart, State, TimeScale, Traced,
+    Carried, Dynamics, Impulse, Model, Observer, Path, Restart, State, StepWatch, TimeScale, Traced,
 };
 use std::sync::Arc;
 
@@ -76,6 +76,16 @@ impl Starter {
         let (_, width) = self.system.sizes();
         let row = if self.is_common() { 0 } else { member };
         &self.job.params[row * width..(row + 1) * width]
+    }
+
+    /// The watch over the steps of a member.
+    pub(super) fn watch<S: Carried>(&self, member: usize) -> Option<Box<dyn Watch<S>>> {
+        if let System::Index2(..) = self.system {
+            return None;
+        }
+        let (problem, params) = (self.system.mechanical(), self.params(member));
+        let watch = StepWatch::new(problem, params, &self.job.watched, &[member])?;
+        Some(Box::new(watch))
     }
 
     /// A part of a member's start: y, z or a.
@@ -246,7 +256,7 @@ impl Starter {
     ) -> Begun {
         if self.job.detection.is_none() {
             let observer = self.observer(member.model, member.number);
-            return self.recorded(control, Box::new(observer), state);
+            return self.recorded(control, Box::new(observer), state, member.number);
         }
         let observer = self.observer(member.model.clone(), member.number);
         let observed = [Box::new(observer.clone()) as _, Box::new(observer) as _];
@@ -296,36 +306,37 @@ impl Starter {
         }
         let kept = (self.job.span.every, expected);
         let run = Run::with_events(control, observer, state, kept, events)?;
-        Ok(Box::new(run))
+        Ok(Box::new(run.watched(self.watch(member))?))
     }
 
-    /// A run by equal steps.
+    /// A run of several members by equal steps.
     pub(super) fn fixed<State: Checkpoint + 'static>(
         &self,
         stepper: BoxedStepper<State>,
         observer: Box<dyn Observe<State>>,
         state: State,
-        members: usize,
+        (members, watch): (usize, Option<Box<dyn Watch<State>>>),
     ) -> Begun {
         let span = self.job.span;
         let control = Box::new(Fixed::new(stepper, span.t0, span.h(), span.steps));
         let run = Run::new(control, observer, state, (span.every, span.records()))?;
-        Ok(Box::new(run.of_members(members)))
+        Ok(Box::new(run.of_members(members).watched(watch)?))
     }
 
     /// A run without events by steps of this control.
-    pub(super) fn recorded<State: Checkpoint + 'static>(
+    pub(super) fn recorded<State: Carried + Checkpoint + 'static>(
         &self,
         control: Box<dyn StepControl<State>>,
         observer: Box<dyn Observe<State>>,
         state: State,
+        member: usize,
     ) -> Begun {
         let expected = match control.sizes() {
             None => self.job.span.records(),
             Some(_) => 0,
         };
         let run = Run::new(control, observer, state, (self.job.span.every, expected))?;
-        Ok(Box::new(run))
+        Ok(Box::new(run.watched(self.watch(member))?))
     }
 }
 

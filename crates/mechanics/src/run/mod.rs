@@ -37,6 +37,7 @@ use liouville_base::tableau;
 use liouville_index2::semi_explicit::SemiExplicit;
 use liouville_problem::{
     Mechanical, Model, Observer, Observers, SecondOrder, Separable, SeparableModel, State,
+    StepWatch,
 };
 use liouville_spark::rattle::Rattle;
 use liouville_spark::{Spark, SparkBatch, supports_batch};
@@ -222,7 +223,10 @@ impl Starter {
             .to_tolerance(self.newton_tol(spark));
         let state = stepper.state(self.job.span.t0, &y, &z);
         let observer = Box::new(Observers::new(problem, filled, self.observed()));
-        self.fixed(composed(stepper, stages), observer, state, members.len())
+        let watch = StepWatch::new(problem, &params, &self.job.watched, members)
+            .map(|watch| Box::new(watch) as _);
+        let stepper = composed(stepper, stages);
+        self.fixed(stepper, observer, state, (members.len(), watch))
     }
 
     /// A SPARK method at the start of a member's run; it estimates errors where these control the steps.
@@ -282,7 +286,7 @@ impl Starter {
             return self.launch(control, copy, self.member(member), state);
         }
         let observer = self.pooled_observer(method, member);
-        self.recorded(control, Box::new(observer), state)
+        self.recorded(control, Box::new(observer), state, member)
     }
 
     fn pooled_observer(&self, (problem, pools, _): PooledSpark, member: usize) -> Lent<Observer> {

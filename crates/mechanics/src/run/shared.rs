@@ -3,6 +3,7 @@
 use liouville_base::checkpoint::CheckpointMismatch;
 use liouville_base::error::StepError;
 use liouville_base::method::Stats;
+use liouville_base::observe::Finding;
 use liouville_base::run::{Advance, Events, Failure, Status, StepSizes};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
@@ -73,6 +74,10 @@ impl Advance for SharedRun {
 
     fn over(&self) -> usize {
         self.lock().over()
+    }
+
+    fn found(&self) -> Vec<(usize, Finding)> {
+        self.lock().found()
     }
 
     fn events(&mut self) -> Events {
