@@ -334,6 +334,23 @@ def test_a_run_that_is_going_on_is_refused_to_others(is_resumed, tmp_path):
 
 
 @needs_fork
+def test_a_run_that_was_killed_has_its_own_statistics(tmp_path, monkeypatch):
+    monkeypatch.setattr("liouville.stored.stream.PAUSE", 0.0)
+    path = tmp_path / "run.zarr"
+    call = pendulum(steps=10**7)
+    process = get_context("fork").Process(target=go, args=(path, call))
+    process.start()
+    while not path.exists() or not lv.load(path).stats["steps"]:
+        time.sleep(1e-3)
+    process.kill()
+    process.join()
+    left = lv.load(path)
+    assert left.status == "interrupted"
+    assert left.stats["iterations"] >= left.stats["steps"] > 0
+    assert left.t[-1] == pytest.approx(left.stats["steps"] * left.h)
+
+
+@needs_fork
 def test_a_killed_process_leaves_no_lock(tmp_path):
     path = tmp_path / "run.zarr"
     call = pendulum(steps=10**7)

@@ -236,13 +236,16 @@ class _StoredRun:
                 return "interrupted"
 
     def _save(self) -> None:
-        self._stream.save(self._run, {"seconds": time.perf_counter() - self._clock})
+        self._stream.save(self._run, self._stats())
+
+    def _stats(self) -> dict[str, Any]:
+        """Return the numbers of the run so far."""
+        return {**self._runner.stats(self._run), "seconds": time.perf_counter() - self._clock}
 
     def _describe(self, outcome: Outcome) -> str:
         """Write how the run went; returns which quantity is to blame if it failed."""
         path = self._folder.path
-        stats = self._runner.stats(self._run)
-        stats["seconds"] = time.perf_counter() - self._clock
+        stats = self._stats()
         status, message, quantity = status_of(outcome, self._runner, stats, self._stream.end)
         if status != "failed":
             message = "; ".join(filter(None, [message, self._stream.remark(self._run)]))

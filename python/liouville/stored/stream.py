@@ -18,7 +18,7 @@ from liouville.runners.energy import sentence_of
 from liouville.runners.execute import solution_of
 from liouville.solution import Solution
 from liouville.stored import arrays
-from liouville.stored.folder import Folder
+from liouville.stored.folder import Folder, attributes_of
 
 #: Bytes of the records in a chunk, and events in one.
 BYTES, EVENTS = 1 << 23, 4096
@@ -134,6 +134,7 @@ class Stream:
         """Write the records for readers of the folder, and then the state to go on from."""
         if time.monotonic() - self._shown >= PAUSE:
             self.finish()
+            self._describe(run, stats)
             self._shown = time.monotonic()
         memory = run.save()
         assert memory is not None, "ensembles are not stored"
@@ -150,6 +151,12 @@ class Stream:
         whole: dict[str, Any] = {"memory": memory, "counts": np.array(state), **rest, **first}
         np.savez(buffer, **whole)
         self._folder.commit(STATE, buffer.getvalue())
+
+    def _describe(self, run: _core.Run, stats: Mapping[str, Any]) -> None:
+        """Write the numbers of the run so far, for readers of the folder."""
+        if steps := stats.get("steps", 0):
+            own = {"stats": json.dumps(dict(stats)), "h": self._runner.steps.mean(run.t, steps)}
+            self._folder.describe({**attributes_of(self._folder.path), **own})
 
     def restore(self, run: _core.Run, state: Mapping[str, Any]) -> dict[str, Any]:
         """Go back to a state; returns the statistics it was saved with."""
