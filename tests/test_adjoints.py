@@ -178,7 +178,7 @@ def test_checks_by_differences_repeat_the_steps():
     refused = (
         ({"rtol": 1e-6}, "other steps where steps are controlled"),
         ({"h": 0.1, "control": lv.Reversible()}, "other steps where steps are controlled"),
-        ({"h": 0.1, "size": 0}, "size is positive and finite, not 0"),
+        ({"h": 0.1, "size": 0}, "size must be positive and finite, not 0"),
         ({"h": 0.1, "size": "a"}, "size is a number"),
         ({"h": 0.1, "seed": -1}, "seed is an integer from 0 on"),
         ({"h": 0.1, "wrt": []}, "wrt is a sequence of names"),

@@ -496,7 +496,7 @@ def test_what_has_no_equilibrium_is_refused_with_the_force_left():
         lv.equilibrium(system, **driven.start())
     with pytest.raises(ValueError, match=r"no equilibrium: the force left on 'q1' is 9\.8"):
         lv.modes(PENDULUM, q=[1.0, 0.0])
-    with pytest.raises(TypeError, match="stable is True or False"):
+    with pytest.raises(TypeError, match="stable must be True or False"):
         lv.equilibrium(PENDULUM, q=DOWN, stable="yes")
 
 

@@ -53,7 +53,7 @@ def test_starts_refuse_what_contradicts_the_joints():
         ValueError, match="1e\\+09 away from the places as drawn\\nhint: angles are in"
     ):
         m.start(values={"A": 1e9})
-    with pytest.raises(ValueError, match="rates of joint 'A' is a finite number"):
+    with pytest.raises(ValueError, match="rates of joint 'A' must be a finite number"):
         m.start(rates={"A": np.nan})
 
 
@@ -68,7 +68,9 @@ def base():
 
 AT = {"at": (0, 0, 0)}
 BAD = {
-    "at= of joint 'A' is 3 finite": lambda m: m.spherical("A", m.ground, "rod", at=(0, np.inf, 0)),
+    "at= of joint 'A' must be 3 finite": lambda m: m.spherical(
+        "A", m.ground, "rod", at=(0, np.inf, 0)
+    ),
     "at= of joint 'A' is .0, 0.\nhint: give three coordinates": lambda m: m.spherical(
         "A", m.ground, "rod", at=(0, 0)
     ),
@@ -108,11 +110,11 @@ BAD = {
         m.cylindrical("A", m.ground, "rod", **AT, axis=Z),
         m.gear("G", {"A": 0, ("A", "slide"): 31}),
     ),
-    "by= of coupling 'C' is 1 finite numbers": lambda m: (
+    "by= of coupling 'C' must be 1 finite numbers": lambda m: (
         m.cylindrical("A", m.ground, "rod", **AT, axis=Z),
         m.couple("C", "A", ("A", "slide"), by=()),
     ),
-    "by= of coupling 'C' is 4 finite numbers": lambda m: (
+    "by= of coupling 'C' must be 4 finite numbers": lambda m: (
         m.cylindrical("A", m.ground, "rod", **AT, axis=Z),
         m.couple("C", "A", ("A", "slide"), by=np.eye(2)),
     ),
@@ -177,7 +179,7 @@ BAD = {
         m.revolute("A", m.ground, "rod", **AT, axis=Z, damping=lambda p: p.c),
         m.system(params={"c": -1.0}),
     ),
-    "motion= of joint 'A' is a function": lambda m: m.revolute(
+    "motion= of joint 'A' must be a function": lambda m: m.revolute(
         "A", m.ground, "rod", **AT, axis=Z, motion=1.0
     ),
 }

@@ -50,7 +50,7 @@ COMPOUND = {
     "direction of 'slide' of joint 'J' has length zero": lambda m: m.compound(
         "J", "a", "b", [("slide", (0, 0, 0))]
     ),
-    "names= of joint 'J' are 1 different names": lambda m: m.compound(
+    "names= of joint 'J' must be 1 different names": lambda m: m.compound(
         "J", "a", "b", [("slide", (0, 0, 1))], names=("x", "x")
     ),
     "armature of 'slide' of joint 'J' is -1, and wants not to be negative": lambda m: m.compound(

@@ -244,9 +244,9 @@ def test_what_has_no_dense_output_says_why():
         run([0.5, 1.5])
     with pytest.raises(ValueError, match="t = nan is outside"):
         run(np.nan)
-    with pytest.raises(TypeError, match="t is a number or an array of numbers, not 'now'"):
+    with pytest.raises(TypeError, match="t must be a number or an array of numbers, not 'now'"):
         run("now")
-    with pytest.raises(ValueError, match=r"does not carry\nhint: .*replace"):
+    with pytest.raises(ValueError, match=r"does not carry\nhint: .*load"):
         replace(run, system=None)(0.5)
     for less in ({"every": 2}, {"states": False}, {"t_eval": [0.5]}):
         other = lv.integrate(wire.system, lv.Spark(3), **keep, **less)
@@ -261,8 +261,8 @@ def test_what_has_no_dense_output_says_why():
         ([0.5, 0.2], r"in the order of the run\nhint: np.unique"),
         ([0.5, np.nan], "t_eval is finite"),
         ([0.5, 1.2], r"t_eval has 1\.2, which is outside t = \(0, 1\)"),
-        ("often", "t_eval is a sequence of numbers, not 'often'"),
-        (0.5, "t_eval is a sequence of numbers, not 0.5"),
+        ("often", "t_eval must be a sequence of numbers, not 'often'"),
+        (0.5, "t_eval must be a sequence of numbers, not 0.5"),
         ([0.5], "give either every= or t_eval="),
     ],
 )

@@ -386,13 +386,15 @@ def test_members_that_fail_alone_are_counted_in_the_whole_ensemble():
 def test_bad_calls_are_refused_before_anything_is_sent():
     options = {"t": (0, 1), "steps": 5, "x": starts(4)}
     executor = Weak(0)
-    with pytest.raises(TypeError, match=r"executor is a concurrent.futures.Executor(.|\n)*dask"):
+    with pytest.raises(
+        TypeError, match=r"executor must be a concurrent.futures.Executor(.|\n)*dask"
+    ):
         lv.ensemble(EULER, SPLITTING, executor=4, **options)
     with pytest.raises(TypeError, match="chunk is for an executor"):
         lv.ensemble(EULER, SPLITTING, chunk=4, **options)
     with pytest.raises(ValueError, match="chunk"):
         lv.ensemble(EULER, SPLITTING, executor=executor, chunk=0, **options)
-    with pytest.raises(TypeError, match="progress is a function"):
+    with pytest.raises(TypeError, match="progress must be a function"):
         lv.ensemble(EULER, SPLITTING, executor=executor, progress=3, **options)
     with pytest.raises(ValueError, match="shape"):
         lv.ensemble(EULER, SPLITTING, executor=executor, **(options | {"x": starts(4, 2)}))

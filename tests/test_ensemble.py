@@ -204,7 +204,7 @@ def test_a_member_that_is_not_there_is_refused():
     for member in (2, -3):
         with pytest.raises(ValueError, match=f"there is no member {member} of an ensemble of 2"):
             many.member(member)
-    with pytest.raises(TypeError, match="member is a number, not True"):
+    with pytest.raises(TypeError, match="member must be a number, not True"):
         many.member(True)
     one = many.member(0)
     with pytest.raises(ValueError, match="there is no member 0 of a single run"):

@@ -316,18 +316,18 @@ def test_events_are_saved(tmp_path, suffix):
 
 
 def test_wrong_events_are_refused():
-    with pytest.raises(TypeError, match="function is a function, not 3"):
+    with pytest.raises(TypeError, match="function must be a function, not 3"):
         lv.Event(3)
-    with pytest.raises(ValueError, match="direction is one of both, up, down, not 'left'"):
+    with pytest.raises(ValueError, match="direction must be one of both, up, down, not 'left'"):
         lv.Event(spin, "left")
-    with pytest.raises(ValueError, match="terminal is at least 1, or False, not -1"):
+    with pytest.raises(ValueError, match="terminal must be at least 1, or False, not -1"):
         lv.Event(spin, terminal=-1)
-    with pytest.raises(TypeError, match="terminal is True, False or a number, not 'yes'"):
+    with pytest.raises(TypeError, match="terminal must be True, False or a number, not 'yes'"):
         lv.Event(spin, terminal="yes")
     for events, message in (
-        (spin, r"events is a mapping of names, .*\nhint: name it"),
+        (spin, r"events must be a mapping of names, .*\nhint: name it"),
         ({3: spin}, "3 is not a name"),
-        ({"a": 3}, "event 'a' is an Event or a function, not 3"),
+        ({"a": 3}, "event 'a' must be an Event or a function, not 3"),
         ({"a": lambda t, q, v, lam, params: q}, "event 'a' returns 2 values, wanted a scalar"),
         ({"a": lambda t, q, v, lam, params: 1.0}, "event 'a' is the same for all states"),
     ):

@@ -114,7 +114,9 @@ def test_what_cannot_be_extrapolated_is_refused():
     with pytest.raises(ValueError, match="levels must be a number of runs, two or more, not 1"):
         lv.extrapolate(SPRING, lv.HHT(), levels=1, **start)
     field = problems.load("abc_flow")
-    with pytest.raises(TypeError, match=r"is for mechanical systems.*\nhint: a field takes rtol="):
+    with pytest.raises(
+        TypeError, match=r"must be for mechanical systems.*\nhint: a field takes rtol="
+    ):
         lv.extrapolate(field.system, lv.VolumeSplitting(), t=(0, 1), h=0.1, **field.start)
     with pytest.raises(lv.IntegrationError, match="step 0 of 1"):
         lv.extrapolate(PENDULUM.system, lv.Spark(2), t=(0, 1e3), steps=1, **PENDULUM.start)

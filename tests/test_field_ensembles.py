@@ -83,7 +83,7 @@ def test_a_member_without_some_terms_is_split_by_the_same_method():
             cut = lv.ensemble(system, V(), **run, executor=executor, chunk=chunk)
             np.testing.assert_array_equal(cut.x, free.x)
     with pytest.raises(
-        ValueError, match="plan is for a field of 3 variables and 6 terms, not 3 and 4"
+        ValueError, match="plan must be for a field of 3 variables and 6 terms, not 3 and 4"
     ):
         lv.integrate(
             system, lv.plan(system, method, h=0.05, x=x[None]), **RUN, x=x, params={"A": 0}

@@ -191,5 +191,5 @@ def test_open_lattices_expand():
 
 
 def test_an_unknown_shell_model_is_refused():
-    with pytest.raises(ValueError, match="model is 'sabra' or 'goy', not 'gledzer'"):
+    with pytest.raises(ValueError, match="model must be 'sabra' or 'goy', not 'gledzer'"):
         sabra.build(8, "gledzer")

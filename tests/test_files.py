@@ -377,7 +377,7 @@ def test_what_the_file_switches_off_is_not_refused():
 
 
 BAD = {
-    "is a path or its text, not 3": lambda: mjcf(3),
+    "must be a path or its text, not 3": lambda: mjcf(3),
     "MuJoCo does not read 'no.xml'": lambda: mjcf("no.xml"),
     "MuJoCo does not read the text": lambda: mjcf("<mujoco><bad/></mujoco>"),
     "without= has 'contacts', which is": lambda: mjcf(pendulum({}), without=["contacts"]),
@@ -385,7 +385,7 @@ BAD = {
     "'M', which is no actuator\nhint: actuators are none": lambda: mjcf(
         pendulum({}), controls={"M": 1.0}
     ),
-    "control of 'M' is a finite number": lambda: mjcf(FOURBAR, controls={"M": "a"}),
+    "control of 'M' must be a finite number": lambda: mjcf(FOURBAR, controls={"M": "a"}),
     "the assembly has no bodies": lambda: mjcf(
         "<mujoco><worldbody><geom size='1'/></worldbody></mujoco>", without=["contact"]
     ).system(),
@@ -393,7 +393,7 @@ BAD = {
         ROBOT, loops={"P": ("leg", "arm", (0, 0, 0))}
     ),
     "loop 'P' is 'arm'\nhint: write": lambda: urdf(ROBOT, loops={"P": "arm"}),
-    "point of loop 'P' is 3 finite numbers": lambda: urdf(
+    "point of loop 'P' must be 3 finite numbers": lambda: urdf(
         ROBOT, loops={"P": ("stay", "arm", (0, 0))}
     ),
 }

@@ -255,7 +255,7 @@ GIVEN = {"h": 0.05, "params": ("l",)}
         ({"t": TRUTH.t, "q": TRUTH.q[:3]}, GIVEN, "shape"),
         ({"t": TRUTH.t, "x": np.full(21, np.nan)}, GIVEN, "data have no measurement"),
         ({"t": TRUTH.t, "x": np.full(21, np.inf)}, GIVEN, "finite numbers"),
-        ({"t": [0.0, np.nan], "x": [1, 2]}, GIVEN, "'t' are finite times"),
+        ({"t": [0.0, np.nan], "x": [1, 2]}, GIVEN, "'t' must be finite times"),
         ({"t": [0.0], "x": [1]}, GIVEN, "only measurement is at the start, t0 = 0\nhint: give t0"),
         (
             {"t": [0.0, 1.0], "x": [np.nan, 1]},
@@ -263,13 +263,17 @@ GIVEN = {"h": 0.05, "params": ("l",)}
             "do not say how good they are\nhint: give sig",
         ),
         (noisy(0), GIVEN | {"params": ("c",)}, "no parameter 'c'"),
-        (noisy(0), GIVEN | {"params": None}, "params is a sequence of names, not None\nhint: give"),
+        (
+            noisy(0),
+            GIVEN | {"params": None},
+            "params must be a sequence of names, not None\nhint: give",
+        ),
         (noisy(0), GIVEN | {"params": ()}, "nothing is to be fitted"),
         (noisy(0), GIVEN | {"params": ("m", "k")}, "do not determine 'params.m'"),
-        (noisy(0), GIVEN | {"free": ("p",)}, "free is q or v"),
+        (noisy(0), GIVEN | {"free": ("p",)}, "free must be q or v"),
         (noisy(0), GIVEN | {"bounds": {"g": (0, 1)}}, "'g', which is not fitted"),
         (noisy(0), GIVEN | {"bounds": {"l": (0, 1)}}, "'l' begins at 2.0, which is not between"),
-        (noisy(0), GIVEN | {"bounds": {"l": 3}}, "'l' is bounded by a pair"),
+        (noisy(0), GIVEN | {"bounds": {"l": 3}}, "'l' must be bounded by a pair"),
         (noisy(0), GIVEN | {"params": ("l", "l")}, "params names 'l' twice"),
         (noisy(0) | {"x": TRUTH.q[:, 0]}, GIVEN, "data 'x' gives again what"),
         (noisy(0), GIVEN | {"sigma": {"q": 1, "x": 1}}, "sigma has 'x', of which there are no"),
@@ -286,9 +290,9 @@ GIVEN = {"h": 0.05, "params": ("l",)}
         ),
         (noisy(0), GIVEN | {"sigma": {"x": 0.1}}, "sigma has no value for 'q'"),
         (noisy(0), GIVEN | {"t0": 3.0}, "after the first measurement"),
-        (noisy(0), GIVEN | {"h": -1.0}, "h is positive"),
+        (noisy(0), GIVEN | {"h": -1.0}, "h must be positive"),
         (noisy(0), GIVEN | {"free": "q"}, "no freedom to 'q' while the other state is held"),
-        (noisy(0), GIVEN | {"free": 1}, "free is a sequence of states, not 1"),
+        (noisy(0), GIVEN | {"free": 1}, "free must be a sequence of states, not 1"),
         (noisy(0), GIVEN | {"sigma": "a"}, "sigma is made of real numbers"),
         (noisy(0), GIVEN | {"sigma": [0.1] * 3}, r"sigma of 'q' has shape \(3,\)"),
         ({"t": TRUTH.t, "q": TRUTH.q + 0j}, GIVEN, "data 'q' is made of real numbers"),
@@ -349,7 +353,7 @@ def test_semi_explicit_systems():
     run = lv.integrate(system, method, t=(times[0], times[-1]), h=0.05, t_eval=times, **start)
     anywhere = lv.fit(system, method, {"t": times, "y": run.y}, **(call | {"params": {"l": 1.0}}))
     assert anywhere.params["l"] == pytest.approx(1.1, abs=1e-7)
-    with pytest.raises(ValueError, match="free is y, not 'z'"):
+    with pytest.raises(ValueError, match="free must be y, not 'z'"):
         lv.fit(system, method, data, free="z", **call)
     with pytest.raises(TypeError, match="does not step"):
         lv.fit(system, lv.HHT(), data, **call)

@@ -286,7 +286,7 @@ def small(**more):
     ("call", "error", "sentence"),
     [
         (lambda: small(potential=ONE), TypeError, "by velocity=, potential= or fluxes=, by one"),
-        (lambda: small(degree=4), ValueError, "degree is 3 or 5, not 4"),
+        (lambda: small(degree=4), ValueError, "degree must be 3 or 5, not 4"),
         (lambda: small(periodic="w"), ValueError, "periodic names 'w', and the axes are x, y"),
         (lambda: small(periodic="x", walls="x"), ValueError, "'x' is periodic and has walls"),
         (lambda: small(periodic={"x": 1.0}), ValueError, "'x' has period 1, and its nodes one of"),
@@ -298,7 +298,7 @@ def small(**more):
             ValueError,
             "leave out the last",
         ),
-        (lambda: small(coordinates="polar"), ValueError, "coordinates is one of cartesian"),
+        (lambda: small(coordinates="polar"), ValueError, "coordinates must be one of cartesian"),
         (lambda: small(gauge="given"), ValueError, "gauge='given' is for potential="),
         (lambda: lv.GriddedField(X[:3], X, velocity=(ONE[:3],) * 2), ValueError, "'x' has 3 nodes"),
         (

@@ -177,9 +177,13 @@ def test_what_a_series_leaves_out_is_known(x):
 @pytest.mark.parametrize(
     ("make", "error", "words"),
     [
-        (lambda: lv.ground_state(lv.SpinSystem(4, ["z"])), TypeError, "is a Schrodinger equation"),
+        (
+            lambda: lv.ground_state(lv.SpinSystem(4, ["z"])),
+            TypeError,
+            "must be a Schrodinger equation",
+        ),
         (lambda: lv.ground_state(lv.Schrodinger(np.eye(2)), tol=0.0), ValueError, "tol = 0"),
-        (lambda: lv.thermal_state(lv.Schrodinger(np.eye(2)), 0.0), ValueError, "is positive"),
+        (lambda: lv.thermal_state(lv.Schrodinger(np.eye(2)), 0.0), ValueError, "must be positive"),
         (lambda: lv.thermal_state(lv.Schrodinger(np.eye(2)), 1.0, states=0), ValueError, "states"),
     ],
 )

@@ -154,7 +154,7 @@ def test_the_spectrum_of_lorenz96_is_the_published_one():
         ({"t": (1, 0), "h": 0.1}, "runs backwards"),
         ({"t": (0, 1)}, "steps"),
         ({"t": (0, 1), "h": 0.1, "exponents": 5}, "there are 4 exponents, not 5"),
-        ({"t": (0, 1), "h": 0.1, "every": 0}, "every is at least 1"),
+        ({"t": (0, 1), "h": 0.1, "every": 0}, "every must be at least 1"),
     ],
 )
 def test_bad_calls_are_refused(more, says):

@@ -268,7 +268,7 @@ def test_a_section_that_cannot_be_drawn_is_refused(section):
         plot.section(section, ("x", "w"))
     with pytest.raises(ValueError, match="names of two coordinates, not 'xy'"):
         plot.section(section, "xy")
-    with pytest.raises(ValueError, match="period is positive and finite, not 0"):
+    with pytest.raises(ValueError, match="period must be positive and finite, not 0"):
         plot.section(section, period=0.0)
     line = replace(section, x=section.x[:, :2], names=("x", "y"), plane=(np.array([0, 1.0]), 0.0))
     with pytest.raises(ValueError, match="section of 2 coordinates is no picture"):

@@ -432,7 +432,7 @@ def test_members_and_states_that_are_not_there_are_refused(runs):
 
 @pytest.mark.parametrize("what", [plot.overview, plot.energy, plot.observed, plot.density])
 def test_what_is_no_solution_is_refused(what):
-    words = f"what plot.{what.__name__} draws is a solution, not 'run.nc'\nhint: integrate"
+    words = f"what plot.{what.__name__} draws must be a solution, not 'run.nc'\nhint: integrate"
     with pytest.raises(TypeError, match=words):
         what("run.nc")
 

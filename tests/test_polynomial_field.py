@@ -345,10 +345,14 @@ BAD_TERMS = [
     (ValueError, [(0, 1, {"y": 0.5})], r"term 0 has 'y' to the power of 0.5, wanted 0, 1, 2"),
     (ValueError, [(0, 1, (0, 1)), (1, "-1/4", (1, 1))], r"div f contains 1/2 \* y\n"),
     (ValueError, [], r"the field is zero"),
-    (TypeError, [(0, 1)], r"term 0 is \(component, coefficient, variables\), not \(0, 1\)\nhint"),
-    (TypeError, [(0, 1, 2)], r"term 0 is \(component, coefficient, variables\)"),
+    (
+        TypeError,
+        [(0, 1)],
+        r"term 0 must be \(component, coefficient, variables\), not \(0, 1\)\nhint",
+    ),
+    (TypeError, [(0, 1, 2)], r"term 0 must be \(component, coefficient, variables\)"),
     (TypeError, [(0.5, 1, (1,))], r"term 0 has the component 0.5, wanted an index or a name"),
-    (TypeError, 7, r"terms are \(component, coefficient, variables\), not 7"),
+    (TypeError, 7, r"terms must be \(component, coefficient, variables\), not 7"),
 ]
 
 
@@ -454,7 +458,7 @@ def test_what_sympy_cannot_expand_is_refused():
     ):
         with pytest.raises(ValueError, match=message):
             PolynomialField.from_sympy([bad, 0, 0], SYMBOLS)
-    with pytest.raises(TypeError, match=r"coordinates are symbols of SymPy's, not 'x'"):
+    with pytest.raises(TypeError, match=r"coordinates must be symbols of SymPy's, not 'x'"):
         PolynomialField.from_sympy([y, x, 0], ["x", "y", "z"])
     with pytest.raises(ValueError, match=r"the field has 2 expressions, wanted 3"):
         PolynomialField.from_sympy([y, x], SYMBOLS)
@@ -468,7 +472,7 @@ BAD_STARTS = [
     (ValueError, {"x": [1, 2]}, False, r"x has shape \(2,\), wanted \(3,\)"),
     (ValueError, {"x": [1, math.nan, 2]}, False, r"x of 'y' is nan"),
     (ValueError, {"x": {"x": 1, "y": 2}}, False, r"x gives \['x', 'y'\], wanted \['x', 'y', 'z'\]"),
-    (TypeError, {"x": "abc"}, False, r"x is an array of real numbers, not 'abc'"),
+    (TypeError, {"x": "abc"}, False, r"x must be an array of real numbers, not 'abc'"),
     (TypeError, {"q": [1, 2, 3]}, False, r"'q' is no start value of this system"),
     (TypeError, {}, False, r"start value 'x' is missing"),
     (ValueError, {"x": [1, 2, 3]}, True, r"x has shape \(3,\), wanted \(P, 3\) for P members"),

@@ -329,7 +329,7 @@ def test_a_pickle_runs_alike():
             ValueError,
             "nothing moves",
         ),
-        (lambda: lv.PotentialField(3.0, x=2), TypeError, "potential is a function, not 3.0"),
+        (lambda: lv.PotentialField(3.0, x=2), TypeError, "potential must be a function, not 3.0"),
         (
             lambda: lv.integrate(plane(), V(), t=(0, 90), h=30.0, x=X[:2]),
             ValueError,

@@ -298,7 +298,9 @@ def test_every_problem_is_listed():
 def test_a_problem_is_imported_where_it_is_first_used():
     assert lv.problems.euler_top is problems.load("euler_top")
     assert not hasattr(problems, "eulertop")
-    with pytest.raises(TypeError, match="name is that of a problem, such as 'pendulum', not 3"):
+    with pytest.raises(
+        TypeError, match="name must be that of a problem, such as 'pendulum', not 3"
+    ):
         problems.load(3)
 
 

@@ -124,5 +124,5 @@ def test_what_is_not_claimed_is_not_there():
     assert form_defect(method, "top") > 1e-6
     with pytest.raises(ValueError, match="only a symmetric method is composed"):
         lv.Composition(method, "Y4")
-    with pytest.raises(ValueError, match="points is one of gauss, radau, not 'chebyshev'"):
+    with pytest.raises(ValueError, match="points must be one of gauss, radau, not 'chebyshev'"):
         lv.Spark(2, points="chebyshev")

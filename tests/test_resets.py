@@ -353,7 +353,7 @@ def test_a_run_back_in_time_takes_impacts_without_loss_alone():
 
 def test_wrong_resets_are_refused():
     for reset, message in (
-        (3, "reset is an Impact or a function, not 3"),
+        (3, "reset must be an Impact or a function, not 3"),
         (
             lambda t, q, v, lam, params: [1, 2],
             "the reset of event 'e' 'v' returns 2 values, wanted 1",
@@ -366,9 +366,9 @@ def test_wrong_resets_are_refused():
     ):
         with pytest.raises((TypeError, ValueError), match=message):
             drop(lv.Spark(2), (0, 1), {"e": lv.Event(height, reset=reset)})
-    with pytest.raises(ValueError, match=r"restitution is from 0 to 1, not 1\.5"):
+    with pytest.raises(ValueError, match=r"restitution must be from 0 to 1, not 1\.5"):
         lv.Impact(1.5)
-    with pytest.raises(TypeError, match="restitution is a number or a function, not 'all'"):
+    with pytest.raises(TypeError, match="restitution must be a number or a function, not 'all'"):
         lv.Impact("all")
     turn = lv.Event(lambda t, q, v, lam, params: v[0], reset=lv.Impact())
     with pytest.raises(ValueError, match="event 'e' has an Impact, whose gradient is that of a"):

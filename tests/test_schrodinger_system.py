@@ -348,7 +348,7 @@ def test_a_matrix_of_single_precision_is_hermitian_to_its_own_digits():
 @pytest.mark.parametrize(
     ("given", "message"),
     [
-        ("H", "H is an array of numbers, not .H."),
+        ("H", "H must be an array of numbers, not .H."),
         (lambda x: x, r"H\(0\) is float, wanted an operator\nhint: .* \(N, function of psi\)"),
         (lambda x, y, z: x, "function of unknown size"),
         ((3, lambda x: None), "H returns NoneType for a vector"),
@@ -370,7 +370,7 @@ def test_roundoff_of_a_symmetric_matrix_is_taken_away():
 @pytest.mark.parametrize(
     ("keywords", "message"),
     [
-        ({"hbar": 0.0}, "hbar is positive"),
+        ({"hbar": 0.0}, "hbar must be positive"),
         ({"bounds": (1.0, -1.0)}, r"bounds = \(1, -1\) is no interval"),
         ({"drive": [(lambda t, params: t, np.eye(2))]}, "H1 has order 2, H has 3"),
         ({"drive": [(lambda t, params: t, entry(0, 1, 0.5)[:3, :3])]}, r"H1\[0, 1\] = 0.5, but H1"),
@@ -414,7 +414,7 @@ def test_what_is_no_state_is_refused(psi, message):
             r"observable 'a' is not Hermitian: x \. .*\nhint: give it as a matrix",
         ),
         ({"a": [1, np.inf, 1, 1]}, ValueError, "observable 'a' is inf in place 1"),
-        ({"a": "x"}, TypeError, "observable 'a' is an array of numbers"),
+        ({"a": "x"}, TypeError, "observable 'a' must be an array of numbers"),
         (
             {"a": lambda t, x, params: x},
             TypeError,
@@ -454,7 +454,7 @@ def test_what_is_recorded_of_every_run_is_no_name_of_an_observable():
         ),
         (lambda: lv.SpinChain(4, up=2).index(7), "state 7 is not among the 6"),
         (lambda: lv.Grid(1.0, 1.0, 8), "axis 0 is empty: from 1 to 1"),
-        (lambda: lv.Grid(0.0, 1.0, 8, mass=0.0), "mass is positive, not 0 along axis 0"),
+        (lambda: lv.Grid(0.0, 1.0, 8, mass=0.0), "mass must be positive, not 0 along axis 0"),
         (lambda: lv.Grid(0.0, 1.0, (8, 8, 8, 8)), "a grid has 1, 2 or 3 axes, not 4"),
     ],
 )

@@ -173,7 +173,7 @@ BAD_SYSTEMS = {
     "the same for all coordinates": ({}, lambda t, y, params: t),
     "constraint returns": ({}, lambda t, y, params: "circle"),
     "z names 'a' twice": ({"z": ("a", "a")}, None),
-    "params is a mapping": ({"params": 3}, None),
+    "params must be a mapping": ({"params": 3}, None),
 }
 
 
@@ -206,7 +206,7 @@ BAD_CALLS = {
     "'q' is no start value": {"q": [1, 0]},
     "violates the constraint 'rod'": {"y": [1, 0.1, 0, 0]},
     "violates the constraint 'speed'": {"y": [1, 0, 0.1, 0]},
-    "rtol is from 1e-14": {"rtol": 1e-15, "h": None},
+    "rtol must be from 1e-14": {"rtol": 1e-15, "h": None},
     "atol has shape": {"rtol": 1e-6, "h": None, "atol": [1, 1]},
     "t_eval has 1.1, which is outside": {"t_eval": [0.1, 1.1]},
     r"event 'none' is the same for all states\nhint: .* such as y\[1\]": {

@@ -362,10 +362,10 @@ def test_fields_with_a_divergence_are_refused_by_monomial():
 @pytest.mark.parametrize(
     ("word", "options"),
     [
-        ("diagonal is one of", {"diagonal": "shear"}),
-        ("off_diagonal is one of", {"off_diagonal": "triangle"}),
-        ("linear is one of", {"linear": "both"}),
-        ("runge_kutta is one of", {"off_diagonal": "triangular", "runge_kutta": "gauss"}),
+        ("diagonal must be one of", {"diagonal": "shear"}),
+        ("off_diagonal must be one of", {"off_diagonal": "triangle"}),
+        ("linear must be one of", {"linear": "both"}),
+        ("runge_kutta must be one of", {"off_diagonal": "triangular", "runge_kutta": "gauss"}),
         (r"directions have shape \(3, 1\)", {"diagonal": "shears", "directions": np.ones((3, 1))}),
         (r"directions have shape", {"diagonal": "n+d", "directions": np.ones((3, 4))}),
         ("not in general position", {"diagonal": "n+d", "directions": np.ones((3, 5))}),

@@ -584,7 +584,7 @@ def test_a_light_solution_says_where_its_records_are(tmp_path):
     ("more", "error", "words"),
     [
         ({"store": "run.nc"}, ValueError, r"stored in a \.zarr folder, not in 'run.nc'"),
-        ({"store": 3}, TypeError, "store is a path, not 3"),
+        ({"store": 3}, TypeError, "store must be a path, not 3"),
         ({"store": "no/run.zarr"}, FileNotFoundError, "does not exist"),
         ({"store": lv.Store("no/run.zarr", 5)}, FileNotFoundError, "does not exist"),
         ({"store": lv.Store("there.zarr", "1h")}, FileExistsError, "liouville.resume"),
@@ -604,9 +604,9 @@ def test_what_cannot_be_stored_is_refused_before_the_run(more, error, words, els
     ("given", "error", "words"),
     [
         (("run.nc",), ValueError, "stored in a .zarr folder, not in"),
-        ((3,), TypeError, "store is a path, not 3"),
-        (("run.zarr", 0), ValueError, "checkpoint is at least 1, not 0"),
-        (("run.zarr", 2.5), TypeError, "checkpoint is an integer, not 2.5"),
+        ((3,), TypeError, "store must be a path, not 3"),
+        (("run.zarr", 0), ValueError, "checkpoint must be at least 1, not 0"),
+        (("run.zarr", 2.5), TypeError, "checkpoint must be an integer, not 2.5"),
         (("run.zarr", "5 weeks"), ValueError, "neither steps nor a time\nhint: give checkpoint="),
         (("run.zarr", "0s"), ValueError, "neither steps nor a time"),
     ],

@@ -219,8 +219,8 @@ MASSLESS[4] = MASSLESS[:, 4] = 0.0
 BAD = {
     "rectangle": ({"mass": MASS[:5]}, ValueError, r"mass has shape \(5, 6\), wanted a square"),
     "tensor": ({"mass": MASS[None]}, ValueError, r"mass has shape \(1, 6, 6\), wanted \(n, n\)"),
-    "words": ({"mass": [["heavy"]]}, TypeError, "mass is a matrix of real numbers"),
-    "complex": ({"damping": 1j * DAMPING}, TypeError, "damping is a matrix of real numbers"),
+    "words": ({"mass": [["heavy"]]}, TypeError, "mass must be a matrix of real numbers"),
+    "complex": ({"damping": 1j * DAMPING}, TypeError, "damping must be a matrix of real numbers"),
     "orders": ({"stiffness": np.eye(5)}, ValueError, "stiffness has order 5, the mass matrix 6"),
     "nan": ({"stiffness": np.diag([1, 2, np.nan, 4, 5, 6])}, ValueError, r"s\[2, 2\] is nan"),
     "massless": ({"mass": MASSLESS}, ValueError, "coordinate 'q4' has no mass(.|\n)*hint: conden"),
@@ -228,7 +228,7 @@ BAD = {
     "twice": ({"q": tuple("abcdea")}, ValueError, "q names 'a' twice"),
     "load": ({"force": [1.0]}, ValueError, r"force has shape \(1,\), wanted \(6,\)"),
     "load nan": ({"force": [np.inf] * N}, ValueError, "force of 'q0' is inf"),
-    "word": ({"force": "gravity"}, TypeError, "force is a function or an array of numbers"),
+    "word": ({"force": "gravity"}, TypeError, "force must be a function or an array of numbers"),
     "nobody": (
         {"force": lambda t, q, v, params: {"q9": 1.0}},
         ValueError,
@@ -323,10 +323,10 @@ def test_a_body_that_does_not_fit_is_refused(monkeypatch):
         body.at(basis.get_dofs("left"))
     with pytest.raises(ValueError, match=r"mass has shape \(5, 5\), the basis \d+ deg(.|\n)*hint"):
         fem.Body(basis, eye, eye)
-    with pytest.raises(TypeError, match="mass is a sparse matrix of SciPy's"):
+    with pytest.raises(TypeError, match="mass must be a sparse matrix of SciPy's"):
         fem.Body(basis, np.eye(basis.N), eye)
     for wrong in ([-1], [basis.N], [0.5]):
-        with pytest.raises(ValueError, match="degrees of freedom are integers from 0 to"):
+        with pytest.raises(ValueError, match="degrees of freedom must be integers from 0 to"):
             body.at(wrong)
     with pytest.raises(ValueError, match="q has shape"):
         body.values(np.zeros(3))

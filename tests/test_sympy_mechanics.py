@@ -220,7 +220,7 @@ def test_loads_and_constraints_on_velocities_of_lagranges_method():
 
 
 BAD = {
-    "a model is a LagrangesMethod, a KanesMethod or a System": lambda: lv.from_sympy(3),
+    "a model must be a LagrangesMethod, a KanesMethod or a System": lambda: lv.from_sympy(3),
     "parameters 'c', 'g', 'l' and 'm' have no value": lambda: lv.from_sympy(
         hung(), inputs={"push": lambda *x: 0}
     ),

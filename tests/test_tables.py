@@ -170,8 +170,8 @@ def test_numbers_of_all_sizes_are_in_a_table():
         ([0, 1, 2], [0, 1, 2], "not-a-knot", ValueError, "has 4 points at least, not 3"),
         ([0, 1, 2], [0, 1, 2], "periodic", ValueError, "begins with 0 and ends with 2"),
         ([[0, 1]], [0, 1], "natural", ValueError, r"shape \(1, 2\), wanted \(k,\)"),
-        ("ab", [0, 1], "natural", TypeError, "x of a table is a 1-D array of numbers"),
-        ([0, 1], [0, 1], "clamped", ValueError, "ends is one of 'natural', 'not-a-knot'"),
+        ("ab", [0, 1], "natural", TypeError, "x of a table must be a 1-D array of numbers"),
+        ([0, 1], [0, 1], "clamped", ValueError, "ends must be one of 'natural', 'not-a-knot'"),
     ],
 )
 def test_bad_tables_are_refused(x, y, ends, error, words):

@@ -53,11 +53,11 @@ def test_bad_units_are_refused(run):
         run.with_units({"p1": "m"})
     with pytest.raises(ValueError, match=r"no quantity 'q\[w\]'"):
         run.with_units({"q[w]": "m"})
-    with pytest.raises(TypeError, match="the unit of 'q' is a word"):
+    with pytest.raises(TypeError, match="the unit of 'q' must be a word"):
         run.with_units({"q": 1})
-    with pytest.raises(TypeError, match="units is a mapping"):
+    with pytest.raises(TypeError, match="units must be a mapping"):
         run.with_units("m")
-    with pytest.raises(TypeError, match="units is a mapping of names to units, not None"):
+    with pytest.raises(TypeError, match="units must be a mapping of names to units, not None"):
         run.with_units()
 
 

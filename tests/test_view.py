@@ -156,13 +156,13 @@ def test_what_cannot_be_shown_is_refused_with_a_sentence(solution, tmp_path):
     swing = lv.integrate(pendulum.system, lv.Spark(2), t=(0, 0.1), h=0.05, **pendulum.start)
     with pytest.raises(TypeError, match=r"bodies are not known.*\nhint: give outline\(q, params\)"):
         plot.view(swing)
-    with pytest.raises(TypeError, match="a motion is a solution, not Mechanism"):
+    with pytest.raises(TypeError, match="a motion must be a solution, not Mechanism"):
         plot.view(solution.system)
     with pytest.raises(ValueError, match="there is no body 'bob'\nhint: bodies are rod, slider"):
         plot.view(solution, trace="bob")
-    with pytest.raises(ValueError, match="trace of body 'rod' is 3 finite numbers"):
+    with pytest.raises(ValueError, match="trace of body 'rod' must be 3 finite numbers"):
         plot.view(solution, trace={"rod": (1, 2)})
-    with pytest.raises(ValueError, match="up is 'x', 'y' or 'z', not 'w'"):
+    with pytest.raises(ValueError, match="up must be 'x', 'y' or 'z', not 'w'"):
         plot.view(solution, up="w")
     with pytest.raises(ValueError, match=r"polylines of shape \(k, 2\) or \(k, 3\)"):
         plot.view(swing, lambda q, params: [q])

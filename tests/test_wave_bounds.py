@@ -59,7 +59,9 @@ def test_a_plan_with_probable_bounds_runs_and_is_pickled_with_its_system():
 
 
 def test_bounds_that_are_no_way_are_refused():
-    with pytest.raises(ValueError, match="bounds is one of 'auto', 'gershgorin', 'lanczos' or a"):
+    with pytest.raises(
+        ValueError, match="bounds must be one of 'auto', 'gershgorin', 'lanczos' or a"
+    ):
         lv.Schrodinger(np.eye(2), bounds="tight")
     products = lv.Schrodinger((3, lambda x: 2 * x), bounds="gershgorin")
     with pytest.raises(ValueError, match=r"by its products, .*\nhint: give bounds='lanczos'"):

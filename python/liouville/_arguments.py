@@ -108,9 +108,9 @@ def count(name: str, value: Any) -> int:
     """Return an integer that is at least 1."""
     value = _scalar(value)
     if isinstance(value, (bool, np.bool_)) or not isinstance(value, (int, np.integer)):
-        raise TypeError(f"{name} is an integer, not {value!r}")
+        raise TypeError(f"{name} must be an integer, not {value!r}")
     if value < 1:
-        raise ValueError(f"{name} is at least 1, not {value}")
+        raise ValueError(f"{name} must be at least 1, not {value}")
     return int(value)
 
 
@@ -119,11 +119,14 @@ def interval(t: Any, hint: str = "") -> tuple[float, float]:
     if not isinstance(t, (tuple, list, np.ndarray)) or len(t) != 2:
         is_many = isinstance(t, (tuple, list, np.ndarray)) and np.ndim(t) == 1 and len(t) > 2
         shown = f"{len(t)} times" if is_many else repr(t)
-        sentence = f"t is a pair (start, end), not {shown}"
+        sentence = f"t must be a pair (start, end), not {shown}"
         raise TypeError(hinted(sentence, hint) if hint and is_many else sentence)
-    t0, t1 = (number("t is a pair of numbers", t[0]), number("t is a pair of numbers", t[1]))
+    t0, t1 = (
+        number("t must be a pair of numbers", t[0]),
+        number("t must be a pair of numbers", t[1]),
+    )
     if not math.isfinite(t1 - t0):
-        raise ValueError(f"t is a finite interval, not ({t0:g}, {t1:g})")
+        raise ValueError(f"t must be a finite interval, not ({t0:g}, {t1:g})")
     if t0 == t1:
         raise ValueError(f"t = ({t0:g}, {t1:g}) is no interval")
     if abs(t1 - t0) < SHORTEST:
@@ -137,8 +140,8 @@ def times_of(t: Any) -> tuple[float, ...]:
     if isinstance(t, np.ndarray) and t.ndim == 1:
         t = t.tolist()
     if not isinstance(t, (tuple, list)) or len(t) < 2:
-        raise TypeError(f"t is a pair (start, end) or a sequence of times, not {t!r}")
-    times = tuple(number("t is made of numbers", x) for x in t)
+        raise TypeError(f"t must be a pair (start, end) or a sequence of times, not {t!r}")
+    times = tuple(number("t must be made of numbers", x) for x in t)
     interval((times[0], times[-1]))
     steps = np.diff(times)
     bad = np.flatnonzero(~(np.isfinite(steps) & (steps * np.sign(times[-1] - times[0]) > 0)))

@@ -229,7 +229,9 @@ def _kind(rtol: Any, atol: Any, control: Any, takes: Takes) -> str | None:
     if not isinstance(control, Adaptive | Reversible | None):
         hint = SPELLINGS.get(control, "") if isinstance(control, str) else ""
         hint = hint or "give control=lv.Adaptive(...) or control=lv.Reversible(...)"
-        raise TypeError(hinted(f"control is an Adaptive or a Reversible, not {control!r}", hint))
+        raise TypeError(
+            hinted(f"control must be an Adaptive or a Reversible, not {control!r}", hint)
+        )
     given = {"rtol": rtol, "atol": atol, "control": control}
     asked = [name for name, value in given.items() if value is not None]
     if takes.controls == TRIAL:
@@ -256,9 +258,9 @@ def _kind(rtol: Any, atol: Any, control: Any, takes: Takes) -> str | None:
 
 
 def _relative(rtol: Any, least: float) -> float:
-    value = number("rtol is a number", rtol)
+    value = number("rtol must be a number", rtol)
     if not least <= value < 1:
-        raise ValueError(f"rtol is from {least:g} to below 1, not {value:g}")
+        raise ValueError(f"rtol must be from {least:g} to below 1, not {value:g}")
     return value
 
 
@@ -272,7 +274,7 @@ def _absolute(atol: Any, rtol: float, coordinates: Sequence[str]) -> np.ndarray:
     except ValueError:  # ragged
         values = np.array(None)
     if values.dtype.kind not in "iuf":
-        raise TypeError(f"atol is a number or an array of numbers, not {atol!r}")
+        raise TypeError(f"atol must be a number or an array of numbers, not {atol!r}")
     if values.shape not in ((), (n,)):
         raise ValueError(f"atol has shape {values.shape}, wanted () or ({n},)")
     values = np.array(np.broadcast_to(values, n), dtype=float)
@@ -281,7 +283,7 @@ def _absolute(atol: Any, rtol: float, coordinates: Sequence[str]) -> np.ndarray:
         name, value = coordinates[bad[0]], values[bad[0]]
         raise ValueError(
             hinted(
-                f"atol is positive and finite, not {value:g} for '{name}'",
+                f"atol must be positive and finite, not {value:g} for '{name}'",
                 "it says which change does not matter; without atol= that is rtol / 1000",
             )
         )
@@ -317,10 +319,10 @@ def equal_steps(t0: float, t1: float, h: Any, steps: Any) -> Steps:
 
 
 def _step(name: str, value: Any, t0: float, t1: float) -> float:
-    size = number(f"{name} is a number", value)
+    size = number(f"{name} must be a number", value)
     if not (math.isfinite(size) and size > 0):
         hint = "to go backwards, give t=(end, start)"
-        raise ValueError(hinted(f"{name} is positive and finite, not {size}", hint))
+        raise ValueError(hinted(f"{name} must be positive and finite, not {size}", hint))
     if size > abs(t1 - t0) * (1 + 1e-9):
         raise ValueError(f"{name} = {size:g} is larger than the interval, {abs(t1 - t0):g}")
     return size

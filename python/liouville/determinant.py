@@ -71,7 +71,9 @@ def determinant(
     True
     """
     if not isinstance(system, Field):
-        raise TypeError(f"determinants are those of a field without divergence, not of {system!r}")
+        raise TypeError(
+            f"determinants must be those of a field without divergence, not of {system!r}"
+        )
     from liouville.planner import FieldPlan
     from liouville.runners.determinant import DeterminantRunner, PlaneDeterminantRunner
 

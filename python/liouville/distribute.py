@@ -134,7 +134,7 @@ def distribute(
     if not isinstance(executor, Executor):
         hint = "dask: client.get_executor(); MPI: mpi4py.futures.MPIPoolExecutor()"
         raise TypeError(
-            hinted(f"executor is a concurrent.futures.Executor, not {executor!r}", hint)
+            hinted(f"executor must be a concurrent.futures.Executor, not {executor!r}", hint)
         )
     workers = _workers(executor)
     size = _size(task, workers) if chunk is None else count("chunk", chunk)

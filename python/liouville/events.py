@@ -68,9 +68,9 @@ class Impact:
         if callable(given):
             return
         if isinstance(given, (bool, np.bool_)) or not isinstance(given, int | float | np.number):
-            raise TypeError(f"restitution is a number or a function, not {given!r}")
+            raise TypeError(f"restitution must be a number or a function, not {given!r}")
         if not 0 <= given <= 1:
-            raise ValueError(f"restitution is from 0 to 1, not {given}")
+            raise ValueError(f"restitution must be from 0 to 1, not {given}")
 
     @property
     def is_elastic(self) -> bool:
@@ -138,15 +138,17 @@ class Event:
     def __post_init__(self) -> None:
         """Refuse what is no event."""
         if not callable(self.function):
-            raise TypeError(f"function is a function, not {self.function!r}")
+            raise TypeError(f"function must be a function, not {self.function!r}")
         if self.direction not in DIRECTIONS:
-            raise ValueError(f"direction is one of {', '.join(DIRECTIONS)}, not {self.direction!r}")
+            raise ValueError(
+                f"direction must be one of {', '.join(DIRECTIONS)}, not {self.direction!r}"
+            )
         if not isinstance(self.terminal, (bool, np.bool_, int, np.integer)):
-            raise TypeError(f"terminal is True, False or a number, not {self.terminal!r}")
+            raise TypeError(f"terminal must be True, False or a number, not {self.terminal!r}")
         if self.terminal < 0:
-            raise ValueError(f"terminal is at least 1, or False, not {self.terminal}")
+            raise ValueError(f"terminal must be at least 1, or False, not {self.terminal}")
         if not (self.reset is None or isinstance(self.reset, Impact) or callable(self.reset)):
-            sentence = f"reset is an Impact or a function, not {self.reset!r}"
+            sentence = f"reset must be an Impact or a function, not {self.reset!r}"
             hint = "reset=lv.Impact(0.8), or a function that returns the velocities after it"
             raise TypeError(hinted(sentence, hint))
 
@@ -157,7 +159,7 @@ def named(events: Any) -> dict[str, Event]:
         return {}
     if not isinstance(events, Mapping):
         hint = 'name it: events={"name": function}'
-        raise TypeError(hinted(f"events is a mapping of names, not {events!r}", hint))
+        raise TypeError(hinted(f"events must be a mapping of names, not {events!r}", hint))
     for name in events:
         if not isinstance(name, str) or not name:
             raise TypeError(f"events is a mapping of names; {name!r} is not a name")
@@ -169,7 +171,7 @@ def named(events: Any) -> dict[str, Event]:
 
 def _plain(name: str, function: Any) -> Event:
     if not callable(function):
-        raise TypeError(f"event '{name}' is an Event or a function, not {function!r}")
+        raise TypeError(f"event '{name}' must be an Event or a function, not {function!r}")
     return Event(function)
 
 

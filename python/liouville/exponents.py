@@ -213,7 +213,7 @@ def _flow_of(
     if isinstance(system, Field):
         return _Field(system, method, h, params)
     sentence = (
-        f"exponents are those of a mechanical system or a polynomial field, not of {system!r}"
+        f"exponents must be those of a mechanical system or a polynomial field, not of {system!r}"
     )
     raise TypeError(hinted(sentence, "a wave function moves linearly: all its exponents are 0"))
 

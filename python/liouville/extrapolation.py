@@ -123,7 +123,7 @@ def extrapolate(
     '0.540302 9e-06'
     """
     if not isinstance(system, Mechanics):
-        sentence = f"extrapolation is for mechanical systems, not for {system!r}"
+        sentence = f"extrapolation must be for mechanical systems, not for {system!r}"
         raise TypeError(hinted(sentence, "a field takes rtol=, a wave function a tolerance"))
     if isinstance(levels, bool) or not isinstance(levels, int) or levels < 2:
         raise ValueError(f"levels must be a number of runs, two or more, not {levels!r}")

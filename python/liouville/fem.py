@@ -180,14 +180,14 @@ def _dofs(dofs: Any, count: int) -> np.ndarray:
     if found.size == 0:
         return np.empty(0, dtype=int)
     if found.dtype.kind not in "iu" or found.min() < 0 or found.max() >= count:
-        raise ValueError(f"degrees of freedom are integers from 0 to {count - 1}, not {dofs!r}")
+        raise ValueError(f"degrees of freedom must be integers from 0 to {count - 1}, not {dofs!r}")
     return found
 
 
 def _free(name: str, matrix: Any, free: np.ndarray, count: int) -> Any:
     """Return the rows and columns of a sparse matrix that move."""
     if not hasattr(matrix, "tocsr"):
-        raise TypeError(f"{name} is a sparse matrix of SciPy's, not {matrix!r}")
+        raise TypeError(f"{name} must be a sparse matrix of SciPy's, not {matrix!r}")
     if matrix.shape != (count, count):
         raise ValueError(
             hinted(

@@ -326,11 +326,11 @@ def check_gradient(
     >>> found.dot < 1e-13 and found.differences < 1e-9
     True
     """
-    size = number("size is a number", size)
+    size = number("size must be a number", size)
     if not (size > 0 and math.isfinite(size)):
-        raise ValueError(f"size is positive and finite, not {size:g}")
+        raise ValueError(f"size must be positive and finite, not {size:g}")
     if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0:
-        raise TypeError(f"seed is an integer from 0 on, not {seed!r}")
+        raise TypeError(f"seed must be an integer from 0 on, not {seed!r}")
     if isinstance(system, Mechanics | SemiExplicit) and (
         run.get("rtol") is not None or run.get("control") is not None
     ):

@@ -34,7 +34,7 @@ def member_of(solution: Solution, member: int) -> Solution:
     """Return one member of an ensemble; see :meth:`liouville.Solution.member`."""
     count = solution.members
     if isinstance(member, bool) or not isinstance(member, int | np.integer):
-        raise TypeError(f"member is a number, not {member!r}")
+        raise TypeError(f"member must be a number, not {member!r}")
     if count is None or not -count <= member < count:
         has = "a single run" if count is None else f"an ensemble of {count}"
         raise ValueError(f"there is no member {member} of {has}")
@@ -125,13 +125,15 @@ def _between(solution: Solution, time: slice | float) -> Solution:
     if not isinstance(time, slice):
         raise TypeError(
             hinted(
-                f"time is a slice of times, not {time!r}",
+                f"time must be a slice of times, not {time!r}",
                 "slice(0.0, 1.0) takes both ends along; solution(t) gives the states at any times",
             )
         )
     step = 1 if time.step is None else time.step
     if isinstance(step, bool) or not isinstance(step, int | np.integer) or step < 1:
-        raise ValueError(f"the step of a slice of times is a number of kept states, not {step!r}")
+        raise ValueError(
+            f"the step of a slice of times must be a number of kept states, not {step!r}"
+        )
     low, high = sorted(
         float(default if x is None else x)
         for x, default in ((time.start, t.min(initial=np.inf)), (time.stop, t.max(initial=-np.inf)))
@@ -311,7 +313,7 @@ def system_of(solution: Solution, needs: str) -> Any:
 def _number_of(constraint: Any, names: Sequence[str]) -> int:
     if isinstance(constraint, bool) or not isinstance(constraint, str | int | np.integer):
         hint = "reactions add up: solution.reaction(a) + solution.reaction(b)"
-        raise TypeError(hinted(f"constraint is a name or index, not {constraint!r}", hint))
+        raise TypeError(hinted(f"constraint must be a name or index, not {constraint!r}", hint))
     if isinstance(constraint, str):
         check_name(constraint, names, "constraint")
         return list(names).index(constraint)

@@ -97,7 +97,7 @@ def times_within(t: Any, first: float, last: float) -> NDArray[np.float64]:
     """Return a time or an array of times, each within a run from `first` to `last`."""
     times = np.asarray(t)
     if times.dtype.kind not in "iuf" or times.ndim > 1:
-        raise TypeError(f"t is a number or an array of numbers, not {t!r}")
+        raise TypeError(f"t must be a number or an array of numbers, not {t!r}")
     found = with_ends(times.astype(float), first, last)
     outside = found[~((min(first, last) <= found) & (found <= max(first, last)))]
     if outside.size:

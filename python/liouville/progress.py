@@ -36,7 +36,7 @@ def reported(progress: Progress, unit: str) -> AbstractContextManager[Report | N
     if callable(progress):
         return nullcontext(progress)
     hint = "or True, which shows a bar"
-    raise TypeError(hinted(f"progress is a function, not {progress!r}", hint))
+    raise TypeError(hinted(f"progress must be a function, not {progress!r}", hint))
 
 
 @contextmanager

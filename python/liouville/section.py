@@ -188,7 +188,7 @@ def section(
     True
     """
     if not isinstance(system, Field):
-        raise TypeError(f"sections are those of a field without divergence, not of {system!r}")
+        raise TypeError(f"sections must be those of a field without divergence, not of {system!r}")
     if (h is None) == (steps is None):
         raise TypeError("a section takes either h or steps")
     interval(t)
@@ -381,7 +381,9 @@ def _plane(plane: str | ArrayLike, names: Sequence[str]) -> Array:
     except (TypeError, ValueError):
         normal = np.empty(())
     if not normal.ndim:
-        sentence = f"plane is a coordinate's name, a function or an array of numbers, not {plane!r}"
+        sentence = (
+            f"plane must be a coordinate's name, a function or an array of numbers, not {plane!r}"
+        )
         hint = "an Event's function and direction go into plane= and direction="
         raise TypeError(hinted(sentence, hint) if isinstance(plane, Event) else sentence)
     if normal.shape != (len(names),):
@@ -393,13 +395,13 @@ def _plane(plane: str | ArrayLike, names: Sequence[str]) -> Array:
 
 def _cuts(offset: Any, period: Any, direction: Any) -> tuple[float, float | None, int]:
     """Return the offset, the period, and +1 for up, -1 for down, 0 for both."""
-    c = number("offset is a number", offset)
+    c = number("offset must be a number", offset)
     if not math.isfinite(c):
-        raise ValueError(f"offset is finite, not {c}")
+        raise ValueError(f"offset must be finite, not {c}")
     if period is not None:
-        period = number("period is a number", period)
+        period = number("period must be a number", period)
         if not (math.isfinite(period) and period > 0):
-            raise ValueError(f"period is positive and finite, not {period}")
+            raise ValueError(f"period must be positive and finite, not {period}")
     if direction not in DIRECTIONS:
-        raise ValueError(f"direction is one of {', '.join(DIRECTIONS)}, not {direction!r}")
+        raise ValueError(f"direction must be one of {', '.join(DIRECTIONS)}, not {direction!r}")
     return c, period, DIRECTIONS[direction]

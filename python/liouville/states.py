@@ -173,7 +173,7 @@ class States:
             sentence = f"with_units takes one mapping of names to units, not {given}"
             raise TypeError(hinted(sentence, f"with_units({ {**(units or {}), **named} })"))
         if not isinstance(units, Mapping):
-            raise TypeError(f"units is a mapping of names to units, not {units!r}")
+            raise TypeError(f"units must be a mapping of names to units, not {units!r}")
         own = cast("Solution", self)
         groups = (own.states, own.invariants, own.balance, own.observed, own.residuals)
         known = ["t", *(name for group in groups for name in group), "reaction"]
@@ -183,7 +183,7 @@ class States:
             if name not in known and not (quantity in known and label[:-1] in labels):
                 check_name(str(name), known, "quantity")
             if not isinstance(unit, str) or not unit:
-                raise TypeError(f"the unit of '{name}' is a word such as 'm', not {unit!r}")
+                raise TypeError(f"the unit of '{name}' must be a word such as 'm', not {unit!r}")
         return replace(own, units=dict(units))
 
     @property

@@ -115,7 +115,7 @@ def equilibrium(
         mechanical(system, "equilibrium"), started(start, values), t, params
     ).at_rest()
     if not isinstance(stable, bool):
-        raise TypeError(f"stable is True or False, not {stable!r}")
+        raise TypeError(f"stable must be True or False, not {stable!r}")
     search = Sparse(point) if point.n > LARGE else Dense(point, stable)
     left = search.run()
     point = search.point

@@ -128,7 +128,7 @@ def ground_state(
     (-3.651093409, 1)
     """
     system = wave(system).with_params(params)
-    at, wanted = number("t is a number", t), number("tol is a number", tol)
+    at, wanted = number("t must be a number", t), number("tol must be a number", tol)
     check_sampled(system.drives, at, at)
     if not 1e-14 <= wanted < 1:
         raise ValueError(f"tol = {wanted:g}: it is a number from 1e-14 to below 1")
@@ -177,7 +177,7 @@ def wave(system: Any) -> Schrodinger:
     """Return a Schrödinger equation; TypeError if it is none."""
     if not isinstance(system, Schrodinger):
         hint = "write lv.Schrodinger(...) of it"
-        raise TypeError(hinted(f"the system is a Schrodinger equation, not {system!r}", hint))
+        raise TypeError(hinted(f"the system must be a Schrodinger equation, not {system!r}", hint))
     return system
 
 

@@ -219,7 +219,9 @@ def _actuators(
     else:
         if isinstance(actuators, str) or not isinstance(actuators, Sequence):
             hint = f"give a list, [{actuators!r}]" if isinstance(actuators, str) else "give names"
-            raise TypeError(hinted(f"actuators are names or functions, not {actuators!r}", hint))
+            raise TypeError(
+                hinted(f"actuators must be names or functions, not {actuators!r}", hint)
+            )
         names = [x for name in actuators for x in _rates_of(system, name)]
         places = [_place(system, name) for name in names]
         slopes = np.zeros((k, len(names), n))

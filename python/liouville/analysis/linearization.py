@@ -205,7 +205,7 @@ def _picked(system: Mechanics, names: Sequence[str], free: Array) -> Array:
     """Return the rows that pick some coordinates, which tell the free directions apart."""
     if isinstance(names, str):
         hint = f"give a list, independent=[{names!r}]"
-        raise TypeError(hinted(f"independent is a sequence of names, not {names!r}", hint))
+        raise TypeError(hinted(f"independent must be a sequence of names, not {names!r}", hint))
     for name in names:
         check_name(name, system.coordinates, "coordinate", "system")
     count = free.shape[1]

@@ -144,10 +144,10 @@ def thermal_state(
     True
     """
     system = wave(system).with_params(params)
-    warmth = number("temperature is a number", temperature)
+    warmth = number("temperature must be a number", temperature)
     if not warmth > 0:
-        raise ValueError(f"temperature is positive, not {warmth:g}")
-    rows, at = count("states", states), number("t is a number", t)
+        raise ValueError(f"temperature must be positive, not {warmth:g}")
+    rows, at = count("states", states), number("t must be a number", t)
     size = system.hamiltonian.size
     what = f"{rows} thermal states of {system!r}"
     check_memory(what, 16.0 * rows * system.size + 48.0 * size, "take fewer states, or a sector")

@@ -218,7 +218,7 @@ class Acting(Joining):
             x = unit(f"across= of {of}, beside the beam,", given_x - (given_x @ along) * along)
         pair = bending if isinstance(bending, Sequence | np.ndarray) else (bending, bending)
         if len(pair) != 2:
-            raise ValueError(f"bending= of {of} is one stiffness or two, not {bending!r}")
+            raise ValueError(f"bending= of {of} must be one stiffness or two, not {bending!r}")
         names = ("axial", "bending", "bending", "torsion", "damping")
         sizes = [
             given(f"{what}= of {of}", value, ())

@@ -110,7 +110,7 @@ def numbers(what: str, value: Any, shape: tuple[int, ...]) -> NDArray[np.float64
     found = _trace.numbers(value)
     if found is None or found.shape != shape or not np.isfinite(found).all():
         wanted = f"{shape[0]} finite numbers" if shape else "a finite number"
-        raise ValueError(f"{what} is {wanted}, not {value!r}")
+        raise ValueError(f"{what} must be {wanted}, not {value!r}")
     return found
 
 

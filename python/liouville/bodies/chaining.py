@@ -248,6 +248,6 @@ class Chaining(Registry):
 def _check_names(of: str, names: Any, count: int) -> None:
     good = isinstance(names, Sequence) and all(isinstance(x, str) and x for x in names)
     if not good or len(set(names)) != count or len(names) != count:
-        raise ValueError(f"names= of {of} are {count} different names, not {names!r}")
+        raise ValueError(f"names= of {of} must be {count} different names, not {names!r}")
     if bad := set(names) & set(RATES):
         raise ValueError(f"names= of {of}: {min(bad)!r} is the name of a rate")

@@ -125,7 +125,7 @@ def _compiled(source: str | Path, *, is_urdf: bool = False) -> tuple[Any, Any]:
         sentence = "MJCF and URDF files are read by MuJoCo, which is not installed"
         raise ImportError(hinted(sentence, "pip install 'liouville[robots]'")) from error
     if not isinstance(source, str | Path):
-        raise TypeError(f"a file is a path or its text, not {source!r}")
+        raise TypeError(f"a file must be a path or its text, not {source!r}")
     is_text = isinstance(source, str) and source.lstrip().startswith("<")
     what = "the text" if is_text else f"'{source}'"
     _check_size(source, is_text, what)

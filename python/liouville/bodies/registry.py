@@ -175,7 +175,7 @@ def points_of(of: str, at: Any) -> tuple[Value, Value]:
 def two_points(of: str, at: Any) -> tuple[Value, Value]:
     """Return two points that are given one by one."""
     if not isinstance(at, Sequence | np.ndarray) or len(at) != 2:
-        raise ValueError(f"at= of {of} is two points, one on each body, not {at!r}")
+        raise ValueError(f"at= of {of} must be two points, one on each body, not {at!r}")
     return points_of(of, at)
 
 
@@ -221,7 +221,7 @@ def functions_of(
     """Refuse what is no function along coordinates, some of which are angles."""
     for name, value in values.items():
         if not callable(value):
-            raise TypeError(f"{what}= of {of} is a function, not {value!r}")
+            raise TypeError(f"{what}= of {of} must be a function, not {value!r}")
         measure = "angle" if name in angles else "slide"
         args = ["t"] if what == "motion" else ["t", measure, "rate"]
         word = what if what == "motion" else "torque" if name in (*angles, *RATES) else "force"

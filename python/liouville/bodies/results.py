@@ -211,7 +211,7 @@ def joint_of(solution: Solution, name: str, frame: str = "world") -> JointMotion
     system = _mechanism(solution, f"joint '{name}'")
     place = system.place(name)
     if frame not in ("world", "joint"):
-        raise ValueError(f"frame is 'world' or 'joint', not {frame!r}")
+        raise ValueError(f"frame must be 'world' or 'joint', not {frame!r}")
     force, torque = _wrench(system, solution, place)
     if frame == "joint":
         _, e = system._body_layout.pose(solution.q, place.bodies[1])

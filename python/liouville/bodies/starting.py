@@ -389,7 +389,9 @@ def _given(
                 continue
             found = _trace.numbers(number)
             if found is None or found.shape or not np.isfinite(found):
-                raise ValueError(f"{what} of joint '{name}' is a finite number, not {number!r}")
+                raise ValueError(
+                    f"{what} of joint '{name}' must be a finite number, not {number!r}"
+                )
             places.append(place.first + k)
             numbers.append(float(found))
     return places, np.array(numbers)

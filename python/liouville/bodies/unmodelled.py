@@ -77,7 +77,7 @@ def check(model: Any, without: Sequence[str]) -> None:
         The model has more, or `without` has an unknown name.
     """
     if isinstance(without, str) or not all(isinstance(x, str) for x in without):
-        raise TypeError(f"without= is a sequence of names, not {without!r}")
+        raise TypeError(f"without= must be a sequence of names, not {without!r}")
     for name in without:
         if name not in KNOWN:
             raise ValueError(

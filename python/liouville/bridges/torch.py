@@ -100,7 +100,7 @@ def solver(
         tensors = [torch.tensor(x, **kind) if isinstance(x, float) else x for x in inputs]
         for x in tensors:
             if not isinstance(x, torch.Tensor):
-                raise TypeError(f"inputs are tensors of torch.float64 and floats, not {x!r}")
+                raise TypeError(f"inputs must be tensors of torch.float64 and floats, not {x!r}")
         function.check([(x.shape, str(x.dtype).removeprefix("torch.")) for x in tensors])
         found = _function().apply(function, *tensors)
         return found[0] if function.is_single else found

@@ -200,7 +200,7 @@ def control_of(name: str | None, h_min: float | None) -> lv.Adaptive | lv.Revers
         return lv.Adaptive(h_min=h_min)
     if name == "reversible":
         return lv.Reversible(h_min=h_min)
-    raise ValueError(f"--control is 'adaptive' or 'reversible', not {name!r}")
+    raise ValueError(f"--control must be 'adaptive' or 'reversible', not {name!r}")
 
 
 def store_of(path: Path | None, checkpoint: str | None) -> lv.Store | None:

@@ -76,7 +76,7 @@ class Measurements:
     def __init__(self, system: System, data: Any, h: float, sigma: Any, t0: float | None) -> None:
         if not isinstance(data, Mapping) and hasattr(data, "columns"):
             data = _of_frame(data)
-        self._take_times(data, number("h is a number", h), t0)
+        self._take_times(data, number("h must be a number", h), t0)
         self._take_data(system, data, sigma)
 
     def _take_times(self, data: Any, h: float, t0: Any) -> None:
@@ -84,14 +84,14 @@ class Measurements:
             raise TypeError(hinted("data has no 't'", 'write data={"t": times, "q": values}'))
         times = _numbers("data 't'", data["t"])
         if times.ndim != 1 or not times.size or not np.isfinite(times).all():
-            raise ValueError(f"data 't' are finite times in a row, not {times!r}")
+            raise ValueError(f"data 't' must be finite times in a row, not {times!r}")
         if not (np.diff(times) > 0).all():
             k = int(np.argmin(np.diff(times) > 0))
             sentence = f"data 't' rise: {times[k]:g} is followed by {times[k + 1]:g}"
             raise ValueError(hinted(sentence, "sort measurements by time, and join those of one"))
         if not h > 0:
-            raise ValueError(f"h is positive, not {h:g}")
-        self.t0 = float(times[0]) if t0 is None else number("t0 is a number", t0)
+            raise ValueError(f"h must be positive, not {h:g}")
+        self.t0 = float(times[0]) if t0 is None else number("t0 must be a number", t0)
         if self.t0 > times[0]:
             raise ValueError(f"t0 = {self.t0:g} is after the first measurement")
         if self.t0 == times[-1]:

@@ -40,7 +40,7 @@ class Unknowns:
         given: dict[str, Any] = dict(params) if isinstance(params, Mapping) else {}
         if not isinstance(params, Iterable):
             hint = "give names, values to begin with by name, or free= alone"
-            raise TypeError(hinted(f"params is a sequence of names, not {params!r}", hint))
+            raise TypeError(hinted(f"params must be a sequence of names, not {params!r}", hint))
         names = [params] if isinstance(params, str) else list(params)
         system.values(given)  # refuses names and shapes
         values: dict[str, Any] = dict(system.params)
@@ -53,11 +53,11 @@ class Unknowns:
         values |= given
         if not isinstance(free, Sequence):
             hint = f"write free={movable(system)!r}"
-            raise TypeError(hinted(f"free is a sequence of states, not {free!r}", hint))
+            raise TypeError(hinted(f"free must be a sequence of states, not {free!r}", hint))
         states = (free,) if isinstance(free, str) else tuple(free)
         for name in states:
             if name not in movable(system):
-                raise ValueError(f"free is {' or '.join(movable(system))}, not {name!r}")
+                raise ValueError(f"free must be {' or '.join(movable(system))}, not {name!r}")
         limits = _trace.mapping("bounds", bounds)
         for name in limits:
             if name not in names:

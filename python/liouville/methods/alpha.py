@@ -96,10 +96,10 @@ class HHT(Brief):
 
     def __post_init__(self) -> None:
         """Refuse numbers that make no method."""
-        if not -1 / 3 <= number("alpha is a number", self.alpha) <= 0:
+        if not -1 / 3 <= number("alpha must be a number", self.alpha) <= 0:
             raise ValueError(
-                f"alpha is from -1/3 to 0, not {self.alpha:g}: above 0 the method is unstable, "
-                "below -1/3 it damps fast oscillations less again"
+                f"alpha must be from -1/3 to 0, not {self.alpha:g}: above 0 the method is "
+                "unstable, below -1/3 it damps fast oscillations less again"
             )
         _check_reactions(self.b, self.less_implicit)
         check_newton_tol(self.newton_tol)
@@ -263,20 +263,20 @@ def _of_radius(rho: float) -> Coefficients:
 
 
 def _check_radius(rho: Any) -> None:
-    if not 0 <= number("rho is a number", rho) <= 1:
+    if not 0 <= number("rho must be a number", rho) <= 1:
         raise ValueError(
-            f"rho is from 0 to 1, not {rho:g}: it is what a step leaves of a fast oscillation"
+            f"rho must be from 0 to 1, not {rho:g}: it is what a step leaves of a fast oscillation"
         )
 
 
 def _check_reactions(b: Any, less_implicit: Any) -> None:
     if not isinstance(less_implicit, bool):
-        raise TypeError(f"less_implicit is True or False, not {less_implicit!r}")
-    gap = abs(1 - 2 * number("b is a number", b))
+        raise TypeError(f"less_implicit must be True or False, not {less_implicit!r}")
+    gap = abs(1 - 2 * number("b must be a number", b))
     if not math.isfinite(gap):
-        raise ValueError(f"b is finite, not {b:g}")
+        raise ValueError(f"b must be finite, not {b:g}")
     if gap < LEAST_GAP:
         raise ValueError(
-            f"b is at least {LEAST_GAP / 2:g} away from 1/2, not {b:g}: the two constraints of a "
-            "step become dependent there, and errors grow as 1/|1 - 2b|"
+            f"b must be at least {LEAST_GAP / 2:g} away from 1/2, not {b:g}: the two constraints "
+            "of a step become dependent there, and errors grow as 1/|1 - 2b|"
         )

@@ -20,7 +20,7 @@ SYMMETRIC = tuple(name for name, scheme in SCHEMES.items() if scheme["kind"] == 
 def scheme_name(value: object, names: tuple[str, ...]) -> str:
     """Return the name of a scheme; ValueError has the nearest one."""
     if not isinstance(value, str):
-        raise TypeError(f"a composition is the name of a scheme, not {value!r}")
+        raise TypeError(f"a composition must be the name of a scheme, not {value!r}")
     if value not in names:
         near, known = meant(value, names), f"There are {', '.join(names)}"
         hint = f"{near} {known}" if near.endswith("?") else near
@@ -76,7 +76,7 @@ class Composition(Brief):
         """Refuse what is no composition."""
         if not isinstance(self.base, Spark | LobattoPair):
             raise TypeError(
-                "only a symmetric method is composed, such as Spark(1) or LobattoPair(2), not "
+                "only a symmetric method can be composed, such as Spark(1) or LobattoPair(2), not "
                 f"{self.base!r}\nhint: VolumeSplitting takes composition= itself"
             )
         if not self.base.is_symmetric:

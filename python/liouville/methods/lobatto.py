@@ -97,7 +97,7 @@ class LobattoPair(Brief):
         """Refuse numbers that make no method."""
         check_stages(self.stages, 2, MOST_STAGES)
         if self.force not in FORCES:
-            sentence = f"force is one of {', '.join(FORCES)}, not {self.force!r}"
+            sentence = f"force must be one of {', '.join(FORCES)}, not {self.force!r}"
             near = meant(str(self.force).upper(), FORCES)
             near = f"{near} " if near.endswith("?") else ""
             raise ValueError(hinted(sentence, f"{near}'B' is the symplectic one"))

@@ -23,10 +23,12 @@ LEAST_TOLERANCE = 1e-14
 
 
 def _check_tolerance(tol: object) -> None:
-    value = number("tol is a number", tol)
+    value = number("tol must be a number", tol)
     if not LEAST_TOLERANCE <= value < 1:
         hint = "it is the error of psi at the end, relative to its norm"
-        raise ValueError(hinted(f"tol is from {LEAST_TOLERANCE:g} to below 1, not {value:g}", hint))
+        raise ValueError(
+            hinted(f"tol must be from {LEAST_TOLERANCE:g} to below 1, not {value:g}", hint)
+        )
 
 
 @dataclass(frozen=True, repr=False)
@@ -85,7 +87,7 @@ class SchrodingerSplitting(Brief):
         """Refuse what makes no method."""
         _check_tolerance(self.tol)
         if self.mode not in MODES:
-            raise ValueError(f"mode is one of {', '.join(MODES)}, not {self.mode!r}")
+            raise ValueError(f"mode must be one of {', '.join(MODES)}, not {self.mode!r}")
 
 
 @dataclass(frozen=True, repr=False)
@@ -181,7 +183,7 @@ class Lanczos(Brief):
         """Refuse what makes no method."""
         _check_tolerance(self.tol)
         if not 2 <= count("dimension", self.dimension) <= 200:
-            raise ValueError(f"dimension is from 2 to 200, not {self.dimension}")
+            raise ValueError(f"dimension must be from 2 to 200, not {self.dimension}")
 
 
 @dataclass(frozen=True, repr=False)
@@ -302,7 +304,7 @@ class Magnus(Brief):
     def __post_init__(self) -> None:
         """Refuse what makes no method."""
         if count("order", self.order) not in MAGNUS:
-            raise ValueError(f"order is 2, 4, 6 or 8, not {self.order}")
+            raise ValueError(f"order must be 2, 4, 6 or 8, not {self.order}")
         known = MAGNUS[self.order]
         if self.exponentials is not None and count("exponentials", self.exponentials) not in known:
             raise ValueError(

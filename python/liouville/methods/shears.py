@@ -63,7 +63,7 @@ class StabilitySplitting(Brief):
         """Refuse what is not in the table."""
         shears_of("stability", self.order, self.stages)
         if not isinstance(self.processed, bool):
-            raise TypeError(f"processed is True or False, not {self.processed!r}")
+            raise TypeError(f"processed must be True or False, not {self.processed!r}")
 
     @property
     def limit(self) -> float:

@@ -26,15 +26,15 @@ POINTS = ("gauss", "radau")
 def check_stages(stages: object, least: int, most: int) -> None:
     """Refuse what is no number of stages."""
     if isinstance(stages, bool) or not isinstance(stages, (int, np.integer)):
-        raise TypeError(f"stages is an integer, not {stages!r}")
+        raise TypeError(f"stages must be an integer, not {stages!r}")
     if not least <= stages <= most:
-        raise ValueError(f"stages is from {least} to {most}, not {stages}")
+        raise ValueError(f"stages must be from {least} to {most}, not {stages}")
 
 
 def check_solver(solver: object) -> None:
     """Refuse what is no solver."""
     if solver not in SOLVERS:
-        raise ValueError(f"solver is one of {', '.join(SOLVERS)}, not {solver!r}")
+        raise ValueError(f"solver must be one of {', '.join(SOLVERS)}, not {solver!r}")
 
 
 def check_newton_tol(tolerance: object) -> None:
@@ -42,10 +42,10 @@ def check_newton_tol(tolerance: object) -> None:
     if tolerance is None:
         return
     if isinstance(tolerance, bool) or not isinstance(tolerance, (float, np.floating)):
-        raise TypeError(f"newton_tol is a float or None, not {tolerance!r}")
+        raise TypeError(f"newton_tol must be a float or None, not {tolerance!r}")
     if not 0.0 < tolerance <= LARGEST_NEWTON_TOL:
         raise ValueError(
-            f"newton_tol is above 0 and at most {LARGEST_NEWTON_TOL:g}, not {tolerance:g}"
+            f"newton_tol must be above 0 and at most {LARGEST_NEWTON_TOL:g}, not {tolerance:g}"
         )
 
 
@@ -133,7 +133,7 @@ class Spark(Brief):
         check_solver(self.solver)
         check_newton_tol(self.newton_tol)
         if self.points not in POINTS:
-            raise ValueError(f"points is one of {', '.join(POINTS)}, not {self.points!r}")
+            raise ValueError(f"points must be one of {', '.join(POINTS)}, not {self.points!r}")
 
     @property
     def order(self) -> int:

@@ -98,7 +98,7 @@ class VolumeSplitting(Brief):
         if self.composition != "auto":
             scheme_name(self.composition, tuple(SCHEMES))
         if not isinstance(self.compensated, bool):
-            raise TypeError(f"compensated is True or False, not {self.compensated!r}")
+            raise TypeError(f"compensated must be True or False, not {self.compensated!r}")
         if self.diagonal == "n+d" and self.off_diagonal == "triangular":
             raise ValueError(
                 "the n + d shears are the whole field: with diagonal='n+d' there is no "
@@ -118,4 +118,4 @@ class VolumeSplitting(Brief):
 
 def _one_of(name: str, value: Any, known: tuple[str, ...]) -> None:
     if value not in known:
-        raise ValueError(f"{name} is one of {', '.join(known)}, not {value!r}")
+        raise ValueError(f"{name} must be one of {', '.join(known)}, not {value!r}")

@@ -45,7 +45,7 @@ class Controls:
         """Find them among the parameters, and refuse those that are not in forces alone."""
         if isinstance(given, str) or not isinstance(given, Sequence):
             hint = f"write controls=({given!r},)" if isinstance(given, str) else "name parameters"
-            raise TypeError(hinted(f"controls is a sequence of names, not {given!r}", hint))
+            raise TypeError(hinted(f"controls must be a sequence of names, not {given!r}", hint))
         defaults = system._symbols.params.defaults
         names = tuple(given)
         for name in names:
@@ -117,9 +117,9 @@ class Times:
         if (h is None) == (steps is None):
             raise TypeError("optimal control takes either h or steps")
         if steps is None:
-            h = number("h is a number", h)
+            h = number("h must be a number", h)
             if not 0 < h < math.inf:
-                raise ValueError(f"h is positive, not {h:g}")
+                raise ValueError(f"h must be positive, not {h:g}")
             steps = max(1, math.ceil((t1 - t0) / h * (1 - 1e-12)))
         return cls(t0, t1, cls._limits(final_time, t0, t1), count("steps", steps))
 

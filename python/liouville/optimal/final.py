@@ -251,7 +251,7 @@ def _coordinate(system: Mechanics, name: str, coordinate: Any) -> int:
 def _number(what: str, given: Any) -> float:
     value = _trace.numbers(given)
     if value is None or value.shape != () or not np.isfinite(value):
-        raise ValueError(f"{what} is a finite number, not {given!r}")
+        raise ValueError(f"{what} must be a finite number, not {given!r}")
     return float(value)
 
 

@@ -117,7 +117,7 @@ def plan(
     if isinstance(system, Schrodinger):
         _refuse(system, h=h, x=x)
         return _of_wave(system.with_params(params), method, t, psi)
-    raise TypeError(f"a plan is for a field or a Schrodinger equation, not {system!r}")
+    raise TypeError(f"a plan must be for a field or a Schrodinger equation, not {system!r}")
 
 
 def _refuse(system: Any, **given: Any) -> None:
@@ -136,16 +136,16 @@ def _of_field(
         if value is None:
             raise TypeError(f"{name} is missing: a plan for a field takes h= and x=")
     if np.ndim(t) == 0:
-        step, time, steps = number("h is a number", h), number("t is a number", t), None
+        step, time, steps = number("h must be a number", h), number("t must be a number", t), None
         if not (np.isfinite(step) and step > 0):
-            raise ValueError(f"h is positive and finite, not {step}")
+            raise ValueError(f"h must be positive and finite, not {step}")
         if not np.isfinite(time):
-            raise ValueError(f"t is finite, not {time}")
+            raise ValueError(f"t must be finite, not {time}")
     else:
         run = equal_steps(*interval(t, "of a run"), h, None)
         step, time, steps = run.mean(run.t1, run.count), run.t0, run.count
     if isinstance(seed, bool) or not isinstance(seed, int) or seed < 0:
-        raise ValueError(f"seed is an integer from 0 on, not {seed!r}")
+        raise ValueError(f"seed must be an integer from 0 on, not {seed!r}")
     states = np.atleast_2d(system.start({"x": x}, np.ndim(x) == 2))
     rows = system.extended(states, time)
     if not isinstance(system, PolynomialField):
@@ -166,7 +166,7 @@ def _of_wave(system: Schrodinger, method: Any, t: Any, psi: Any) -> WavePlan:
         method = AUTO
     if not isinstance(method, Planned):
         kinds = "SchrodingerSplitting, Chebyshev, Lanczos or Magnus"
-        raise TypeError(f"method is a {kinds}, not {method!r}")
+        raise TypeError(f"method must be a {kinds}, not {method!r}")
     times = times_of(t)
     is_real = psi is not None and not np.any(system.inward(psi).imag)
     return plan_wave(system, method, times, is_real)

@@ -172,7 +172,7 @@ def names_of(
     """Return the names asked for, each of which is known."""
     if isinstance(names, str):
         hint = f"give a list, such as names={[*known[:2]]!r}"
-        raise TypeError(hinted(f"names is a sequence of names, not {names!r}", hint))
+        raise TypeError(hinted(f"names must be a sequence of names, not {names!r}", hint))
     chosen = list(default if names is None else names)
     for name in chosen:
         check_name(name, known, kind)

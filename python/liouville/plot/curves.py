@@ -34,7 +34,7 @@ def check_solution(what: str, solution: Any) -> None:
     """Refuse what is no solution."""
     if not isinstance(solution, Solution):
         hint = "integrate the system and show what that returns"
-        raise TypeError(hinted(f"{what} is a solution, not {solution!r}", hint))
+        raise TypeError(hinted(f"{what} must be a solution, not {solution!r}", hint))
 
 
 def of_solution(draw: Panel) -> Panel:

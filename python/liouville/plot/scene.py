@@ -96,7 +96,7 @@ def scene_of(
     """
     check_solution("a motion", solution)
     if up is not None and up not in AXES:
-        raise ValueError(f"up is 'x', 'y' or 'z', not {up!r}")
+        raise ValueError(f"up must be 'x', 'y' or 'z', not {up!r}")
     positions = solution.y if "y" in solution.states else solution.q
     q = of_chosen(solution, positions, member)
     whole = np.flatnonzero(np.isfinite(q).all(axis=1))

@@ -95,7 +95,7 @@ def _pair(section: Section, axes: tuple[str, str] | None) -> tuple[str, str]:
             raise ValueError(f"a section of {len(section.names)} coordinates is no picture")
         return left[0], left[1]
     if isinstance(axes, str) or len(axes) != 2:
-        raise ValueError(f"axes are the names of two coordinates, not {axes!r}")
+        raise ValueError(f"axes must be the names of two coordinates, not {axes!r}")
     for name in axes:
         if name not in section.names:
             raise ValueError(
@@ -109,7 +109,7 @@ def _folds(pair: Sequence[str], period: float | Mapping[str, float] | None) -> l
     folds = [given.get(name) for name in pair]
     for fold in folds:
         if fold is not None and not (np.isfinite(fold) and fold > 0):
-            raise ValueError(f"period is positive and finite, not {fold}")
+            raise ValueError(f"period must be positive and finite, not {fold}")
     return folds
 
 

@@ -133,7 +133,7 @@ def load(name: str) -> ModuleType:
         There is no problem of that name; the message has the nearest one, or all.
     """
     if not isinstance(name, str):
-        raise TypeError(f"name is that of a problem, such as 'pendulum', not {name!r}")
+        raise TypeError(f"name must be that of a problem, such as 'pendulum', not {name!r}")
     if name not in NAMES:
         raise ValueError(hinted(f"no problem is called {name!r}", meant(name, NAMES)))
     return import_module(f"{__name__}.{name}")

@@ -82,7 +82,7 @@ def build(largest: int) -> PolynomialField:
         With coordinates a(k1,k2), b(k1,k2) for each mode kept.
     """
     if largest < 1:
-        raise ValueError(f"the largest wave number is at least 1, not {largest}")
+        raise ValueError(f"the largest wave number must be at least 1, not {largest}")
     kept = modes(largest)
     squares = [k1**2 + k2**2 for k1, k2 in kept for _ in range(2)]
 

@@ -115,7 +115,7 @@ def build(shells: int, model: Literal["sabra", "goy"] = "sabra") -> PolynomialFi
     """
     models = {"sabra": sabra, "goy": goy}
     if model not in models:
-        raise ValueError(f"model is 'sabra' or 'goy', not {model!r}")
+        raise ValueError(f"model must be 'sabra' or 'goy', not {model!r}")
     if shells < 3:
         raise ValueError(f"a shell model has at least 3 shells, not {shells}")
     return PolynomialField(

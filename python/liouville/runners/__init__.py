@@ -75,7 +75,7 @@ def _made(system: System, method: Method | Plan | str, request: Request) -> Runn
     """Return the runner of a system by a method that is no name."""
     check_options(request.start, "ensemble" if request.is_ensemble else "integrate")
     if not isinstance(request.states, bool):
-        raise TypeError(f"states is True or False, not {request.states!r}")
+        raise TypeError(f"states must be True or False, not {request.states!r}")
     if request.threads is not None:
         count("threads", request.threads)
     if request.tangents is not None or request.has_pullback:
@@ -100,7 +100,7 @@ def check_system(system: Any) -> None:
     if isinstance(system, SYSTEMS):
         return
     sentence = (
-        "system is a Lagrangian, Hamiltonian, Mechanical, Structure, SemiExplicit, "
+        "system must be a Lagrangian, Hamiltonian, Mechanical, Structure, SemiExplicit, "
         f"PolynomialField, GriddedField, PotentialField or Schrodinger, not {system!r}"
     )
     is_assembly = hasattr(system, "system")

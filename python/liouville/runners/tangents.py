@@ -113,7 +113,9 @@ class Directions:
         hint: str,
     ) -> None:
         if not isinstance(tangents, Mapping) or not tangents:
-            raise TypeError(hinted(f"tangents is a mapping of directions, not {tangents!r}", hint))
+            raise TypeError(
+                hinted(f"tangents must be a mapping of directions, not {tangents!r}", hint)
+            )
         self._shapes: dict[str, tuple[int, ...]] = {}
         width = max(first + int(np.prod(shape)) for first, shape in places.values())
         kind = complex if self.has_complex else float
@@ -280,7 +282,7 @@ def check_names(wrt: Any, places: Mapping[str, Place], first: str) -> tuple[str,
     """Return names of what gradients are by, each of which has a place."""
     if isinstance(wrt, str) or not isinstance(wrt, Sequence) or not wrt:
         hint = f'write wrt=["{first}", "params.name"]'
-        raise TypeError(hinted(f"wrt is a sequence of names, not {wrt!r}", hint))
+        raise TypeError(hinted(f"wrt must be a sequence of names, not {wrt!r}", hint))
     for name in wrt:
         if not isinstance(name, str) or name not in places:
             raise ValueError(_unknown(name, places))
@@ -355,7 +357,7 @@ def _direction(
         array = np.array(None)
     if array.dtype.kind not in ("iufc" if is_complex else "iuf"):
         kind = "" if is_complex else "real "
-        raise TypeError(f"tangents of '{name}' is an array of {kind}numbers, not {value!r}")
+        raise TypeError(f"tangents of '{name}' must be an array of {kind}numbers, not {value!r}")
     if array.ndim == 0 and shape == (1,):
         array = array.reshape(1)
     inner = array.ndim - len(shape)

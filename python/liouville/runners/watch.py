@@ -189,7 +189,7 @@ def within(times: Any, t0: float, t1: float) -> np.ndarray:
     except ValueError:  # ragged
         array = np.array(None)
     if array.dtype.kind not in "iuf" or array.ndim != 1:
-        raise TypeError(f"t_eval is a sequence of numbers, not {times!r}")
+        raise TypeError(f"t_eval must be a sequence of numbers, not {times!r}")
     if not array.size:
         raise ValueError("t_eval has no times")
     array = with_ends(array.astype(float), t0, t1)

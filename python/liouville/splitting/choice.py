@@ -194,7 +194,7 @@ def _affine(terms: Terms) -> tuple[Affine | None, Terms]:
 
 def _check_word(name: str, value: Any, known: tuple[str, ...]) -> None:
     if value not in known:
-        raise ValueError(f"{name} is one of {', '.join(known)}, not {value!r}")
+        raise ValueError(f"{name} must be one of {', '.join(known)}, not {value!r}")
 
 
 def _check_divergence(terms: Terms, names: Sequence[str] | None) -> None:

@@ -48,14 +48,14 @@ def tableau(given: str | tuple[Any, Any]) -> Tableau:
     """
     if isinstance(given, str):
         if given not in NAMED:
-            raise ValueError(f"runge_kutta is one of {', '.join(NAMED)}, not {given!r}")
+            raise ValueError(f"runge_kutta must be one of {', '.join(NAMED)}, not {given!r}")
         rows, weights = NAMED[given]
         a = np.zeros((len(rows), len(rows)))
         for r, row in enumerate(rows):
             a[r, : len(row)] = row
         return Tableau(a, np.array(weights, dtype=float))
     if not isinstance(given, Sequence) or len(given) != 2:
-        raise TypeError(f"runge_kutta is a name or a pair of arrays (A, b), not {given!r}")
+        raise TypeError(f"runge_kutta must be a name or a pair of arrays (A, b), not {given!r}")
     a, b = (np.array(part, dtype=float) for part in given)
     if b.ndim != 1 or a.shape != (b.size, b.size):
         raise ValueError(f"A and b have shapes {a.shape} and {b.shape}, wanted (s, s) and (s,)")

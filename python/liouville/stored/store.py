@@ -58,9 +58,9 @@ class Store:
     def __post_init__(self) -> None:
         """Refuse a path or an interval that is none."""
         if not isinstance(self.path, str | os.PathLike):
-            raise TypeError(f"store is a path, not {self.path!r}")
+            raise TypeError(f"store must be a path, not {self.path!r}")
         if Path(self.path).suffix != ".zarr":
-            raise ValueError(f"a run is stored in a .zarr folder, not in {str(self.path)!r}")
+            raise ValueError(f"a run must be stored in a .zarr folder, not in {str(self.path)!r}")
         if self.checkpoint is not None:
             interval_of(self.checkpoint)
 

@@ -30,7 +30,7 @@ def alpha_slopes(system: Mechanics, method: Any) -> AlphaSlopes:
         The system has matrices of its own, which are not among the expressions.
     """
     if system._model.linear != Linear():
-        sentence = "tangents by the alpha family are those of expressions, not of matrices"
+        sentence = "tangents by the alpha family must be those of expressions, not of matrices"
         raise TypeError(hinted(sentence, "take Spark"))
     return kept(system, f"slopes of {method!r}", lambda: _alpha_slopes(system, method))
 

@@ -99,8 +99,14 @@ def misfit(
     found = ASSERTION.match(str(error)) if isinstance(error, RuntimeError) else None
     if found is None:
         return None
-    sentence = f"{what}{_line(function, error)} puts together what does not fit: {found['reason']}"
-    return ValueError(hinted(sentence, f"there are {_sizes(args)}"))
+    line, reason = _line(function, error), found["reason"]
+    sentence = f"{what}{line} combines arrays whose shapes do not match: {reason}"
+    hint = f"there are {_sizes(args)}"
+    if "roduct" in reason:  # of two columns, by @ or np.dot
+        hint = (
+            f"the product of two vectors is ca.dot(a, b), of one with itself ca.sumsqr(a); {hint}"
+        )
+    return ValueError(hinted(sentence, hint))
 
 
 def _reading(error: Exception) -> tuple[ca.SX, Any] | None:

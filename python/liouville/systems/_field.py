@@ -134,7 +134,7 @@ class Field(Pickled, ABC):
         else:
             array = _trace.numbers(value)
         if array is None:
-            raise TypeError(f"x is an array of real numbers, not {value!r}")
+            raise TypeError(f"x must be an array of real numbers, not {value!r}")
         return array
 
     def observer(

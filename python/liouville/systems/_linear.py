@@ -61,7 +61,7 @@ class Matrix:
         cls, name: str, shape: tuple[int, ...], row: np.ndarray, col: np.ndarray, data: np.ndarray
     ) -> Matrix:
         if data.dtype.kind not in "iuf":
-            raise TypeError(f"{name} is a matrix of real numbers, not of {data.dtype}")
+            raise TypeError(f"{name} must be a matrix of real numbers, not of {data.dtype}")
         n = shape[0]
         if shape != (n, n) or n == 0:
             raise ValueError(f"{name} has shape {shape}, wanted a square matrix")

@@ -18,7 +18,7 @@ MOST_FACTORS = 100
 TIME = "t"
 
 _FORM = hinted(
-    "term {k} is (component, coefficient, variables), not {row!r}",
+    "term {k} must be (component, coefficient, variables), not {row!r}",
     "the variables of x*y**2 are ('x', 'y', 'y'), or {{'x': 1, 'y': 2}}",
 )
 
@@ -29,7 +29,7 @@ def read(names: Sequence[str], given: Any) -> tuple[Terms, bool]:
     if is_triple and all(isinstance(array, np.ndarray) for array in given):
         return _arrays(names, *given), False
     if isinstance(given, (str, Mapping)) or not isinstance(given, Iterable):
-        raise TypeError(f"terms are (component, coefficient, variables), not {given!r}")
+        raise TypeError(f"terms must be (component, coefficient, variables), not {given!r}")
     return _rows(names, given)
 
 
@@ -53,7 +53,7 @@ def _arrays(
         coefficient = np.array([_coefficient(k, c) for k, c in enumerate(coefficient)], object)
         return Terms(n, component, coefficient, variables).merged()
     if coefficient.dtype.kind not in "iuf":
-        raise TypeError(f"coefficients are real numbers, not of {coefficient.dtype}")
+        raise TypeError(f"coefficients must be real numbers, not of {coefficient.dtype}")
     bad = np.flatnonzero(~np.isfinite(coefficient))
     if bad.size:
         raise ValueError(f"the coefficient of term {bad[0]} is {coefficient[bad[0]]}")

@@ -100,7 +100,7 @@ def read(
 
     for symbol in (*symbols, *(() if t is None else (t,))):
         if not isinstance(symbol, sympy.Symbol):
-            raise TypeError(f"coordinates are symbols of SymPy's, not {symbol!r}")
+            raise TypeError(f"coordinates must be symbols of SymPy's, not {symbol!r}")
     names = _trace.names([str(symbol) for symbol in symbols], "x")
     if isinstance(expressions, sympy.MatrixBase):
         expressions = list(expressions)

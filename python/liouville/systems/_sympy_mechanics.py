@@ -96,7 +96,8 @@ def from_sympy(
         return _Kane(_of_kane(method), params, inputs).system(invariants)
     raise TypeError(
         hinted(
-            f"a model is a LagrangesMethod, a KanesMethod or a System of SymPy's, not {method!r}",
+            "a model must be a LagrangesMethod, a KanesMethod or a System of SymPy's, "
+            f"not {method!r}",
             "they are in sympy.physics.mechanics",
         )
     )

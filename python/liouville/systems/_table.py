@@ -161,7 +161,7 @@ def table(x: ArrayLike, y: ArrayLike, ends: str = "natural") -> Table:
     (1.0, 7.666666666666667)
     """
     if ends not in FEWEST:
-        raise ValueError(f"ends is one of {', '.join(map(repr, FEWEST))}, not {ends!r}")
+        raise ValueError(f"ends must be one of {', '.join(map(repr, FEWEST))}, not {ends!r}")
     at, values = _points("x", x), _points("y", y)
     if at.shape != values.shape:
         raise ValueError(f"x of a table has {at.size} numbers, and y has {values.size}")
@@ -184,7 +184,7 @@ def table(x: ArrayLike, y: ArrayLike, ends: str = "natural") -> Table:
 def _points(name: str, given: Any) -> Array:
     found = numbers(given)
     if found is None:
-        raise TypeError(f"{name} of a table is a 1-D array of numbers, not {given!r}")
+        raise TypeError(f"{name} of a table must be a 1-D array of numbers, not {given!r}")
     if found.ndim != 1:
         raise ValueError(f"{name} of a table has shape {found.shape}, wanted (k,)")
     bad = np.flatnonzero(~np.isfinite(found))

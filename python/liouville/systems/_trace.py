@@ -128,10 +128,12 @@ def vector_of(namespace: Any) -> ca.SX:
 
 def _parameter(name: str, value: ArrayLike) -> np.ndarray:
     if not name.isidentifier() or keyword.iskeyword(name):
-        raise ValueError(f"a parameter's name is an identifier and no keyword, not {name!r}")
+        raise ValueError(f"a parameter's name must be an identifier and no keyword, not {name!r}")
     array = numbers(value)
     if array is None or array.ndim > 1 or array.size == 0:
-        raise ValueError(f"parameter '{name}' is a number or a 1-D array of numbers, not {value!r}")
+        raise ValueError(
+            f"parameter '{name}' must be a number or a 1-D array of numbers, not {value!r}"
+        )
     bad = np.flatnonzero(~np.isfinite(array))
     if bad.size:
         place = f"{name}[{bad[0]}] is " if array.ndim else ""
@@ -157,12 +159,14 @@ def numbers(value: Any) -> np.ndarray | None:
 def pair(what: str, given: Any, shape: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray]:
     """Return least and largest values of a quantity; None leaves a side open."""
     if not isinstance(given, Sequence | np.ndarray) or isinstance(given, str) or len(given) != 2:
-        raise TypeError(f"{what} is bounded by a pair (least, largest), not {given!r}")
+        raise TypeError(f"{what} must be bounded by a pair (least, largest), not {given!r}")
     found = []
     for side, open_side in zip(given, (-np.inf, np.inf), strict=True):
         array = numbers(open_side if side is None else side)
         if array is None or np.isnan(array).any() or array.shape not in ((), shape):
-            raise ValueError(f"a bound of {what} is a number or has shape {shape}, not {side!r}")
+            raise ValueError(
+                f"a bound of {what} must be a number or have shape {shape}, not {side!r}"
+            )
         found.append(np.broadcast_to(array, shape))
     if (found[0] > found[1]).any():
         raise ValueError(f"the bounds of {what} leave nothing: {given!r}")
@@ -178,7 +182,7 @@ def vector(name: str, value: Any, places: tuple[str, ...]) -> np.ndarray:
         value = [value[place] for place in places]
         array = numbers(value)
     if array is None:
-        raise TypeError(f"{name} is an array of real numbers, not {value!r}")
+        raise TypeError(f"{name} must be an array of real numbers, not {value!r}")
     if array.shape == () and len(places) == 1:
         array = array.reshape(1)
     if array.shape != (len(places),):
@@ -194,7 +198,7 @@ def mapping(what: str, value: Mapping[str, Any] | None) -> dict[str, Any]:
     if value is None:
         return {}
     if not isinstance(value, Mapping):
-        raise TypeError(f"{what} is a mapping of names, not {value!r}")
+        raise TypeError(f"{what} must be a mapping of names, not {value!r}")
     for name in value:
         if not isinstance(name, str) or not name:
             raise TypeError(f"{what} is a mapping of names; {name!r} is not a name")
@@ -210,7 +214,7 @@ def names(value: Sequence[str] | int, prefix: str) -> tuple[str, ...]:
     if isinstance(value, str) or not isinstance(value, Sequence):
         wanted = tuple(value) if isinstance(value, str) else ("x", "y")
         hint = f"write {prefix}={wanted} or {prefix}={len(wanted)}"
-        sentence = f"{prefix} is a sequence of names or a number, not {value!r}"
+        sentence = f"{prefix} must be a sequence of names or a number, not {value!r}"
         raise TypeError(hinted(sentence, hint))
     found = tuple(value)
     if not found or not all(isinstance(name, str) and name for name in found):
@@ -294,7 +298,7 @@ def named(what: str, function: Callable[..., Any], args: Args) -> tuple[tuple[st
 
 def _call(what: str, function: Callable[..., Any], args: Args) -> Any:
     if not callable(function):
-        raise TypeError(f"{what} is a function, not {function!r}")
+        raise TypeError(f"{what} must be a function, not {function!r}")
     *symbols, params = args.values()
     check_signature(what, function, args)
     try:

@@ -275,7 +275,7 @@ class Mechanics(TracedSystem):
         values = self.values(params)
         first, second = self.states
         if hold not in (None, first, second):
-            raise ValueError(f"hold is '{first}', '{second}' or None, not {hold!r}")
+            raise ValueError(f"hold must be '{first}', '{second}' or None, not {hold!r}")
         if self.constraints:
             if hold is None:
                 y = self._project("positions", t, y, z, values)

@@ -157,7 +157,7 @@ def _load(
         return _trace.placed("force", force, args, coordinates)
     array = _trace.numbers(force)
     if array is None:
-        raise TypeError(f"force is a function or an array of numbers, not {force!r}")
+        raise TypeError(f"force must be a function or an array of numbers, not {force!r}")
     if array.shape != (n,):
         raise ValueError(f"force has shape {array.shape}, wanted ({n},)")
     bad = np.flatnonzero(~np.isfinite(array))

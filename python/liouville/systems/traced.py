@@ -329,7 +329,7 @@ def finite_time(t: Any) -> float:
     """Return a time as a number; ValueError if it is none."""
     time = _trace.numbers(t)
     if time is None or time.shape != () or not np.isfinite(time):
-        raise ValueError(f"t is a finite number, not {t!r}")
+        raise ValueError(f"t must be a finite number, not {t!r}")
     return float(time)
 
 

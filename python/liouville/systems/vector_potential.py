@@ -130,7 +130,7 @@ class PotentialField(PlaneField):
         names = _trace.names(x, "x")
         n = len(names)
         if n not in (2, 3):
-            sentence = f"a potential is that of two or three coordinates, not of {n}"
+            sentence = f"a potential must be that of two or three coordinates, not of {n}"
             hint = "PolynomialField takes any number where the field is a polynomial, or has waves"
             raise ValueError(hinted(sentence, hint))
         symbols = Symbols(_trace.Parameters(params), {"x": n})

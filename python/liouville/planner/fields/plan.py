@@ -105,8 +105,8 @@ class FieldPlan(Plan):
         if self.has_planes or (terms.n, len(terms)) != (self.n, self.terms):
             raise ValueError(
                 hinted(
-                    f"the plan is for a field of {self.n} variables and {self.terms} terms, not "
-                    f"{terms.n} and {len(terms)}",
+                    f"the plan must be for a field of {self.n} variables and {self.terms} terms, "
+                    f"not {terms.n} and {len(terms)}",
                     AGAIN,
                 )
             )

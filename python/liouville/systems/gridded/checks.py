@@ -46,7 +46,7 @@ def axes_of(
 ) -> tuple[list[Axis], list[bool]]:
     """Return the axes, and whether the values of each are to be reversed."""
     if isinstance(degree, bool) or degree not in DEGREES:
-        raise ValueError(f"degree is {' or '.join(map(str, DEGREES))}, not {degree!r}")
+        raise ValueError(f"degree must be {' or '.join(map(str, DEGREES))}, not {degree!r}")
     periods = _periods(periodic, nodes)
     walls = _named("walls", walls, nodes)
     if both := [name for name in walls if name in periods]:
@@ -89,7 +89,7 @@ def arrays_of(
     if isinstance(given, np.ndarray) and len(shapes) == 1 and given.ndim == len(shapes[0]):
         given = (given,)
     if isinstance(given, str) or not isinstance(given, (Sequence, np.ndarray)):
-        raise TypeError(f"{what} is a tuple of arrays, not {type(given).__name__}")
+        raise TypeError(f"{what} must be a tuple of arrays, not {type(given).__name__}")
     if len(given) != len(shapes):
         wanted = f"{len(shapes)} arrays" if len(shapes) > 1 else "one array"
         raise ValueError(f"{what} has {len(given)} components, wanted {wanted}")
@@ -171,7 +171,7 @@ def gauge_of(gauge: str | None, what: str, axes: Sequence[Axis]) -> str:
         is_open = any(axis.bounds == "open" for axis in axes)
         return "given" if what == "potential" and is_open else "coulomb"
     if gauge not in ("coulomb", "given"):
-        raise ValueError(f"gauge is 'coulomb' or 'given', not {gauge!r}")
+        raise ValueError(f"gauge must be 'coulomb' or 'given', not {gauge!r}")
     if gauge == "given" and what != "potential":
         raise ValueError(f"gauge='given' is for potential=, and {what} has none")
     return gauge
@@ -198,7 +198,7 @@ def check_divergence(part: float, most: float) -> None:
 def _points(name: str, given: ArrayLike) -> Array:
     own, points = np.asarray(given).dtype, _trace.numbers(given)
     if points is None or points.ndim != 1 or points.size < 2:
-        raise TypeError(f"{name} is an array of the nodes along the axis, not {given!r}")
+        raise TypeError(f"{name} must be an array of the nodes along the axis, not {given!r}")
     points = np.array(points, dtype=float)
     if not np.isfinite(points).all():
         raise ValueError(f"{name} has nodes that are not finite")

@@ -82,7 +82,9 @@ class Given:
             land = np.asarray(mask)
             wanted = tuple(a.n if what == "fluxes" else a.nodes for a in axes)
             if land.dtype != bool or land.shape != wanted:
-                sentence = f"mask is an array of bool of shape {wanted}, not {land.dtype} of shape "
+                sentence = (
+                    f"mask must be an array of bool of shape {wanted}, not {land.dtype} of shape "
+                )
                 hint = "True is land: of a mask that is 1 in the water give mask == 0"
                 raise ValueError(hinted(f"{sentence}{land.shape}", hint))
             land = np.flip(land, tuple(k for k, is_turned in enumerate(turned) if is_turned))

@@ -157,7 +157,7 @@ class GriddedField(PlaneField):
     ) -> None:
         n = 2 if z is None else 3
         if coordinates not in KINDS:
-            raise ValueError(f"coordinates is one of {', '.join(KINDS)}, not {coordinates!r}")
+            raise ValueError(f"coordinates must be one of {', '.join(KINDS)}, not {coordinates!r}")
         if n != {"cylindrical": 3, "spherical": 2}.get(coordinates, n):
             raise ValueError(f"{coordinates} coordinates are {5 - n}")
         ways = {"velocity": velocity, "potential": potential, "fluxes": fluxes}

@@ -41,9 +41,9 @@ ASYMMETRY = 1e-10
 
 def positive(name: str, value: Any) -> float:
     """Return a positive number."""
-    found = number(f"{name} is a number", value)
+    found = number(f"{name} must be a number", value)
     if not (np.isfinite(found) and found > 0):
-        raise ValueError(f"{name} is positive and finite, not {found:g}")
+        raise ValueError(f"{name} must be positive and finite, not {found:g}")
     return found
 
 
@@ -62,7 +62,7 @@ def way(bounds: Any) -> str:
         return ""
     if bounds not in WAYS:
         ways = ", ".join(map(repr, WAYS))
-        raise ValueError(f"bounds is one of {ways} or a pair of energies, not {bounds!r}")
+        raise ValueError(f"bounds must be one of {ways} or a pair of energies, not {bounds!r}")
     return bounds
 
 
@@ -72,9 +72,10 @@ def interval(bounds: Any, hbar: float) -> Bounds | None:
         return None
     if not isinstance(bounds, (tuple, list, np.ndarray)) or len(bounds) != 2:
         raise TypeError(
-            f"bounds is a pair (least energy, largest energy) or a way to find them, not {bounds!r}"
+            "bounds must be a pair (least energy, largest energy) or a way to find them, "
+            f"not {bounds!r}"
         )
-    low, high = (number("bounds is a pair of numbers", x) for x in bounds)
+    low, high = (number("bounds must be a pair of numbers", x) for x in bounds)
     if not (np.isfinite(high - low) and low < high):
         raise ValueError(f"bounds = ({low:g}, {high:g}) is no interval")
     return low / hbar, high / hbar

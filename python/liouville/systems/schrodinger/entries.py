@@ -51,7 +51,7 @@ def numbers(what: str, value: Any) -> np.ndarray:
         array = np.array(None)
     array = large_integers(array)
     if array.dtype.kind not in "iufc":
-        raise TypeError(f"{what} is an array of numbers, not {value!r}")
+        raise TypeError(f"{what} must be an array of numbers, not {value!r}")
     return array
 
 

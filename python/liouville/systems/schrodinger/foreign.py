@@ -96,7 +96,7 @@ def parted(
     found = []
     for k, pair in enumerate(pairs):
         if not (isinstance(pair, (tuple, list)) and len(pair) == 2):
-            raise TypeError(f"drive[{k}] is a pair of a function and a matrix, not {pair!r}")
+            raise TypeError(f"drive[{k}] must be a pair of a function and a matrix, not {pair!r}")
         function, matrix = pair
         if _is_operator(function):
             sentence = f"drive[{k}] is a pair (matrix, function), wanted (function, matrix)"
@@ -239,9 +239,9 @@ def times_of_samples(drive: Drive) -> tuple[float, ...]:
 def _times(times: ArrayLike) -> np.ndarray:
     found = numbers(times)
     if found is None or found.ndim != 1:
-        raise TypeError(f"times is an array of the times of samples, not {times!r}")
+        raise TypeError(f"times must be an array of the times of samples, not {times!r}")
     if found.size < FEWEST:
-        raise ValueError(f"times are {FEWEST} at least, not {found.size}")
+        raise ValueError(f"times must be {FEWEST} at least, not {found.size}")
     if not np.isfinite(found).all():
         k = int(np.argmin(np.isfinite(found)))
         raise ValueError(f"times[{k}] is {found[k]}, wanted a finite number")

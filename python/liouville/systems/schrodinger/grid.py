@@ -102,7 +102,7 @@ class Grid:
             if m <= 0:
                 raise ValueError(
                     hinted(
-                        f"mass is positive, not {m:g} along axis {axis}",
+                        f"mass must be positive, not {m:g} along axis {axis}",
                         "a very heavy axis is one without kinetic energy",
                     )
                 )

@@ -148,9 +148,9 @@ def reals(name: str, value: Any, axes: int) -> tuple[float, ...]:
     """Return a finite number an axis."""
     found = numbers(per_axis(name, value, axes))
     if found is None or found.ndim != 1:
-        raise TypeError(f"{name} is a number, or a tuple of numbers, not {value!r}")
+        raise TypeError(f"{name} must be a number, or a tuple of numbers, not {value!r}")
     if not np.isfinite(found).all():
-        raise ValueError(f"{name} is finite, not {value!r}")
+        raise ValueError(f"{name} must be finite, not {value!r}")
     return tuple(found.tolist())
 
 
@@ -164,7 +164,7 @@ def on_sites(name: str, value: Any, shape: tuple[int, ...]) -> np.ndarray:
         if given.dtype.kind == "c":
             raise TypeError(hinted(f"{name} is complex, wanted real numbers", OPEN))
         what = repr(value) if given.ndim == 0 else f"one of {given.dtype.name}"
-        raise TypeError(f"{name} is an array of real numbers, not {what}")
+        raise TypeError(f"{name} must be an array of real numbers, not {what}")
     if found.shape not in ((), shape, (prod(shape),)):
         flat = f" or ({prod(shape)},)" if len(shape) > 1 else ""
         raise ValueError(f"{name} has shape {found.shape}, wanted {shape}{flat}")

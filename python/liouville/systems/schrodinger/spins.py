@@ -83,7 +83,7 @@ class SpinChain:
             raise ValueError(f"length = {n}: a chain has at least 2 spins, 3 if it is periodic")
         if up is not None:
             if isinstance(up, bool) or not isinstance(up, (int, np.integer)):
-                raise TypeError(f"up is a number of spins, not {up!r}")
+                raise TypeError(f"up must be a number of spins, not {up!r}")
             if not 0 <= up <= n:
                 raise ValueError(f"up = {up}: a chain of {n} has 0 to {n} spins up")
         bonds = n if periodic else n - 1
@@ -148,13 +148,15 @@ class SpinChain:
 def _along(name: str, value: Any, size: int, what: str) -> np.ndarray:
     found = numbers(value)
     if found is None:
-        raise TypeError(f"{name} is a number, or an array of one for each {what}, not {value!r}")
+        raise TypeError(
+            f"{name} must be a number, or an array of one for each {what}, not {value!r}"
+        )
     if found.shape not in ((), (size,)):
         raise ValueError(
             f"{name} has shape {found.shape}, wanted one number for each {what}: {size}"
         )
     if not np.isfinite(found).all():
-        raise ValueError(f"{name} is finite, not {value!r}")
+        raise ValueError(f"{name} must be finite, not {value!r}")
     check_size(name, found)
     found = np.broadcast_to(found, size).copy()
     found.setflags(write=False)

@@ -106,7 +106,7 @@ class SpinSystem(SiteSystem):
         momentum: int | None = None,
     ) -> None:
         length = counted("sites", sites, periodic)
-        twice = 2 * number("spin is a number", spin)
+        twice = 2 * number("spin must be a number", spin)
         if twice != round(twice) or not 1 <= twice <= 30:
             raise ValueError(f"spin = {spin:g}: it is a multiple of 1/2, from 1/2 to 15")
         if pauli and twice != 1:

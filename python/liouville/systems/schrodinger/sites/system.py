@@ -54,7 +54,9 @@ class SiteSystem:
     def __init__(self, sites: int, terms: Sequence[Any], periodic: bool) -> None:
         self.sites, self.periodic = sites, bool(periodic)
         if isinstance(terms, str) or not isinstance(terms, Sequence) or not len(terms):
-            raise TypeError(f"terms is a sequence of (letters, coefficient, sites), not {terms!r}")
+            raise TypeError(
+                f"terms must be a sequence of (letters, coefficient, sites), not {terms!r}"
+            )
         self.terms = tuple(terms)
         self._check_basis()
         if not self._basis.size:
@@ -96,10 +98,10 @@ class SiteSystem:
             digits = array_of("a state", state)
             if digits.shape != (self._basis.sites,) or digits.dtype.kind not in "iu":
                 wanted = f"an integer, or {self._basis.sites} of them, one for each digit"
-                raise TypeError(f"a basis state is {wanted}, not {state!r}")
+                raise TypeError(f"a basis state must be {wanted}, not {state!r}")
             levels = self._basis.levels
             if digits.min() < 0 or digits.max() >= levels:
-                raise ValueError(f"digits of a state are 0 to {levels - 1}, not {state!r}")
+                raise ValueError(f"digits of a state must be 0 to {levels - 1}, not {state!r}")
             packed = sum(int(x) << (self._basis.width * i) for i, x in enumerate(digits))
         place = self._basis.place(packed)
         if place is None:
@@ -229,7 +231,7 @@ def counted(name: str, sites: Any, periodic: bool) -> int:
 def whole(name: str, value: Any, least: int, most: int, what: str) -> int:
     """Return an integer between two others."""
     if isinstance(value, bool) or not isinstance(value, (int, np.integer)):
-        raise TypeError(f"{name} is an integer, not {value!r}")
+        raise TypeError(f"{name} must be an integer, not {value!r}")
     if not least <= value <= most:
         raise ValueError(f"{name} = {value}: {what} {least} to {most}")
     return int(value)

@@ -124,7 +124,7 @@ def read(term: Any, name: str, letters: Letters, sites: int, periodic: bool) -> 
     if isinstance(term, str):
         term = (term,)
     if not isinstance(term, (tuple, list)) or not 1 <= len(term) <= 3:
-        raise TypeError(f"{name} is (letters, coefficient, sites), not {term!r}")
+        raise TypeError(f"{name} must be (letters, coefficient, sites), not {term!r}")
     given: list[Any] = [*term]
     word, coefficient, places = given + [1.0, None][len(given) - 1 :]
     if not isinstance(word, str):
@@ -149,7 +149,9 @@ def read(term: Any, name: str, letters: Letters, sites: int, periodic: bool) -> 
             f"wanted one, or one for each of its {len(at)} places"
         )
     if not np.isfinite(values).all():
-        raise ValueError(f"the coefficient of {name}, {word!r}, is finite, not {coefficient!r}")
+        raise ValueError(
+            f"the coefficient of {name}, {word!r}, must be finite, not {coefficient!r}"
+        )
     check_size(f"the coefficient of {name}, {word!r},", values)
     shifts = np.repeat(sites * np.arange(len(parts)), [len(part) for part in parts])
     values = np.broadcast_to(values, len(at))
@@ -183,7 +185,7 @@ def _sites(
     except ValueError:  # rows of different lengths
         found = np.array(None)
     if found.dtype.kind not in "iu" and found.size:
-        raise TypeError(f"the sites of {name}, {word!r}, are integers, not {places!r}")
+        raise TypeError(f"the sites of {name}, {word!r}, must be integers, not {places!r}")
     if not found.size:
         raise ValueError(hinted(f"{name}, {word!r}, has no sites", "leave the term out"))
     if found.ndim < 2:
