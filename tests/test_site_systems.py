@@ -269,7 +269,7 @@ def test_a_pickle_has_the_same_matrix_and_makes_the_same_equation(system):
         (lambda: lv.SpinSystem(4, [("zz", 1.0, (0, 4))]), "is on site 4: there are 0 to 3"),
         (lambda: lv.SpinSystem(4, [("zz", 1.0, (0, 1, 2))]), "wanted 2 for its 2 letters"),
         (lambda: lv.SpinSystem(4, [("zz", [1.0, 2.0])]), "or one for each of its 3 places"),
-        (lambda: lv.SpinSystem(4, [("z", np.nan)]), "the coefficient of term 0, 'z', must be finite"),
+        (lambda: lv.SpinSystem(4, [("z", np.nan)]), "of term 0, 'z', must be finite"),
         (lambda: lv.SpinSystem(2, ["z"], periodic=True), "a periodic chain has at least 3 sites"),
         (lambda: lv.SpinSystem(4, ["z"], up=5), "up = 5: of 4 spins it is 0 to 4"),
         (lambda: lv.SpinSystem(4, ["z"], up=2, parity=1), "have no state with up=2 and parity=1"),
