@@ -182,3 +182,19 @@ def test_cotangents_of_events_have_their_names_and_shapes():
         pullback(events={"ground": {"t": np.ones(hits + 1)}})
     with pytest.raises(TypeError, match="are mappings of their states"):
         pullback(events=[1.0])
+
+
+def test_hits_that_accumulate_on_a_curved_moving_floor_are_named_as_what_they_are():
+    """Beside one of them lie others, and what is seen there is no kink of the floor."""
+    ball = lv.Lagrangian(
+        lambda t, q, v, p: ca.dot(v, v) / 2 - p.g * q[1], q=("x", "y"), params={"g": 9.81}
+    )
+    floor = lv.Event(
+        lambda t, q, v, lam, p: q[1] - 0.1 * ca.sin(4 * t) - 0.1 * ca.sin(2 * q[0]), "down",
+        reset=lv.Impact(lambda t, q, v, lam, p: 0.8 * ca.exp(-0.1 * ca.dot(v, v))),
+    )  # fmt: skip
+    run = {"t": (0.1, 1.3), "steps": 34, "events": {"floor": floor}, "q": [0, 1], "v": [1, 0.2]}
+    plain = lv.integrate(ball, lv.Spark(2), **run)
+    assert "the hits of 'floor' accumulate at t = " in plain.message
+    with pytest.raises(lv.IntegrationError, match="the hits of 'floor' accumulate at t = "):
+        lv.integrate(ball, lv.Spark(2), tangents={"params.g": 1.0}, **run)

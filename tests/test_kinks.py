@@ -493,3 +493,37 @@ def test_systems_without_cases_are_not_looked_at():
     smooth = oscillator(lambda t, q, v, p: lv.table([0, 1, 2], [0, 1, 4])(q) - ca.tanh(v / 1e-3))
     assert branches(smooth) is None
     assert branches(shear(lambda t, y, p: lv.table([0, 1, 2], [0, 1, 4])(y) + ca.tanh(t))) is None
+
+
+def test_quadratic_drag_from_rest_is_refused_with_the_form_that_is_smooth():
+    """The length of a velocity has no derivative at zero, and one with a small e has."""
+
+    def falling(speed):
+        return lv.Lagrangian(
+            lambda t, q, v, p: ca.dot(v, v) / 2 - 9.81 * q[1],
+            force=lambda t, q, v, p: -p.c * speed(v) * v, q=2, params={"c": 0.1},
+        )  # fmt: skip
+
+    run = {"t": (0, 1), "steps": 20, "q": [0.0, 0.0], "v": [0.0, 0.0]}
+    with pytest.raises(lv.IntegrationError, match=r"ca\.sqrt\(ca\.dot\(v, v\) \+ e\*\*2\)"):
+        lv.integrate(falling(ca.norm_2), lv.Spark(2), tangents={"params.c": 1.0}, **run)
+    smooth = falling(lambda v: ca.sqrt(ca.dot(v, v) + 1e-12))
+    ends = [
+        lv.integrate(smooth, lv.Spark(2), params={"c": c}, **run).q[-1, 1]
+        for c in (0.1 - 1e-5, 0.1 + 1e-5)
+    ]
+    found = lv.integrate(smooth, lv.Spark(2), tangents={"params.c": 1.0}, **run)
+    wanted = (ends[1] - ends[0]) / 2e-5
+    assert found.tangents["params.c"].q[-1, 1] == pytest.approx(wanted, rel=1e-6)
+
+
+def test_a_jump_in_a_fit_is_refused_without_a_word_of_events_and_rtol():
+    rubbed = lv.Lagrangian(
+        lambda t, q, v, p: (v[0] ** 2 - q[0] ** 2) / 2,
+        force=lambda t, q, v, p: -p.mu * ca.sign(v), q=1, params={"mu": 0.1},
+    )  # fmt: skip
+    t = np.linspace(0, 5, 51)
+    data = {"t": t, "q": np.cos(t)[:, None]}
+    with pytest.raises(lv.IntegrationError, match="jump") as caught:
+        lv.fit(rubbed, lv.Spark(2), data, h=0.05, params=["mu"], q=[1.0], v=[0.1])
+    assert not {"rtol=", "event"} & set(str(caught.value).split())

@@ -391,4 +391,9 @@ def _not_finite(
         name = f"{kind} '{quantity}'"
     sentence = f"{name} is not finite at t = {error['t']:.6g}"
     hint = "look for a division by zero, a root or a logarithm of the model there"
+    if what == "derivative":
+        hint = (
+            "a root is smooth as ca.sqrt(ca.dot(v, v) + e**2), with a small e, where "
+            "ca.norm_2(v) has no derivative at v = 0; or " + hint
+        )
     return sentence, hint, quantity

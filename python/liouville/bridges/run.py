@@ -18,6 +18,7 @@ from liouville.gradients import Pullback, vjp
 from liouville.integrate import integrate
 from liouville.methods import Method
 from liouville.runners import Request
+from liouville.runners.edges import hints_without_events
 from liouville.runners.execute import finished
 from liouville.runners.tangents import PARAMS, check_covered
 from liouville.solution import Solution
@@ -248,7 +249,8 @@ class RunPoint:
         function, system = self.function, self.system
         tangents = self.directions(dict(zip(function.inputs, directions, strict=True)))
         run: dict[str, Any] = {**self.run, **self.start, "tangents": tangents}
-        each = finished(integrate(system, function.method, **run)).tangents.values()
+        with hints_without_events():
+            each = finished(integrate(system, function.method, **run)).tangents.values()
         sums = (sum(tangent.states[name] for tangent in each) for name in function.outputs)
         return [np.moveaxis(np.asarray(x), 1, 0) for x in sums]
 
@@ -259,7 +261,9 @@ class RunPoint:
     def pulled(self, cotangents: Sequence[Array]) -> list[Array]:
         """Return the derivatives by all inputs of a scalar, from those by all outputs."""
         function, (_, pullback) = self.function, self.made
-        found = self.gradients(pullback(**dict(zip(function.outputs, cotangents, strict=True))))
+        with hints_without_events():
+            pulled = pullback(**dict(zip(function.outputs, cotangents, strict=True)))
+        found = self.gradients(pulled)
         return [np.asarray(found[name], dtype=function.types[name]) for name in function.inputs]
 
 

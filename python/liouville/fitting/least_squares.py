@@ -19,6 +19,7 @@ from liouville.fitting.result import Fit, of_size, of_step
 from liouville.fitting.unknowns import Unknowns
 from liouville.integrate import integrate
 from liouville.methods import Method
+from liouville.runners.edges import hints_without_events
 from liouville.runners.execute import finished
 from liouville.solution import Solution
 from liouville.systems import Mechanics, SemiExplicit
@@ -242,9 +243,11 @@ class _Problem:
             for name in self.unknowns.fitted
         }
         tangents |= self.place.tangents(along, params, self.unknowns.fitted, start)
-        run = integrate(
-            self.system, self.method, params=params, tangents=tangents, **self.data.run, **start
-        )
+        with hints_without_events():
+            run = integrate(
+                self.system, self.method, params=params, tangents=tangents, **self.data.run,
+                **start,
+            )  # fmt: skip
         finished(run)
         return _Tried(x.copy(), params, start, tangents, run)
 

@@ -10,6 +10,7 @@ tangent moves the edge, the derivative of the motion has a part that that of the
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -106,6 +107,19 @@ class Kink:
             hinted(of_member + sentence, hint), t=self.t, step=self.step, quantity=self.name,
             member=member, solution=solution,
         )  # fmt: skip
+
+
+@contextmanager
+def hints_without_events() -> Iterator[None]:
+    """Leave events and rtol out of the hints of errors, for callers that take neither."""
+    try:
+        yield
+    except IntegrationError as error:
+        message = str(error)
+        for partner in ("v", "y"):
+            message = message.replace(f"{ENDED.format(partner)}; or ", "")
+        error.args = (message,)
+        raise
 
 
 @dataclass(frozen=True)

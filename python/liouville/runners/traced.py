@@ -342,7 +342,7 @@ class TracedRunner(Runner):
         if error["kind"] in ("reset", "no derivative"):
             error["event"] = name = names[error["event"]]
             which = error.get("member", error.get("of", 0))
-            if error.get("why") == "flat":
+            if error["kind"] == "no derivative":
                 limit = self._watch.accumulated(name, error["t"], which)
                 error |= {} if limit is None else {"limit": limit}
         return system.describe(error)
