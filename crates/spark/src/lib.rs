@@ -40,6 +40,7 @@ use kinks::Kinks;
 pub use lanes::{SparkBatch, supports_batch};
 use liouville_base::error::StepError;
 use liouville_base::linalg::choice::{CHEAP_NEWTON, SCHUR_ITERATIONS};
+use liouville_base::linalg::max_norm;
 use liouville_base::method::{Stats, Stepper, Symmetric};
 use liouville_base::newton::{Backoff, Member, Stop};
 use liouville_base::tableau;
@@ -94,6 +95,9 @@ impl Solver {
 /// The most corrections of a solver without an alternative.
 const MOST_ITERATIONS: usize = 100;
 
+/// Errors of velocities by a tolerance of errors are below so many times the fraction that equations are solved to.
+const VELOCITIES: f64 = 10.0;
+
 /// The fraction of a step that is solved first where a small system does not converge from its cold start.
 const PART: f64 = 0.5;
 
@@ -104,6 +108,8 @@ pub struct Spark {
     solver: Solver,
     tableau: tableau::Spark,
     stop: Stop,
+    /// The tolerances to roundoff and to that of errors, where each step has its own between them.
+    tolerances: Option<[f64; 2]>,
     /// The fast path, which makes nearly all steps of a small system.
     small: Option<Small<f64>>,
     /// The path of all other steps, made at its first use.
@@ -156,6 +162,7 @@ impl Spark {
             solver,
             small,
             stop,
+            tolerances: None,
             tableau,
             model,
         }
@@ -181,7 +188,7 @@ impl Spark {
         (self.is_shortened, self.insists) = (false, false);
         (self.schur_backoff, self.backoff) = Default::default();
         self.stats = Stats::default();
-        self.stop = Stop::default();
+        (self.stop, self.tolerances) = (Stop::default(), None);
         if let Some(general) = &mut self.general {
             general.stages.stop = self.stop;
             general.stages.evaluations = 0;
@@ -191,11 +198,39 @@ impl Spark {
     /// The same, with stage equations solved to this fraction of the velocities instead of to roundoff.
     #[must_use]
     pub fn to_tolerance(mut self, tolerance: f64) -> Self {
+        self.aim(tolerance);
+        self
+    }
+
+    /// The same, with errors of velocities below ten times this fraction of the velocities of each step, but for roundoff.
+    ///
+    /// The unit of corrections is |V| + |y|/h, so that in short steps, as within a layer of friction, its fractions may be
+    /// larger than all velocities.
+    #[must_use]
+    pub fn to_tolerance_of_velocities(mut self, roundoff: f64) -> Self {
+        self.tolerances = Some([roundoff, self.stop.tolerance.max(roundoff)]);
+        self
+    }
+
+    fn aim(&mut self, tolerance: f64) {
         self.stop.tolerance = tolerance;
         if let Some(general) = &mut self.general {
             general.stages.stop = self.stop;
         }
-        self
+    }
+
+    /// The tolerance of a step from this state.
+    fn tolerance_of(&self, [roundoff, of_errors]: [f64; 2], step: Step) -> f64 {
+        if self.model.problem.patterns.v_z.is_some() {
+            return roundoff; // z is no velocity
+        }
+        let speed = max_norm(&step.state.z);
+        let part = speed / (speed + max_norm(&step.state.y) / step.h.abs());
+        if part > 0.0 {
+            (VELOCITIES * part * of_errors).clamp(roundoff, of_errors)
+        } else {
+            roundoff
+        }
     }
 
     /// Makes the step of a small system by the fast path; returns whether that has solved it, up to the commit.
@@ -272,6 +307,9 @@ impl Stepper for Spark {
 
     fn step(&mut self, t: f64, h: f64, state: &mut State) -> Result<(), StepError> {
         let step = Step { t, h, state };
+        if let Some(tolerances) = self.tolerances {
+            self.aim(self.tolerance_of(tolerances, step));
+        }
         let is_small = self.advance_small(step);
         if !is_small {
             self.advance_general(step)?;

@@ -199,14 +199,17 @@ impl Starter {
 
     /// To which fraction of the velocities stage equations are solved.
     fn newton_tol(&self, spark: &SparkMethod) -> f64 {
+        self.tolerance(spark.newton_tol, PART_OF_ERRORS, self.spark_roundoff())
+    }
+
+    fn spark_roundoff(&self) -> f64 {
         let span = self.job.span;
         let steps = match self.job.control {
             Control::Fixed => span.steps as f64,
             Control::Reversible { h_first, .. } => ((span.t1 - span.t0) / h_first).abs(),
             Control::Adaptive { .. } => 0.0, // their errors are larger than the sum of what the iteration leaves
         };
-        let roundoff = Stop::of_run(steps).tolerance;
-        self.tolerance(spark.newton_tol, PART_OF_ERRORS, roundoff)
+        Stop::of_run(steps).tolerance
     }
 
     fn batch(
@@ -252,6 +255,10 @@ impl Starter {
             return Ok((stepper, state, None));
         };
         stepper = stepper.map(|stepper| stepper.estimating(tolerance.clone()));
+        if spark.newton_tol.is_none() {
+            let roundoff = self.spark_roundoff();
+            stepper = stepper.map(|stepper| stepper.to_tolerance_of_velocities(roundoff));
+        }
         let h_first = match h_first {
             Some(h_first) => *h_first,
             None => stepper.first_step(span.t0, &state, span.t1 - span.t0)?,
