@@ -204,3 +204,152 @@ def test_pullbacks_of_events_at_the_ends_of_steps(terminal, reset, every, end):
         call = {"t": (0.0, 2.0), "h": 0.125, "every": every, "events": events}
         start = {"q": np.zeros(2), "v": np.ones(2)}
         assert paired(ball, lv.Spark(2), start=start, directions=directions, **call) < 1e-12
+
+
+def pushed(sides=lambda x: ca.if_else(x < 0, 1.0, -1.0), make=None):
+    """Return a mass that a force pushes until T and then holds back, and the event of that."""
+    system = lv.Lagrangian(
+        lambda t, q, v, p: v[0] ** 2 / 2,
+        force=lambda t, q, v, p: sides(t - p.T), q=("x",), params={"T": 1.0, "J": 0.5},
+    )  # fmt: skip
+    reset = make or (lambda t, q, v, lam, p: v)
+    return system, {"turn": lv.Event(lambda t, q, v, lam, p: t - p.T, reset=reset)}
+
+
+def by_switch(system, events, T, steps, t=(0.0, 2.0), method=None):
+    """Return the derivatives of x and v at the end by T, as a tangent and as a gradient."""
+    run = {"t": t, "steps": steps, "params": {"T": T}, "events": events, "q": [0.0], "v": [0.0]}
+    method = method or lv.Spark(2)
+    tangent = lv.integrate(system, method, tangents={"params.T": 1.0}, **run).tangents["params.T"]
+    solution, pullback = lv.vjp(system, method, wrt=["params.T"], **run)
+    last = np.zeros_like(solution.q)
+    last[-1] = 1.0
+    gradients = [pullback(**{name: last})["params.T"] for name in "qv"]
+    return [tangent.q[-1, 0], tangent.v[-1, 0], *gradients]
+
+
+@pytest.mark.parametrize("method", [lv.Spark(1), lv.Spark(2), lv.Spark(4)])
+def test_a_force_that_jumps_at_the_end_of_a_step_moves_the_motion_as_one_within(method):
+    """x(2) is T^2/2 + T (2 - T) - (2 - T)^2/2, whichever side the force is on at T."""
+    system, events = pushed()
+    for T in np.arange(1, 20) / 10:
+        wanted = [2 * (2 - T), 2.0] * 2
+        assert by_switch(system, events, T, 20, method=method) == pytest.approx(wanted, abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    "sides",
+    [
+        lambda x: ca.if_else(x <= 0, 1.0, -1.0),
+        lambda x: -ca.sign(x),
+        lambda x: 1 - 2 * (x >= 0),
+        lambda x: ca.if_else(x > 0, -1.0, 1.0),
+    ],
+)
+def test_the_side_that_an_expression_takes_at_an_edge_does_not_matter(sides):
+    for T in (0.5, 0.8, 1.7):
+        wanted = [2 * (2 - T), 2.0] * 2
+        assert by_switch(*pushed(sides), T, 20) == pytest.approx(wanted, abs=1e-12)
+
+
+def test_round_times_of_a_hundred_jumps_among_two_hundred_steps():
+    system, events = pushed()
+    rng = np.random.default_rng(0)
+    for T in np.round(rng.uniform(0.05, 1.95, 100), 2):
+        run = {"t": (0, 2), "steps": 200, "params": {"T": T}, "events": events}
+        found = lv.integrate(
+            system, lv.Spark(2), **run, q=[0.0], v=[0.0], tangents={"params.T": 1.0}
+        )
+        tangent = found.tangents["params.T"]
+        assert [tangent.q[-1, 0], tangent.v[-1, 0]] == pytest.approx([2 * (2 - T), 2.0])
+
+
+@pytest.mark.parametrize(
+    "method",
+    [lv.Composition(lv.Spark(1)), lv.Spark(2, points="radau"), lv.LobattoPair(2), lv.HHT(-0.1)],
+)
+def test_methods_that_see_both_sides_of_a_jump_refuse_it_at_the_end_of_a_step_too(method):
+    system, events = pushed()
+    for steps in (20, 21):
+        with pytest.raises(lv.IntegrationError, match="the equations jump with"):
+            by_switch(system, events, 1.0, steps, method=method)
+
+
+def test_a_kick_with_a_jump_at_the_end_of_a_step():
+    """x(2) is T^2/2 + (T + J) (2 - T) - (2 - T)^2/2, whose derivative is 2 (2 - T) - J."""
+    kicked = pushed(make=lambda t, q, v, lam, p: v + p.J)
+    for steps in (20, 21):
+        assert by_switch(*kicked, 1.0, steps) == pytest.approx([1.5, 2.0] * 2, abs=1e-12)
+
+
+@pytest.mark.parametrize("steps", [16, 17])
+def test_friction_that_turns_at_the_end_of_a_step_has_the_derivative_of_the_motion(steps):
+    """A block is pushed up a slope, turns at t = 1 and slides back."""
+    block = lv.Lagrangian(
+        lambda t, q, v, p: v[0] ** 2 / 2 - p.s * q[0],
+        force=lambda t, q, v, p: -p.mu * ca.sign(v), q=("x",), params={"s": 1.5, "mu": 0.5},
+    )  # fmt: skip
+    turn = {"turn": lv.Event(lambda t, q, v, lam, p: v[0], reset=lambda t, q, v, lam, p: v)}
+    tangents = {"params.mu": 1.0, "params.s": 1.0, "v": [1.0]}
+    found = lv.integrate(
+        block, lv.Spark(2), t=(0, 2), steps=steps, q=[0.0], v=[2.0], events=turn,
+        tangents=tangents,
+    )  # fmt: skip
+    own = [found.tangents[name].q[-1, 0] for name in tangents]
+    assert own == pytest.approx([-0.5, -1.5, 1.5], abs=1e-12)
+
+
+def test_members_and_semi_explicit_systems_have_the_derivative_of_a_jump_at_the_end_of_a_step():
+    system, events = pushed()
+    run = {"t": (0, 2), "steps": 20, "tangents": {"params.T": 1.0}}
+    T = np.array([0.5, 1.0, 1.05])
+    found = lv.ensemble(
+        system, lv.Spark(2), **run, params={"T": T}, events=events, q=[0.0], v=[0.0]
+    )
+    assert found.tangents["params.T"].q[-1, :, 0] == pytest.approx(2 * (2 - T), abs=1e-12)
+    linked = lv.SemiExplicit(
+        field=lambda t, y, z, p: [y[1], ca.if_else(t < p.T, 1.0, -1.0), z[0]],
+        constraint=lambda t, y, p: {"c": y[2] - y[0]},
+        y=("a", "b", "c"), z=("l",), params={"T": 1.0},
+    )  # fmt: skip
+    turn = {"turn": lv.Event(lambda t, y, z, p: t - p.T, reset=lambda t, y, z, p: y)}
+    found = lv.integrate(linked, lv.Spark(2), **run, events=turn, y=[0.0, 0.0, 0.0])
+    assert found.tangents["params.T"].y[-1] == pytest.approx([2.0, 2.0, 2.0], abs=1e-12)
+
+
+@pytest.mark.parametrize("method", [lv.HHT(-0.1), lv.GeneralizedAlpha(), lv.Spark(2)])
+@pytest.mark.parametrize("steps", [120, 121, 150])
+def test_a_hit_a_few_roundings_before_the_end_of_a_step(method, steps):
+    """A ball falls from 1/2 to the ground at t = 1, to roundoff; dv/dg at t = 1.5 is -3/4."""
+    ball = lv.Lagrangian(
+        lambda t, q, v, p: v[0] ** 2 / 2 - p.g * q[0], q=("x",), params={"g": 1.0, "e": 0.5}
+    )
+    bounce = lv.Impact(lambda t, q, v, lam, p: p.e)
+    events = {"ground": lv.Event(lambda t, q, v, lam, p: q[0], "down", reset=bounce)}
+    run = {"t": (0, 1.5), "steps": steps, "q": [0.5], "v": [0.0], "events": events}
+    found = lv.integrate(ball, method, tangents={"params.g": 1.0}, **run)
+    solution, pullback = lv.vjp(ball, method, wrt=["params.g"], **run)
+    last = np.zeros_like(solution.v)
+    last[-1] = 1.0
+    by_both = [found.tangents["params.g"].v[-1, 0], pullback(v=last)["params.g"]]
+    assert by_both == pytest.approx([-0.75, -0.75], abs=1e-10)
+
+
+@pytest.mark.parametrize("t_eval", [None, [1.0]])
+@pytest.mark.parametrize("steps", [15, 16])
+def test_a_record_at_the_time_of_a_hit_is_that_after_one_shortly_before(t_eval, steps):
+    """The end of the run too: by g they are (1/4, -1/4), and (-1/2, -1) before it."""
+    ball = lv.Lagrangian(lambda t, q, v, p: v[0] ** 2 / 2 - p.g * q[0], q=1, params={"g": 1.0})
+    bounce = lv.Event(lambda t, q, v, lam, p: q[0], "down", reset=lv.Impact(0.5))
+    for end in (1.0, steps / 8):
+        run = {"t": (0, end), "h": 1 / 8, "q": [0.5], "v": [0.0], "events": {"ground": bounce}}
+        found = lv.integrate(ball, lv.Spark(2), tangents={"params.g": 1.0}, t_eval=t_eval, **run)
+        place = np.flatnonzero(found.t == 1.0)[-1]
+        tangent = found.tangents["params.g"]
+        own = [tangent.q[place, 0], tangent.v[place, 0]]
+        assert own == pytest.approx([0.25, -0.25], abs=1e-12)
+        solution, pullback = lv.vjp(ball, lv.Spark(2), wrt=["params.g"], t_eval=t_eval, **run)
+        at = np.zeros_like(solution.q)
+        at[place] = 1.0
+        gradients = [pullback(**{name: at})["params.g"] for name in "qv"]
+        assert gradients == pytest.approx([0.25, -0.25], abs=1e-12)

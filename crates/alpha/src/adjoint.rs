@@ -6,7 +6,7 @@
 
 use super::state::AlphaState;
 use super::tangent::{AlphaSlopes, append_unknowns, carried, of_sizes, ratio};
-use super::{Alpha, Reactions};
+use super::{Alpha, Reactions, begins_again};
 use liouville_base::error::{Quantity, StepError};
 use liouville_base::linalg::{Pattern, add_scaled, copy};
 use liouville_base::newton::{BlockHandle, BlockLayout, BlockMatrix};
@@ -103,6 +103,7 @@ impl AlphaAdjoint {
     pub fn follow(
         &mut self,
         record: &StepRecord<AlphaState>,
+        point: &mut PointAdjoint,
         of: &mut Cotangents,
     ) -> Result<(), StepError> {
         let (t, h, n) = (record.t, record.h, of.y.len());
@@ -110,9 +111,11 @@ impl AlphaAdjoint {
             y, z, a: own, phi, ..
         } = &record.before;
         let (a, unknowns) = record.unknowns.split_at(n);
-        let point: [&[f64]; 7] = [&[t], &[h], y, z, a, phi, unknowns];
+        let begins = begins_again(&record.before, h);
+        let phi = if begins { a } else { phi };
+        let at: [&[f64]; 7] = [&[t], &[h], y, z, a, phi, unknowns];
         let [of_matrix, of_unknowns, of_step, _] = &mut self.registers;
-        let values = self.slopes.matrix.eval(of_matrix, point);
+        let values = self.slopes.matrix.eval(of_matrix, at);
         finite(values, Quantity::Derivative, t)?;
         self.matrix.clear();
         self.matrix.add(self.block, values, 1.0);
@@ -126,7 +129,7 @@ impl AlphaAdjoint {
         copy(ends_y, &of.y);
         copy(ends_z, &of.z);
         copy(ends_a, by_a);
-        let [t0, h0, y0, z0, a0, phi0, u0] = point;
+        let [t0, h0, y0, z0, a0, phi0, u0] = at;
         let args = [t0, h0, y0, z0, a0, phi0, u0, &self.ends];
         copy(
             &mut self.right,
@@ -146,6 +149,14 @@ impl AlphaAdjoint {
         next(&mut of.z);
         next(by_a);
         next(by_phi);
+        add_scaled(&mut of.tau[1..], 1.0, &found[2 + 4 * n..]);
+        if begins {
+            let start = AlphaState {
+                phi: phi.to_vec(),
+                ..record.before.clone()
+            };
+            return self.leave((t, &start, false), point, of);
+        }
         // a0 is φ0 + r (a0 − φ0) of the state before
         let moved = own.iter().zip(phi).zip(&*by_a);
         let moved: f64 = moved.map(|((a, phi), back)| (a - phi) * back).sum();
@@ -157,7 +168,6 @@ impl AlphaAdjoint {
         for a in by_a {
             *a *= r;
         }
-        add_scaled(&mut of.tau[1..], 1.0, &found[2 + 4 * n..]);
         Ok(())
     }
 

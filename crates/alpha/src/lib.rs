@@ -73,8 +73,13 @@ impl Reactions {
 /// Corrections a step may take.
 const MOST_ITERATIONS: usize = 30;
 
-/// Controlled steps grow by 4: one longer than so many of the last one follows the short end of a step that was cut.
+/// Controlled steps grow by 4: one longer than so many of the last one follows a step that was cut, or the short rest of one.
 const MOST_RATIO: f64 = 8.0;
+
+/// Whether a step of `h` begins with a0 = φ0.
+fn begins_again(before: &AlphaState, h: f64) -> bool {
+    before.h != 0.0 && (h / before.h).abs() > MOST_RATIO
+}
 
 /// A method of the α family at work.
 #[derive(Clone, Debug)]
@@ -208,9 +213,10 @@ impl Alpha {
     /// Begins again with a0 = φ0 after a step that an event has cut to a much shorter one than `h`: there a0 − φ0, and φ0
     /// of the constraint on the position alone, are roundoff of z over the last step.
     fn leave_cut(&mut self, t: f64, h: f64, state: &mut AlphaState) -> Result<(), StepError> {
-        if self.is_warm || state.h == 0.0 || (h / state.h).abs() <= MOST_RATIO {
+        if !begins_again(state, h) {
             return Ok(());
         }
+        self.is_warm = false;
         if self.reactions == Reactions::Position {
             self.acceleration
                 .solve(&mut self.model.general, t, &state.y, &state.z)?;
@@ -332,13 +338,8 @@ impl Stepper for Alpha {
 }
 
 impl Alpha {
-    /// The local error of y, to leading order, along the constraints:
-    ///
-    ///     h² P ((1/6 − Δ/2 − β) (a1 − a0) + (1/6 − b/2) (A1 − A0)),   P = I − M⁻¹ r_λ (g_y M⁻¹ r_λ)⁻¹ g_y
-    ///
-    /// Around b = 1/3, where the reactions' part of it vanishes, what they leave in z counts: they are
-    /// weighted as a is.
-    fn estimate(&mut self, step: AlphaStep) {
+    /// What a1 − a0 and A1 − A0 are multiplied by in the estimate.
+    fn error_weights(&self) -> [f64; 2] {
         let constant = self.weights.error_constant();
         let of_reactions = match self.reactions {
             Reactions::Extended { b, .. } if (1.0 / 6.0 - b / 2.0).abs() > constant.abs() => {
@@ -347,6 +348,17 @@ impl Alpha {
             Reactions::Extended { .. } => constant,
             Reactions::Position => 0.0,
         };
+        [constant, of_reactions]
+    }
+
+    /// The local error of y, to leading order, along the constraints:
+    ///
+    ///     h² P ((1/6 − Δ/2 − β) (a1 − a0) + (1/6 − b/2) (A1 − A0)),   P = I − M⁻¹ r_λ (g_y M⁻¹ r_λ)⁻¹ g_y
+    ///
+    /// Around b = 1/3, where the reactions' part of it vanishes, what they leave in z counts: they are
+    /// weighted as a is.
+    fn estimate(&mut self, step: AlphaStep) {
+        let [constant, of_reactions] = self.error_weights();
         let h2 = step.h * step.h;
         let [first, last] = &self.kept;
         for (k, error) in self.local_error.iter_mut().enumerate() {

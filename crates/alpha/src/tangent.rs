@@ -11,7 +11,7 @@
 
 use super::adjoint::of_pattern;
 use super::state::AlphaState;
-use super::{Alpha, Reactions};
+use super::{Alpha, Reactions, begins_again};
 use liouville_base::error::{Quantity, StepError};
 use liouville_base::linalg::{Matrix, Pattern, add_scaled, copy};
 use liouville_base::method::{Estimating, Stats, Stepper};
@@ -70,6 +70,8 @@ pub struct AlphaTangents {
     matrix: BlockMatrix,
     block: BlockHandle,
     directions: Directions,
+    /// The tangents where a motion begins.
+    starts: AlphaStartTangents,
     before: TangentState<AlphaState>,
     unknowns: Vec<f64>,
     along: Vec<f64>,
@@ -111,6 +113,7 @@ impl AlphaTangents {
         let tapes = [&slopes.matrix, &slopes.equations, &slopes.end];
         let stepper = Self {
             registers: tapes.map(|tape| tape.bind(params)),
+            starts,
             before: state.clone(),
             unknowns: Vec::with_capacity(order),
             along: Vec::new(),
@@ -311,6 +314,10 @@ impl Stepper for AlphaTangents {
         h: f64,
         state: &mut TangentState<AlphaState>,
     ) -> Result<(), StepError> {
+        if begins_again(&state.motion, h) {
+            self.alpha.leave_cut(t, h, &mut state.motion)?;
+            self.starts.begin(t, &mut self.directions, state)?;
+        }
         self.before.clone_from(state);
         self.alpha.step(t, h, &mut state.motion)?;
         let followed = self.follow(t, h, state);

@@ -31,9 +31,9 @@ pub(super) struct CollocationStages {
     pub(super) probe: CollocationProbe,
     k: Matrix,
     /// h b_j V_j
-    displacements: Matrix,
+    pub(super) displacements: Matrix,
     /// a_ij / b_j, and below it ones.
-    weights: Matrix,
+    pub(super) weights: Matrix,
     /// The stages' basis polynomials at 1.
     ends: Matrix,
 }

@@ -1,7 +1,9 @@
 //! Cotangents of a motion: the derivatives of a function of it by its states, by time and by parameters.
 
 use super::sensitivity::SensitivityModel;
-use super::{Acceleration, Carried, Model, ObservePoint, Saddle, model::finite};
+use super::{
+    Acceleration, Carried, Model, ObservePoint, Saddle, Side, model::finite, rates_beside,
+};
 use liouville_base::error::{Quantity, StepError};
 use liouville_base::linalg::{Pattern, add_scaled, dot};
 
@@ -167,13 +169,12 @@ impl ObservePoint for PointAdjoint {
     fn rate(
         &mut self,
         (t, point): (f64, &impl Carried),
+        side: Side,
         of: &Cotangents,
     ) -> Result<f64, StepError> {
-        let (y, z) = (point.y(), point.z());
-        self.acceleration.solve(&mut self.model, t, y, z)?;
-        let v = self.model.end(t, y, z)[2];
-        let v = if v.is_empty() { z } else { v };
-        Ok(of.tau[0] + dot(&of.y, v) + dot(&of.z, &self.acceleration.z_dot))
+        let by = (&mut self.model, &mut self.acceleration);
+        let [y_dot, z_dot] = rates_beside(by, (t, point.y(), point.z()), side)?;
+        Ok(of.tau[0] + dot(&of.y, &y_dot) + dot(&of.z, &z_dot))
     }
 }
 

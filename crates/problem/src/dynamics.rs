@@ -20,6 +20,14 @@ pub trait Dynamics: Clone + Send + Sync + 'static {
     /// Whether z is something else than y'.
     fn has_own_z(&self) -> bool;
 
+    /// Moves z to where it follows from (t, y), if it does.
+    ///
+    /// # Errors
+    /// A value that is not finite, a singular matrix, or no convergence.
+    fn settle(&mut self, _t: f64, _y: &[f64], _z: &mut [f64]) -> Result<(), StepError> {
+        Ok(())
+    }
+
     /// Solves for z' and λ at (t, y, z).
     ///
     /// # Errors

@@ -52,7 +52,7 @@ pub use observe::{Carried, Observer, Observers};
 pub use observe_point::ObservePoint;
 pub use points::{Points, Times};
 pub use projection::{Projection, project, project_linear};
-pub use rate_tangents::{MotionPoint, MotionTangents, RateTangents};
+pub use rate_tangents::{MotionPoint, MotionTangents, RateTangents, Side, rates_beside};
 pub use redundant::Redundant;
 pub use restart::{Impact, Impulse, Jump, Refused, Restart, Sizes};
 pub use saddle::Saddle;

@@ -1,6 +1,6 @@
 //! The adjoint of the values that are recorded at a point of a run.
 
-use super::{Carried, Cotangents, Dynamics};
+use super::{Carried, Cotangents, Dynamics, Side};
 use liouville_base::error::StepError;
 
 /// Takes cotangents of the values at a point to y, z and τ there.
@@ -19,9 +19,14 @@ pub trait ObservePoint: Clone + Send + Sync + 'static {
         of: &mut Cotangents,
     ) -> Result<(), StepError>;
 
-    /// The derivative along the motion of a function with these cotangents at a state.
+    /// The derivative along the motion, on one side, of a function with these cotangents at a state.
     ///
     /// # Errors
     /// A value that is not finite, or a singular matrix.
-    fn rate(&mut self, at: (f64, &impl Carried), of: &Cotangents) -> Result<f64, StepError>;
+    fn rate(
+        &mut self,
+        at: (f64, &impl Carried),
+        side: Side,
+        of: &Cotangents,
+    ) -> Result<f64, StepError>;
 }

@@ -30,6 +30,15 @@ pub trait EventDetector<State>: Checkpoint {
         records: &mut Records,
     ) -> Result<Outcome, StepError>;
 
+    /// Called before the state to which an event has cut a step is recorded at `t`, as a step's end; gives that to record in its
+    /// place, if it is another one. The step goes on from there, or a reset has led there.
+    ///
+    /// # Errors
+    /// It has no derivative.
+    fn hold(&mut self, _: (f64, Outcome), _: &State) -> Result<Option<&State>, StepError> {
+        Ok(None)
+    }
+
     /// Called at the end of the run; makes the records that are still due.
     fn finish(&mut self, records: &mut Records);
 

@@ -25,6 +25,9 @@ use crate::method::Stats;
 use crate::observe::{Finding, Observe, Watch};
 use std::time::{Duration, Instant};
 
+/// Appends a record, or replaces the last one.
+type Put<State> = fn(&mut Records, &mut dyn Observe<State>, f64, &State) -> Result<(), StepError>;
+
 /// A state, the control of its steps, and its records.
 pub struct Run<State: Checkpoint> {
     control: Box<dyn StepControl<State>>,
@@ -134,10 +137,12 @@ impl<State: Checkpoint> Run<State> {
 
     /// Looks for events in the step just made, and records the state that it led to.
     fn finish_step(&mut self, start: f64) -> Result<(), StepError> {
+        let mut outcome = Outcome::Continue;
         if let Some(events) = &mut self.events {
             self.control.stepper_mut().synchronize(&mut self.state)?;
             let (t, is_last) = (self.control.time(), self.control.is_over());
-            match events.after((t, is_last), &mut self.state, &mut self.records)? {
+            outcome = events.after((t, is_last), &mut self.state, &mut self.records)?;
+            match outcome {
                 Outcome::Continue => {}
                 Outcome::End(end) => self.end = Some(end),
                 Outcome::Shorten(end) => {
@@ -151,7 +156,7 @@ impl<State: Checkpoint> Run<State> {
                         watch.restart(start, &self.state);
                     }
                     if start.to_bits() != t.to_bits() {
-                        self.replace_record(start)?;
+                        self.replace_record(start, outcome)?;
                         // the rest of the step is still to be made
                         self.n -= 1;
                         return Ok(());
@@ -161,8 +166,8 @@ impl<State: Checkpoint> Run<State> {
         }
         self.look(start)?;
         match self.end {
-            Some(end) if self.records.last() == Some(end) => self.replace_record(end),
-            _ if self.is_due() => self.record(),
+            Some(end) if self.records.last() == Some(end) => self.replace_record(end, outcome),
+            _ if self.is_due() => self.record_after(outcome),
             _ => Ok(()),
         }
     }
@@ -185,12 +190,11 @@ impl<State: Checkpoint> Run<State> {
     }
 
     /// Records a state that a reset has led to at the time of the last record, which is of the state before.
-    fn replace_record(&mut self, t: f64) -> Result<(), StepError> {
+    fn replace_record(&mut self, t: f64, outcome: Outcome) -> Result<(), StepError> {
         if self.is_recorded_by_events() || self.records.last() != Some(t) {
             return Ok(());
         }
-        self.control.stepper_mut().synchronize(&mut self.state)?;
-        self.records.replace(&mut *self.observer, t, &self.state)
+        self.record_at(t, outcome, Records::replace)
     }
 
     /// Whether the records are those of the event detector.
@@ -213,9 +217,24 @@ impl<State: Checkpoint> Run<State> {
     }
 
     fn record(&mut self) -> Result<(), StepError> {
+        self.record_after(Outcome::Continue)
+    }
+
+    fn record_after(&mut self, outcome: Outcome) -> Result<(), StepError> {
+        self.record_at(self.present(), outcome, Records::push)
+    }
+
+    /// Records the state that the events of a step have led to, if there were any.
+    fn record_at(&mut self, t: f64, outcome: Outcome, put: Put<State>) -> Result<(), StepError> {
         self.control.stepper_mut().synchronize(&mut self.state)?;
-        let t = self.present();
-        self.records.push(&mut *self.observer, t, &self.state)
+        let held = match (outcome, &mut self.events) {
+            (Outcome::Restart(_) | Outcome::Shorten(_), Some(events)) => {
+                events.hold((t, outcome), &self.state)?
+            }
+            _ => None,
+        };
+        let state = held.unwrap_or(&self.state);
+        put(&mut self.records, &mut *self.observer, t, state)
     }
 
     fn save_all(&self, out: &mut dyn Numbers) {

@@ -4,7 +4,7 @@
 //!
 //!     0 = w_t + w_y f + w_z z',   y'' = f_t + f_y f + f_z z'
 
-use super::{SemiExplicitModel, SemiExplicitState};
+use super::{Algebraic, SemiExplicitModel, SemiExplicitState};
 use liouville_base::checkpoint::Checkpoint;
 use liouville_base::error::{Quantity, StepError};
 use liouville_base::linalg::{Factor, copy};
@@ -50,6 +50,10 @@ impl Dynamics for SemiExplicitModel {
 
     fn has_own_z(&self) -> bool {
         true
+    }
+
+    fn settle(&mut self, t: f64, y: &[f64], z: &mut [f64]) -> Result<(), StepError> {
+        Algebraic::new(self).solve(self, t, y, z, 0.0)
     }
 
     fn solve(

@@ -4,7 +4,8 @@ use super::{RateSolver, SemiExplicitModel, SemiExplicitSensitivityModel};
 use liouville_base::error::StepError;
 use liouville_base::linalg::{Matrix, add_scaled, copy, dot};
 use liouville_problem::{
-    Carried, Cotangents, Directions, Dynamics, MotionPoint, ObservePoint, RateTangents, TangentView,
+    Carried, Cotangents, Directions, Dynamics, MotionPoint, ObservePoint, RateTangents, Side,
+    TangentView, rates_beside,
 };
 
 /// The derivatives at a point, with the memory to find them.
@@ -60,21 +61,26 @@ impl ObservePoint for SemiExplicitPoint {
     fn rate(
         &mut self,
         (t, point): (f64, &impl Carried),
+        side: Side,
         of: &Cotangents,
     ) -> Result<f64, StepError> {
-        Ok(of.tau[0] + dot(&of.y, self.model.field(t, point.y(), point.z())))
+        let by = (&mut self.model, &mut self.solver);
+        let [y_dot, _] = rates_beside(by, (t, point.y(), point.z()), side)?;
+        Ok(of.tau[0] + dot(&of.y, &y_dot))
     }
 }
 
 impl RateTangents for SemiExplicitPoint {
     fn flow(
         &mut self,
-        (t, y, z): MotionPoint<'_>,
+        at: MotionPoint<'_>,
+        side: Side,
         [y_dot, z_dot]: [&mut [f64]; 2],
     ) -> Result<(), StepError> {
-        self.model.solve(&mut self.solver, t, y, z)?;
-        copy(y_dot, self.model.field(t, y, z));
-        copy(z_dot, &self.solver.z_dot);
+        let by = (&mut self.model, &mut self.solver);
+        let [found, rate] = rates_beside(by, at, side)?;
+        copy(y_dot, &found);
+        copy(z_dot, &rate);
         Ok(())
     }
 

@@ -13,7 +13,7 @@ use super::super::newton_matrix::CollocationMatrix;
 use super::super::stages::{CollocationStages, CollocationStep};
 use crate::semi_explicit::{SemiExplicitModel, SemiExplicitSensitivityModel, SemiExplicitState};
 use liouville_base::error::{Quantity, StepError};
-use liouville_base::linalg::{Matrix, add_scaled, copy, copy_scaled};
+use liouville_base::linalg::{Matrix, add_scaled, copy, copy_scaled, dot};
 use liouville_problem::{Cotangents, Directions, TangentState, finite};
 
 /// Derivatives of one step, and the memory of a direction.
@@ -112,9 +112,10 @@ impl LinearCollocation {
             let tau = directions.tau(direction, dt0 + part(stages, i) * step.h * stretch);
             let dy = self.points.row_mut(i);
             copy(dy, before.y.row(direction));
-            // h Σ a V is known: it has led from y0 to the point
-            for ((dy, y), y0) in dy.iter_mut().zip(stages.y.row(i)).zip(&step.state.y) {
-                *dy += stretch * (y - y0);
+            // not the difference of the point and y0, which is roundoff in a very short step
+            for j in (0..s).filter(|_| stretch != 0.0) {
+                let weight = stretch * stages.weights[(i, j)];
+                add_scaled(dy, weight, stages.displacements.row(j));
             }
             let dk = &mut self.constraint;
             dk.fill(0.0);
@@ -189,9 +190,9 @@ impl LinearCollocation {
                 (by_tau.f_tau).multiply_add_transposed(f_tau, 1.0, own, of_tau);
             }
             of.stretch += part(stages, i) * step.h * (of.tau[0] - before);
-            let led = stages.y.row(i).iter().zip(&step.state.y);
-            let led = led.map(|(y, y0)| y - y0).zip(&*out);
-            of.stretch += led.map(|(led, x)| led * x).sum::<f64>();
+            for j in 0..s {
+                of.stretch += stages.weights[(i, j)] * dot(stages.displacements.row(j), out);
+            }
             add_scaled(&mut of.y, 1.0, out);
         }
     }

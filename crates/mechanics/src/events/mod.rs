@@ -343,7 +343,30 @@ impl<State: Carried + Checkpoint + Clone, M: Dynamics> EventDetector<State>
             }
             Outcome::Restart(_) => {}
         }
+        if let (Outcome::End(_), Some(follower)) = (outcome, &mut self.follower) {
+            follower.end();
+        }
         Ok(outcome)
+    }
+
+    fn hold(
+        &mut self,
+        (t, outcome): (f64, Outcome),
+        state: &State,
+    ) -> Result<Option<&State>, StepError> {
+        let Some(follower) = &mut self.follower else {
+            return Ok(None);
+        };
+        let at = Given {
+            t,
+            part: 1.0,
+            h: self.substep.h,
+            is_after: matches!(outcome, Outcome::Restart(_)),
+            is_of_step: true,
+        };
+        self.substep.state.clone_from(state);
+        follower.hold(at, &mut self.substep.state)?;
+        Ok(Some(&self.substep.state))
     }
 
     fn finish(&mut self, _: &mut Records) {}

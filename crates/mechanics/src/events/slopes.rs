@@ -304,6 +304,9 @@ pub trait FollowEvents<State>: Send + Sync {
         states: (&State, &mut State),
     ) -> Result<(), StepError>;
 
+    /// An event has ended the run: the last record moves with it.
+    fn end(&mut self) {}
+
     /// Appends what is recorded of a state at an event.
     ///
     /// # Errors

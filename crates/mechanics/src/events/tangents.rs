@@ -12,7 +12,7 @@ use super::slopes::{FollowEvents, LinearReset, Meeting, SlopesModel};
 use super::times::Given;
 use liouville_base::error::StepError;
 use liouville_base::linalg::{Matrix, add_scaled, dot};
-use liouville_problem::{BeginTangents, Carried, Directions, RateTangents, TangentState};
+use liouville_problem::{BeginTangents, Carried, Directions, RateTangents, Side, TangentState};
 
 /// Derivatives of a motion at its points and through its resets, and of the state that its method carries after these.
 pub struct MotionDerivatives<S> {
@@ -81,8 +81,12 @@ impl<S: Carried> TangentEvents<S> {
         along.extend_from_slice(&self.directions.tau.row(direction)[1..]);
     }
 
-    /// Makes the last direction the derivative along the motion; nothing goes on from there but by a reset.
-    fn set_flow(&mut self, t: f64, state: &mut TangentState<S>) -> Result<(), StepError> {
+    /// Makes the last direction the derivative along the motion on one side; nothing goes on from there but by a reset.
+    fn set_flow(
+        &mut self,
+        (t, side): (f64, Side),
+        state: &mut TangentState<S>,
+    ) -> Result<(), StepError> {
         let last = self.directions.count() - 1;
         let TangentState {
             motion,
@@ -92,9 +96,16 @@ impl<S: Carried> TangentEvents<S> {
             ..
         } = state;
         let out = [y.row_mut(last), z.row_mut(last)];
-        self.of.point.flow((t, motion.y(), motion.z()), out)?;
+        let at = (t, motion.y(), motion.z());
+        self.of.point.flow(at, side, out)?;
         dt[last] = 1.0;
         Ok(())
+    }
+
+    /// The tangent of the time `t` of a step's end, where no event has moved it.
+    fn held(&self, direction: usize, t: f64) -> f64 {
+        let (start, of_start) = &self.start;
+        of_start[direction] + self.directions.stretch[direction] * (t - start)
     }
 
     /// Adds so many times the derivative by the length of a step to each direction.
@@ -129,17 +140,16 @@ impl<S: Carried + Send + Sync> FollowEvents<TangentState<S>> for TangentEvents<S
             return;
         }
         let last = self.directions.count() - 1;
-        let (stretch, (start, of_start)) = (&self.directions.stretch, &self.start);
-        let held = |k: usize| of_start[k] + stretch[k] * (t - start);
         // of directions that the events leave alone nothing changes but roundoff
-        let size = |k: usize, state: &TangentState<S>| (held(k) - state.t[k]) / state.t[last];
+        let size =
+            |k: usize, state: &TangentState<S>| (self.held(k, t) - state.t[k]) / state.t[last];
         self.move_by(size, state);
     }
 
     fn meet(&mut self, met: Meeting<'_>, state: &mut TangentState<S>) -> Result<(), StepError> {
         let (t, last) = (met.t, self.directions.count() - 1);
         if met.part == 0.0 {
-            self.set_flow(t, state)?;
+            self.set_flow((t, Side::Before(met.h)), state)?;
         }
         if met.needs_lam {
             self.solve(t, state)?;
@@ -163,9 +173,16 @@ impl<S: Carried + Send + Sync> FollowEvents<TangentState<S>> for TangentEvents<S
     fn hold(&mut self, at: Given, state: &mut TangentState<S>) -> Result<(), StepError> {
         let last = self.directions.count() - 1;
         if at.is_after || at.part == 0.0 {
-            self.set_flow(at.t, state)?;
+            self.set_flow((at.t, Side::After(at.h)), state)?;
         }
-        let size = |k: usize, state: &TangentState<S>| -state.t[k] / state.t[last];
+        let held = |k: usize| {
+            if at.is_of_step {
+                self.held(k, at.t)
+            } else {
+                0.0
+            }
+        };
+        let size = |k: usize, state: &TangentState<S>| (held(k) - state.t[k]) / state.t[last];
         self.move_by(size, state);
         Ok(())
     }

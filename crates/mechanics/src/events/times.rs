@@ -13,8 +13,12 @@ pub struct Given {
     pub t: f64,
     /// The part of the step, 0 and 1 for its ends.
     pub part: f64,
+    /// The length of the whole step.
+    pub h: f64,
     /// Whether the state there is that after a reset.
     pub is_after: bool,
+    /// Whether the time is that at which a step ends, as the run has it.
+    pub is_of_step: bool,
 }
 
 impl<State: Carried + Checkpoint + Clone, M: Dynamics> DenseDetector<State, M> {
@@ -52,7 +56,9 @@ impl<State: Carried + Checkpoint + Clone, M: Dynamics> DenseDetector<State, M> {
             let at = Given {
                 t: wanted,
                 part,
+                h: self.substep.h,
                 is_after: false,
+                is_of_step: false,
             };
             self.record_one(at, records)?;
         }
@@ -75,7 +81,9 @@ impl<State: Carried + Checkpoint + Clone, M: Dynamics> DenseDetector<State, M> {
         let at = Given {
             t,
             part: 0.0,
+            h: self.substep.h,
             is_after: true,
+            is_of_step: false,
         };
         self.record_one(at, records)
     }

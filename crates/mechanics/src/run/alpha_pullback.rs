@@ -20,9 +20,10 @@ impl StepAdjoint for AlphaAdjoint {
     fn follow(
         &mut self,
         record: &StepRecord<AlphaState>,
+        point: &mut PointAdjoint,
         of: &mut Cotangents,
     ) -> Result<(), StepError> {
-        self.follow(record, of)
+        self.follow(record, point, of)
     }
 
     fn leave(

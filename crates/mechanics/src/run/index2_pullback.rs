@@ -25,6 +25,7 @@ impl StepAdjoint for Index2Adjoint {
     fn follow(
         &mut self,
         record: &StepRecord<SemiExplicitState>,
+        _: &mut SemiExplicitPoint,
         of: &mut Cotangents,
     ) -> Result<(), StepError> {
         self.follow(record, of)

@@ -14,7 +14,7 @@ use liouville_base::checkpoint::Checkpoint;
 use liouville_base::error::{Obstacle, StepError};
 use liouville_base::linalg::{Matrix, add_scaled};
 use liouville_base::recorder::{SharedRecords, StepRecord};
-use liouville_problem::{Carried, Cotangents, ObservePoint};
+use liouville_problem::{Carried, Cotangents, ObservePoint, Side};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// An event that was met.
@@ -54,6 +54,8 @@ pub(super) struct GivenEntry<S> {
     /// How many steps were recorded, that which was parted included.
     pub(super) place: usize,
     pub(super) t: f64,
+    /// The length of the whole step.
+    h: f64,
     pub(super) state: S,
     /// Whether it is that after a reset.
     pub(super) is_after: bool,
@@ -66,6 +68,8 @@ pub(super) struct GivenEntry<S> {
 struct Notes<S> {
     events: Vec<Entry<S>>,
     given: Vec<GivenEntry<S>>,
+    /// Whether an event has ended the run.
+    is_ended: bool,
 }
 
 /// What is shared by the run and its adjoint.
@@ -81,7 +85,12 @@ impl<S> Clone for Journal<S> {
 impl<S> Default for Journal<S> {
     fn default() -> Self {
         let (events, given) = (Vec::new(), Vec::new());
-        Self(Arc::new(Mutex::new(Notes { events, given })))
+        let is_ended = false;
+        Self(Arc::new(Mutex::new(Notes {
+            events,
+            given,
+            is_ended,
+        })))
     }
 }
 
@@ -91,6 +100,11 @@ impl<S> Journal<S> {
         let mut notes = self.lock();
         let given = std::mem::take(&mut notes.given);
         (std::mem::take(&mut notes.events), given)
+    }
+
+    /// Whether an event has ended the run.
+    pub(super) fn is_ended(&self) -> bool {
+        self.lock().is_ended
     }
 
     fn lock(&self) -> MutexGuard<'_, Notes<S>> {
@@ -150,6 +164,9 @@ impl<S: Checkpoint + Clone> FollowEvents<S> for EventRecorder<S> {
     }
 
     fn hold(&mut self, at: Given, state: &mut S) -> Result<(), StepError> {
+        if at.is_of_step {
+            return Ok(());
+        }
         let part = if at.is_after { 0.0 } else { at.part };
         let (place, steps) = self.steps(part, state);
         let given = &mut self.journal.lock().given;
@@ -158,6 +175,7 @@ impl<S: Checkpoint + Clone> FollowEvents<S> for EventRecorder<S> {
         given.push(GivenEntry {
             place,
             t: at.t,
+            h: at.h,
             state: state.clone(),
             is_after: at.is_after,
             steps,
@@ -175,6 +193,10 @@ impl<S: Checkpoint + Clone> FollowEvents<S> for EventRecorder<S> {
             entry.after = Some(after.clone());
         }
         Ok(())
+    }
+
+    fn end(&mut self) {
+        self.journal.lock().is_ended = true;
     }
 
     fn record(&mut self, _: f64, _: &S, _: &mut Vec<f64>) -> Result<(), StepError> {
@@ -271,13 +293,14 @@ impl EventAdjoint {
         self.add((entry, &gradient), point, &mut slopes)?;
         let at = (entry.t, &entry.state);
         let (own, slope, length) = if entry.steps.is_empty() {
-            let own = point.rate(at, of)?;
-            (own, point.rate(at, &slopes)?, 1.0)
+            let side = Side::Before(entry.h);
+            let own = point.rate(at, side, of)?;
+            (own, point.rate(at, side, &slopes)?, 1.0)
         } else {
             let before = std::mem::take(&mut of.stretch);
             for step in entry.steps.iter().rev() {
-                adjoint.follow(step, of)?;
-                adjoint.follow(step, &mut slopes)?;
+                adjoint.follow(step, point, of)?;
+                adjoint.follow(step, point, &mut slopes)?;
             }
             let own = std::mem::replace(&mut of.stretch, before);
             let slope = std::mem::take(&mut slopes.stretch);
@@ -303,6 +326,29 @@ impl<S> Entry<S> {
             is_last: self.is_last,
             obstacle: self.obstacle,
         }
+    }
+
+    /// The derivative by time of a function with these cotangents of the state that it has led to: along the motion after a
+    /// reset, else along that before.
+    pub(super) fn rate<A: StepAdjoint<State = S>>(
+        &self,
+        (adjoint, point): (&mut A, &mut A::Point),
+        of: &Cotangents,
+    ) -> Result<f64, StepError>
+    where
+        S: Carried,
+    {
+        if let Some(after) = &self.after {
+            return point.rate((self.t, after), Side::After(self.h), of);
+        }
+        if self.steps.is_empty() {
+            return point.rate((self.t, &self.state), Side::Before(self.h), of);
+        }
+        let mut back = of.clone();
+        for step in self.steps.iter().rev() {
+            adjoint.follow(step, point, &mut back)?;
+        }
+        Ok(back.stretch / self.steps.iter().map(|step| step.h).sum::<f64>())
     }
 
     /// Whether it begins a step anew within one, which is then made to its end.
@@ -350,10 +396,10 @@ impl<S: Carried> GivenEntry<S> {
         // the time there is held
         own.tau[0] = 0.0;
         own.tau[0] = if self.steps.is_empty() {
-            -point.rate(at, &own)?
+            -point.rate(at, Side::After(self.h), &own)?
         } else {
             for step in self.steps.iter().rev() {
-                adjoint.follow(step, &mut own)?;
+                adjoint.follow(step, point, &mut own)?;
             }
             let length: f64 = self.steps.iter().map(|step| step.h).sum();
             own.tau[0] - std::mem::take(&mut own.stretch) / length

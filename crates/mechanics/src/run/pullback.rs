@@ -74,6 +74,7 @@ pub trait StepAdjoint: Send + Sync {
     fn follow(
         &mut self,
         record: &StepRecord<Self::State>,
+        point: &mut Self::Point,
         of: &mut Cotangents,
     ) -> Result<(), StepError>;
 
@@ -111,6 +112,8 @@ pub struct Pullback<A: StepAdjoint> {
     of_start: f64,
     /// Whether the record at the start of the step last followed back is of the state after an event there.
     is_replaced: bool,
+    /// The given time last followed back, where its state is that after an event.
+    given_after: Option<f64>,
 }
 
 /// Steps that are recorded as they are made.
@@ -230,6 +233,7 @@ where
             journal,
             of_start: 0.0,
             is_replaced: false,
+            given_after: None,
         })
     }
 }
@@ -240,14 +244,14 @@ impl<A: StepAdjoint> Pullback<A> {
         let end = &step[self.parts - 1];
         let of = &mut self.cotangents;
         if self.events.is_none() {
-            return step
-                .iter()
-                .rev()
-                .try_for_each(|part| self.adjoint.follow(part, of));
+            for part in step.iter().rev() {
+                self.adjoint.follow(part, &mut self.point, of)?;
+            }
+            return Ok(());
         }
         let before = std::mem::take(&mut of.stretch);
         for part in step.iter().rev() {
-            self.adjoint.follow(part, of)?;
+            self.adjoint.follow(part, &mut self.point, of)?;
         }
         // the end of the step is where it would be without events before, and its length follows
         let moved = of.stretch / step.iter().map(|part| part.h).sum::<f64>();
@@ -264,11 +268,39 @@ impl<A: StepAdjoint> Pullback<A> {
         };
         for entry in entries {
             let row = times.row(entry.t);
+            let is_replaced = !entry.is_after && self.given_after == Some(entry.t);
+            self.given_after = entry.is_after.then_some(entry.t);
+            if is_replaced {
+                continue;
+            }
             if row.iter().any(|x| *x != 0.0) {
                 let (of, point) = (&mut self.cotangents, &mut self.point);
                 entry.leave(row, (&mut self.adjoint, point), of)?;
             }
         }
+        Ok(())
+    }
+
+    /// Adds the cotangents of the record where an event has cut a step, at a time that is held or is that of the event.
+    fn observe_cut(
+        &mut self,
+        entry: &Entry<A::State>,
+        row: &[f64],
+        is_held: bool,
+    ) -> Result<(), StepError> {
+        let (state, point) = (
+            entry.after.as_ref().unwrap_or(&entry.state),
+            &mut self.point,
+        );
+        let mut own = self.cotangents.like();
+        point.observe((entry.t, state), row, &mut own)?;
+        if is_held {
+            let rate = entry.rate((&mut self.adjoint, point), &own)?;
+            own.tau[0] -= rate;
+            own.stretch += rate * (entry.t - self.start.0);
+            self.of_start += rate;
+        }
+        self.cotangents.add_scaled(1.0, &own);
         Ok(())
     }
 
@@ -304,6 +336,7 @@ impl<A: StepAdjoint> Follow for Pullback<A> {
 
     fn forget(&mut self) {
         self.records.lock().clear();
+        drop(self.journal.take());
     }
 
     fn restore(&mut self, saved: &[f64]) -> Result<(), CheckpointMismatch> {
@@ -354,13 +387,18 @@ impl<A: StepAdjoint> Follow for Pullback<A> {
                 .iter()
                 .filter_map(|record| kept.binary_search(record).ok());
             if is_recorded && let Some(row) = found.next() {
-                let end = &step[parts - 1];
-                let (t, state) = match cut {
-                    Some(entry) => (entry.t, entry.after.as_ref().unwrap_or(&entry.state)),
-                    None => (end.time(), &end.end),
-                };
-                self.point
-                    .observe((t, state), rows.row(row), &mut self.cotangents)?;
+                match cut {
+                    Some(entry) => {
+                        let is_held = !(is_over && place == last && self.journal.is_ended());
+                        self.observe_cut(entry, rows.row(row), is_held)?;
+                    }
+                    None => {
+                        let end = &step[parts - 1];
+                        let at = (end.time(), &end.end);
+                        self.point
+                            .observe(at, rows.row(row), &mut self.cotangents)?;
+                    }
+                }
             }
             number -= usize::from(is_whole);
             self.leave_given(&behind)?;

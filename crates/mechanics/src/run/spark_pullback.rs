@@ -18,7 +18,12 @@ impl StepAdjoint for SparkAdjoint {
         [n; 3]
     }
 
-    fn follow(&mut self, record: &StepRecord<State>, of: &mut Cotangents) -> Result<(), StepError> {
+    fn follow(
+        &mut self,
+        record: &StepRecord<State>,
+        _: &mut PointAdjoint,
+        of: &mut Cotangents,
+    ) -> Result<(), StepError> {
         self.follow(record, of)
     }
 

@@ -16,7 +16,7 @@ use super::linear_step::LinearStep;
 use liouville_base::error::StepError;
 use liouville_base::linalg::{Matrix, add_scaled, copy, dot};
 use liouville_base::tableau;
-use liouville_problem::{Cotangents, Mechanical, Model, State, Step};
+use liouville_problem::{Cotangents, Mechanical, Model, Step};
 
 /// The memory of an adjoint step.
 #[derive(Clone, Debug)]
@@ -225,12 +225,16 @@ impl Backward {
             add_scaled(&mut of.carried, 1.0, row);
         }
         of.y.fill(0.0);
-        let State { y: y0, .. } = step.state;
-        for (moved, points) in [(&self.stages, &stages.y), (&self.nodes, &stages.node_y)] {
+        for (moved, weights) in [
+            (&self.stages, &tableau.mu_v),
+            (&self.nodes, &tableau.mu_bar),
+        ] {
             for i in 0..moved.rows() {
                 add_scaled(&mut of.y, 1.0, moved.row(i));
-                let led = points.row(i).iter().zip(y0).map(|(y, y0)| y - y0);
-                of.stretch += led.zip(moved.row(i)).map(|(led, x)| led * x).sum::<f64>();
+                for j in 0..tableau.stages {
+                    let led = stages.displacements.row(j);
+                    of.stretch += weights[(i, j)] * dot(led, moved.row(i));
+                }
             }
         }
         of.z.fill(0.0);

@@ -112,18 +112,19 @@ impl Forward {
             &linear.sensitivity.problem.patterns,
         );
         let (tableau, dy0) = (&stages.tableau, along.before.y.row(along.direction));
-        // h Σ a v is the difference of the point and y0
-        let moved = |out: &mut [f64], y: &[f64]| {
-            let led = y.iter().zip(&step.state.y).map(|(y, y0)| y - y0);
-            for ((out, dy0), led) in out.iter_mut().zip(dy0).zip(led) {
-                *out = dy0 + stretch * led;
+        // not the difference of the point and y0, which is roundoff in a very short step
+        let moved = |out: &mut [f64], weights: &[f64]| {
+            copy(out, dy0);
+            let moves = stages.displacements.flat().chunks_exact(dy0.len());
+            for (weight, led) in weights.iter().zip(moves).filter(|_| stretch != 0.0) {
+                add_scaled(out, stretch * weight, led);
             }
         };
         copy_scaled(self.impulses.flat_mut(), stretch, stages.impulses.flat());
         for i in 0..tableau.stages {
             let (weight, out) = (step.h * tableau.b[i], self.impulses.row_mut(i));
             let dy = self.stages.row_mut(i);
-            moved(dy, stages.y.row(i));
+            moved(dy, tableau.mu_v.row(i));
             let tau = along.tau(directions, tableau.c[i]);
             at.f_y
                 .multiply_add(linear.derivatives().f_y.row(i), weight, dy, out);
@@ -134,7 +135,7 @@ impl Forward {
         for j in 0..self.nodes.rows() {
             let out = self.impulses.row_mut(tableau.stages + j);
             let (weight, dy) = (step.h * tableau.b_hat[j], self.nodes.row_mut(j));
-            moved(dy, stages.node_y.row(j));
+            moved(dy, tableau.mu_bar.row(j));
             let tau = along.tau(directions, tableau.c_hat[j]);
             at.r_y
                 .multiply_add(linear.derivatives().r_y.row(j), weight, dy, out);
