@@ -278,6 +278,7 @@ INDEX2 = [
 
 #: Many steps, of which the slope takes those that show the order.
 _SPREAD = tuple(int(8 * 1.25**k) for k in range(14))
+_DENSE = tuple(round(8 * 1.12**k) for k in range(26))
 
 
 def volumes():
@@ -285,7 +286,7 @@ def volumes():
     for scheme, facts in SCHEMES.items():
         order, is_symmetric = facts["order"], scheme != "Lie"
         keeps = ("volume", "reversibility") if is_symmetric else ("volume",)
-        steps = (4000, 8000, 16000) if order == 1 else _SPREAD
+        steps = {1: (4000, 8000, 16000), 10: _DENSE}.get(order, _SPREAD)
         steps = tuple(4 * count for count in steps) if order == 2 else steps
         method = lv.VolumeSplitting(composition=scheme)
         yield Row(

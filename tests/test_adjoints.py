@@ -179,9 +179,9 @@ def test_checks_by_differences_repeat_the_steps():
         ({"rtol": 1e-6}, "other steps where steps are controlled"),
         ({"h": 0.1, "control": lv.Reversible()}, "other steps where steps are controlled"),
         ({"h": 0.1, "size": 0}, "size must be positive and finite, not 0"),
-        ({"h": 0.1, "size": "a"}, "size is a number"),
-        ({"h": 0.1, "seed": -1}, "seed is an integer from 0 on"),
-        ({"h": 0.1, "wrt": []}, "wrt is a sequence of names"),
+        ({"h": 0.1, "size": "a"}, "size must be a number"),
+        ({"h": 0.1, "seed": -1}, "seed must be an integer from 0 on"),
+        ({"h": 0.1, "wrt": []}, "wrt must be a sequence of names"),
     )
     for more, sentence in refused:
         with pytest.raises((TypeError, ValueError), match=sentence):
@@ -249,12 +249,12 @@ def test_a_gradient_of_zero_is_right():
 @pytest.mark.parametrize("system", [None, lv.Lagrangian, "pendulum"], ids=str)
 def test_what_is_no_system_is_refused(call, system):
     wrt = {} if call in (lv.integrate, lv.ensemble, lv.lyapunov) else {"wrt": ["v"]}
-    with pytest.raises(TypeError, match="system is a Lagrangian"):
+    with pytest.raises(TypeError, match="system must be a Lagrangian"):
         call(system, lv.Spark(2), t=(0, 1), h=0.1, q=[1.0], **wrt)
 
 
 @pytest.mark.parametrize("call", [lv.vjp, lv.integrate, lv.lyapunov, lv.casadi.solver])
-@pytest.mark.parametrize("method", ["auto", lv.Spark, lv.VolumeSplitting()], ids=str)
+@pytest.mark.parametrize("method", [lv.Spark, lv.VolumeSplitting()], ids=str)
 def test_what_is_no_method_is_refused(call, method):
     wrt = {"wrt": ["q"]} if call in (lv.vjp, lv.casadi.solver) else {}
     start = {"v": [1.6, 1.2]} if call is lv.casadi.solver else {"q": [1.2, -1.6], "v": [0, 0]}
@@ -267,7 +267,7 @@ def test_what_is_no_method_is_refused(call, method):
 @pytest.mark.parametrize(("call", "given", "sentence"), [
     ({"wrt": ["params.length"]}, None, "there is no direction 'params.length'"),
     ({"wrt": ["t1"], "steps": None, "rtol": 1e-6}, None, "where steps are controlled"),
-    ({"wrt": "q"}, None, "wrt is a sequence of names"),
+    ({"wrt": "q"}, None, "wrt must be a sequence of names"),
     ({"wrt": ["q", ["v"]]}, None, r"there is no direction \['v'\]"),
     ({"method": lv.Spark(2, newton_tol=1e-6)}, None, "leave newton_tol out"),
     ({}, {}, "no cotangents are given"),

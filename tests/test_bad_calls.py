@@ -838,5 +838,5 @@ def test_parameters_of_a_system_cannot_be_changed_in_place(made):
 def test_parameters_of_a_field_that_are_a_number_are_refused(call):
     top = problems.load("euler_top")
     for params in (np.array(1.0), np.array("x"), np.ones(2)):
-        with pytest.raises(TypeError, match="params is a mapping of names, not array"):
+        with pytest.raises(TypeError, match="params must be a mapping of names, not array"):
             call(top.system, lv.VolumeSplitting(), t=(0, 1.0), steps=2, params=params, **top.start)

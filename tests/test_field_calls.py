@@ -255,8 +255,8 @@ PLANS = {
     "no method": ({"method": {"name": "sparks"}}, "'sparks' is missing"),
     "order": ({"order": [0, 0, 1]}, "order is no permutation"),
     "directions": ({"directions": [5]}, "directions is no permutation"),
-    "size": ({"n": "three"}, "n is 'three'"),
-    "cost": ({"cost": "much"}, "cost is 'much'"),
+    "size": ({"n": "three"}, "n must be .* not 'three'"),
+    "cost": ({"cost": "much"}, "cost must be a number, not 'much'"),
     "more": ({"colour": "red"}, "'colour'"),
 }
 

@@ -113,7 +113,7 @@ def test_samples_stand_for_their_spline():
          r"times increase: times\[299\] = 2.99 is followed by 2\nhint: sort times and"),
         (lambda: lv.Schrodinger([SZ, [SX, TIMES]], times=np.r_[np.inf, TIMES[1:]]), ValueError,
          r"times\[0\] is inf"),
-        (lambda: lv.Schrodinger([SZ, [SX, [1.0]]], times=[0.0]), ValueError, "times are 2 at"),
+        (lambda: lv.Schrodinger([SZ, [SX, [1.0]]], times=[0.0]), ValueError, "times must be 2 at"),
         (lambda: ends(lv.Schrodinger([SZ, [SX, TIMES[:99]]], times=TIMES[:99]), START), ValueError,
          r"leaves the samples of drive\[0\], which are from 0 to \d.*\nhint: .* zeros after"),
         (lambda: lv.ground_state(lv.Schrodinger([SZ, [SX, TIMES]], times=TIMES), t=99.0),

@@ -174,7 +174,8 @@ def test_points_and_sections_are_tables_in_a_notebook():
         t=(0, 10),
         h=0.1,
         x=[[0.1, 0.2, 0.3]],
-        plane=("z", 0.5),
+        plane="z",
+        offset=0.5,
     )
     assert "crossings of 1 trajectories" in found._repr_html_()
     assert str(found.x.shape) in found._repr_html_()

@@ -216,9 +216,9 @@ def test_what_is_not_symmetric_is_not_composed(force):
         ({"stages": 1}, ValueError, "stages must be from 2 to 32, not 1"),
         ({"stages": 33}, ValueError, "stages must be from 2 to 32, not 33"),
         ({"stages": 2.0}, TypeError, "stages must be an integer, not 2.0"),
-        ({"force": "c*"}, ValueError, r"force is one of A, B, C, C\*, D(.|\n)*did you mean 'C\*'"),
+        ({"force": "c*"}, ValueError, r"one of A, B, .*\nhint: did you mean 'C\*'"),
         ({"force": None}, ValueError, "not None"),
-        ({"solver": "fast"}, ValueError, "solver is one of auto, node-schur"),
+        ({"solver": "fast"}, ValueError, "solver must be one of auto, node-schur"),
     ],
 )
 def test_bad_numbers_are_refused(arguments, error, message):

@@ -84,9 +84,9 @@ def test_alpha_steps_take_fewer_corrections_and_keep_their_constraints(method, p
 
 @pytest.mark.parametrize("method", ALPHA)
 def test_what_is_no_tolerance_is_refused_by_alpha_methods(method):
-    with pytest.raises(ValueError, match=r"newton_tol is above 0 and at most 0.01, not 0.5"):
+    with pytest.raises(ValueError, match=r"newton_tol must be above 0 and at most 0.01, not 0.5"):
         method(newton_tol=0.5)
-    with pytest.raises(TypeError, match=r"newton_tol is a float or None, not 'fine'"):
+    with pytest.raises(TypeError, match=r"newton_tol must be a float or None, not 'fine'"):
         method(newton_tol="fine")
 
 

@@ -450,7 +450,6 @@ def test_a_plain_model_runs_by_every_method(name):
     assert not wrong, "\n".join(wrong)
 
 
-@pytest.mark.xfail(strict=False, reason="the energy watch has no unit of what is borne")
 @pytest.mark.parametrize("name", MODELS)
 def test_a_plain_model_gets_no_empty_alarm(name):
     _, said = outcomes(name)

@@ -297,4 +297,4 @@ def test_the_command_line_runs_plans_and_lists_wave_functions(liouville, tmp_pat
         assert name in methods.stdout
     refused = liouville("run tight_binding --tol 1e-16")
     assert refused.returncode == 2
-    assert refused.stderr.startswith("error: tol is from 1e-14")
+    assert refused.stderr.startswith("error: tol must be from 1e-14")

@@ -235,7 +235,6 @@ def test_a_wrong_call_is_refused(message):
         lv.Spark(2, newton_tol=1e-8),
         lv.Composition(lv.LobattoPair(2), "SU4"),
         lv.VolumeSplitting(),
-        "auto",
     ],
     ids=str,
 )

@@ -27,7 +27,7 @@ def test_axes_have_the_units_given(run):
     named = run.with_units(UNITS)
     assert run.units == {}
     assert axes_of(plot.trajectories(named)) == ("time $t$ (s)", "$q$ (m)")
-    assert axes_of(plot.energy(named)) == ("time $t$ (s)", " (J)")
+    assert axes_of(plot.energy(named)) == ("time $t$ (s)", "energy (J)")
     assert axes_of(plot.multipliers(named)) == ("time $t$ (s)", "$\\lambda$ (N/m)")
     assert axes_of(plot.steps(named)) == ("time $t$ (s)", "$h$ (s)")
     assert axes_of(plot.residuals(named))[0] == "time $t$ (s)"

@@ -275,11 +275,11 @@ BROKEN = {
     "core": ({"core": []}, r"core is \(\)"),
     "kind": ({"core": {"kind": "shear"}}, "no propagator 'shear'"),
     "no core": ({"core": 3}, "core is 3"),
-    "stops": ({"stops": [[1.0, 0]]}, "stops has"),
-    "no stops": ({"stops": []}, "no steps or no bounds"),
-    "theta": ({"theta": "wide"}, "theta is 'wide'"),
-    "bounds": ({"bounds": [2.0, 1.0]}, "no steps or no bounds"),
-    "bound": ({"bound": "small"}, "bound is 'small'"),
+    "stops": ({"stops": [[1.0, 0]]}, "stops must be"),
+    "no stops": ({"stops": []}, "has no steps"),
+    "theta": ({"theta": "wide"}, "theta must be .* not 'wide'"),
+    "bounds": ({"bounds": [2.0, 1.0]}, "bounds must be"),
+    "bound": ({"bound": "small"}, "bound must be .* not 'small'"),
     "method": ({"method": {"name": "spark", "stages": 2}}, "its method is Spark"),
 }
 

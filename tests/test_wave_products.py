@@ -8,7 +8,7 @@ import casadi as ca
 import numpy as np
 import pytest
 import scipy.sparse as sp
-from scipy.integrate import solve_ivp
+from ordinary import propagated
 from scipy.sparse.linalg import aslinearoperator
 
 import liouville as lv
@@ -274,11 +274,7 @@ def test_kinks_of_products_are_within_the_tolerance(tol):
 
     wanted, before = psi, 0.0
     for time in [*np.arange(np.pi / rate, end, np.pi / rate), end]:
-        part = solve_ivp(
-            lambda t, y: -1j * multiply(t, y), (before, time), wanted, method="DOP853",
-            rtol=1e-11, atol=1e-12,
-        )  # fmt: skip
-        wanted, before = part.y[:, -1], time
+        wanted, before = propagated(multiply, (before, time), wanted)[-1], time
     for method in (lv.SchrodingerSplitting(tol), lv.Magnus(4, tol), lv.Magnus(6, tol)):
         run = lv.integrate(lv.Schrodinger((4, multiply)), method, t=(0, end), psi=psi)
         assert np.linalg.norm(run.psi[-1] - wanted) < tol

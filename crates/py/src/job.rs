@@ -318,6 +318,7 @@ fn watched((energy, left_out): &WatchedOf<'_>) -> PyResult<Watched> {
 
 /// A job, by the attributes of its dataclass; an ensemble has arrays of rows.
 #[derive(FromPyObject)]
+#[allow(clippy::struct_excessive_bools)] // the dataclass has them
 struct MechanicalJob<'py> {
     start: Vec<Bound<'py, PyArrayDyn<f64>>>,
     params: Bound<'py, PyArrayDyn<f64>>,

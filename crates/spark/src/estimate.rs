@@ -94,7 +94,7 @@ impl Spark {
 /// It is looked for where steps become so short that it may be the cause.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Noise {
-    velocities: Vec<f64>,
+    pub(super) velocities: Vec<f64>,
     /// The longest step since it was last looked for.
     longest: f64,
 }

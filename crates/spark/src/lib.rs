@@ -208,7 +208,8 @@ impl Spark {
     /// larger than all velocities.
     #[must_use]
     pub fn to_tolerance_of_velocities(mut self, roundoff: f64) -> Self {
-        self.tolerances = Some([roundoff, self.stop.tolerance.max(roundoff)]);
+        let of_errors = self.stop.tolerance;
+        self.tolerances = (of_errors > roundoff).then_some([roundoff, of_errors]);
         self
     }
 
@@ -353,4 +354,9 @@ liouville_base::checkpoint!(Spark {
     noise,
     schur_backoff,
     backoff
+} then |spark| {
+    if let Some(estimate) = &mut spark.estimate {
+        estimate.set_noise(&spark.noise.velocities);
+    }
+    Ok(())
 });

@@ -50,7 +50,9 @@ pub fn refill<T: Copy>(x: &mut Vec<T>, parts: &[&[T]]) -> Result<(), StepError> 
     let length = parts.iter().map(|part| part.len()).sum();
     x.try_reserve_exact(length)
         .map_err(|_| StepError::NoMemory)?;
-    parts.iter().for_each(|part| x.extend_from_slice(part));
+    for part in parts {
+        x.extend_from_slice(part);
+    }
     Ok(())
 }
 

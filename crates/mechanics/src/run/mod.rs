@@ -256,8 +256,9 @@ impl Starter {
         };
         stepper = stepper.map(|stepper| stepper.estimating(tolerance.clone()));
         if spark.newton_tol.is_none() {
-            let roundoff = self.spark_roundoff();
-            stepper = stepper.map(|stepper| stepper.to_tolerance_of_velocities(roundoff));
+            // an iteration that goes on within roundoff leaves more of it, which short steps take for errors
+            let least = self.spark_roundoff().max(4.0 * f64::EPSILON);
+            stepper = stepper.map(|stepper| stepper.to_tolerance_of_velocities(least));
         }
         let h_first = match h_first {
             Some(h_first) => *h_first,

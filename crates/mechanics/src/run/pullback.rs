@@ -387,17 +387,14 @@ impl<A: StepAdjoint> Follow for Pullback<A> {
                 .iter()
                 .filter_map(|record| kept.binary_search(record).ok());
             if is_recorded && let Some(row) = found.next() {
-                match cut {
-                    Some(entry) => {
-                        let is_held = !(is_over && place == last && self.journal.is_ended());
-                        self.observe_cut(entry, rows.row(row), is_held)?;
-                    }
-                    None => {
-                        let end = &step[parts - 1];
-                        let at = (end.time(), &end.end);
-                        self.point
-                            .observe(at, rows.row(row), &mut self.cotangents)?;
-                    }
+                if let Some(entry) = cut {
+                    let is_held = !(is_over && place == last && self.journal.is_ended());
+                    self.observe_cut(entry, rows.row(row), is_held)?;
+                } else {
+                    let end = &step[parts - 1];
+                    let at = (end.time(), &end.end);
+                    self.point
+                        .observe(at, rows.row(row), &mut self.cotangents)?;
                 }
             }
             number -= usize::from(is_whole);
