@@ -315,6 +315,25 @@ impl Stepper for Alpha {
     type State = AlphaState;
 
     fn step(&mut self, t: f64, h: f64, state: &mut AlphaState) -> Result<(), StepError> {
+        let before = begins_again(state, h).then(|| state.clone());
+        let made = self.make(t, h, state);
+        if let (Err(_), Some(before)) = (&made, before) {
+            *state = before;
+        }
+        made
+    }
+
+    fn forget(&mut self) {
+        self.is_warm = false;
+    }
+
+    fn stats(&self) -> Stats {
+        self.stats
+    }
+}
+
+impl Alpha {
+    fn make(&mut self, t: f64, h: f64, state: &mut AlphaState) -> Result<(), StepError> {
         self.leave_cut(t, h, state)?;
         let step = AlphaStep { t, h, state };
         let attempted = newton::attempt(&mut AlphaAttempt { alpha: self, step }, h);
@@ -328,16 +347,6 @@ impl Stepper for Alpha {
         Ok(())
     }
 
-    fn forget(&mut self) {
-        self.is_warm = false;
-    }
-
-    fn stats(&self) -> Stats {
-        self.stats
-    }
-}
-
-impl Alpha {
     /// What a1 − a0 and A1 − A0 are multiplied by in the estimate.
     fn error_weights(&self) -> [f64; 2] {
         let constant = self.weights.error_constant();

@@ -41,12 +41,12 @@ pub struct EnergyWatch {
     power: [f64; 2],
     change: Option<[(f64, f64); 2]>,
     /// Rises and falls that part the energies.
-    sides: [Side; 2],
+    sides: [Climb; 2],
 }
 
 /// The highest energy, or the highest of −E, and a jump that parts all energies before it from all after it.
 #[derive(Clone, Debug, Default)]
-struct Side {
+struct Climb {
     highest: f64,
     jump: Option<Parting>,
 }
@@ -197,7 +197,7 @@ checkpoint!(Parting {
     above,
     between
 });
-checkpoint!(Side { highest, jump });
+checkpoint!(Climb { highest, jump });
 checkpoint!(EnergyWatch {
     looks,
     start,
