@@ -34,6 +34,7 @@ __all__ = [
     "chebyshev_degree",
     "compositions",
     "driven_cost",
+    "first_dependent",
     "independent_rows",
     "ladder",
     "listing",
