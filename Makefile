@@ -91,7 +91,7 @@ bench: $(VENV)/bench  ## Measure beside other codes, in under ten minutes; table
 	$(BIN)/python benchmarks/mujoco_chain.py
 	$(BIN)/python benchmarks/tables.py build/benchmarks.md
 
-ci: lint test kernels docs tryout  ## What .ci/run runs
+ci: lint test kernels docs tryout  ## Run all checks, as .ci/run does
 
 clean:  ## Remove what the verbs made
 	rm -rf $(VENV) target build dist docs/_build docs/gallery python/liouville/_core*.so

@@ -347,7 +347,7 @@ impl Alpha {
         Ok(())
     }
 
-    /// What a1 − a0 and A1 − A0 are multiplied by in the estimate.
+    /// The weights of a1 − a0 and of A1 − A0 in the estimate.
     fn error_weights(&self) -> [f64; 2] {
         let constant = self.weights.error_constant();
         let of_reactions = match self.reactions {

@@ -13,7 +13,7 @@ use liouville_problem::{Saddle, finite};
 /// A point that is off its constraints by no more than so many roundings is on them.
 const ROUNDINGS: f64 = 16.0 * f64::EPSILON;
 
-/// What is moved.
+/// The part of a state that a projection moves.
 #[derive(Clone, Copy, PartialEq)]
 enum Part {
     Positions,

@@ -76,6 +76,14 @@ def _coupled(A: Array, i: Array, slip: Array, mu: Array) -> tuple[Array, Array]:
     return own[:c], own[c:]
 
 
+def _borne(N: Array, i: Array, slip: Array, mu: Array, extra: Array) -> tuple[Array, Array]:
+    """Return normal forces, and friction as of contacts that slip."""
+    normal, friction = extra.copy(), np.zeros(len(mu))
+    normal[i] += N
+    friction[i] = -(mu * slip)[i] * normal[i]
+    return normal, friction
+
+
 def _glocker_pfeiffer(
     A: Array, b: Array, i: Array, j: Array, slip: Array, mu: Array, extra: Array
 ) -> tuple[Array, Array] | None:
@@ -97,9 +105,7 @@ def _glocker_pfeiffer(
     z = lemke(Z, q)
     if z is None:
         return None
-    normal, friction = extra.copy(), np.zeros(c)
-    normal[i] += z[:p]
-    friction[i] = -(mu * slip)[i] * normal[i]
+    normal, friction = _borne(z[:p], i, slip, mu, extra)
     friction[j] = z[p : p + m] - mu[j] * normal[j]
     return normal, friction
 
@@ -125,9 +131,7 @@ def _stewart_trinkle(
     z = lemke(Z, q)
     if z is None:
         return None
-    normal, friction = extra.copy(), np.zeros(c)
-    normal[i] += z[:p]
-    friction[i] = -(mu * slip)[i] * normal[i]
+    normal, friction = _borne(z[:p], i, slip, mu, extra)
     friction[j] = z[p : p + m] - z[p + m : p + 2 * m]
     return normal, friction
 

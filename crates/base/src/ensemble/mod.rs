@@ -59,7 +59,7 @@ struct Queue {
     /// The events of members that run alone.
     events: Vec<(usize, Events)>,
     failures: Vec<Failure>,
-    /// What is found of members that are over.
+    /// The findings of watches over members that are over.
     found: Vec<(usize, Finding)>,
     /// Whether there is no memory for more records.
     is_short: bool,
