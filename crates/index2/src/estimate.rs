@@ -6,7 +6,7 @@ use liouville_base::error::StepError;
 use liouville_base::linalg::{Matrix, copy};
 use liouville_base::method::{Estimating, Tolerance};
 use liouville_base::tableau::Spark;
-use liouville_problem::{Dynamics, Estimate};
+use liouville_problem::{Dynamics, Estimate, StepVelocities};
 
 /// The estimate, and f at the start of the step, V_1..V_s, and f at its end.
 #[derive(Clone, Debug)]
@@ -66,7 +66,11 @@ impl Index2 {
         };
         let (last, SemiExplicitState { y, z, .. }) = (self.stages.count() + 1, state);
         copy(at.velocities.row_mut(last), self.model.field(t + h, y, z));
-        at.estimate.measure(&at.velocities, h, state);
+        let velocities = StepVelocities {
+            rows: &at.velocities,
+            noise: &[],
+        };
+        at.estimate.measure(velocities, h, state);
     }
 }
 

@@ -16,6 +16,23 @@ use liouville_base::linalg::Matrix;
 use liouville_base::method::Tolerance;
 use liouville_base::tableau;
 
+/// The velocities of a step.
+#[derive(Clone, Copy, Debug)]
+pub struct StepVelocities<'a> {
+    /// v0, V_1..V_s and v1, one a row.
+    pub rows: &'a Matrix,
+    /// What roundings change each coordinate's by, or nothing: that much of a defect is no error of a step.
+    pub noise: &'a [f64],
+}
+
+impl StepVelocities<'_> {
+    /// Each velocity in units of a tolerance, and the largest of these.
+    pub fn speed(&self, tolerance: &Tolerance, y: [&[f64]; 2]) -> f64 {
+        let each = |i| tolerance.weigh(y, self.rows.row(i).iter().copied());
+        (0..self.rows.rows()).map(each).fold(0.0, f64::max)
+    }
+}
+
 /// The embedded error estimate, and the state before the step, to undo it.
 #[derive(Clone, Debug)]
 pub struct Estimate<S = State> {
@@ -34,8 +51,6 @@ pub struct Estimate<S = State> {
     error: f64,
     /// The power of h of an error that was raised.
     raised: Option<f64>,
-    /// What roundings change each velocity by: that much of a defect is no error of a step.
-    noise: Vec<f64>,
 }
 
 /// c_s. Errors of methods of few stages pass zeros at other places than e does, and those of Lobatto
@@ -72,7 +87,6 @@ impl<S: Carried + Clone> Estimate<S> {
             off: f64::INFINITY,
             error: f64::INFINITY,
             raised: None,
-            noise: Vec::new(),
         }
     }
 
@@ -84,21 +98,25 @@ impl<S: Carried + Clone> Estimate<S> {
         }
     }
 
-    /// Estimates the error of the step of `h` that led to `state`, from v0, V_1..V_s and v1.
-    pub fn measure(&mut self, velocities: &Matrix, h: f64, state: &S) {
-        let before = self.before.as_ref().unwrap_or(state);
-        let ends = [before.y(), state.y()];
-        let (rows, n) = (velocities.rows(), state.y().len());
+    /// Estimates the error of the step of `h` that led to `state`.
+    pub fn measure(&mut self, velocities: StepVelocities, h: f64, state: &S) {
+        let before = self.before.take();
+        self.measure_between(
+            velocities,
+            h,
+            [before.as_ref().unwrap_or(state), state].map(S::y),
+        );
+        self.before = before;
+    }
+
+    /// The same of a step between these coordinates.
+    pub fn measure_between(&mut self, velocities: StepVelocities, h: f64, y: [&[f64]; 2]) {
         let off = [0, 1].map(|end| {
             let of = |k: usize| self.defect(velocities, end, k);
-            self.tolerance.weigh(ends, (0..n).map(of))
+            self.tolerance.weigh(y, (0..y[1].len()).map(of))
         });
         let off = off[0].max(off[1]);
-        let speeds = (0..rows).map(|i| {
-            self.tolerance
-                .weigh(ends, velocities.row(i).iter().copied())
-        });
-        let speed = speeds.fold(0.0, f64::max);
+        let speed = velocities.speed(&self.tolerance, y);
         (self.off, self.raised) = (off, None);
         self.error = if off == 0.0 {
             0.0
@@ -111,19 +129,15 @@ impl<S: Carried + Clone> Estimate<S> {
     }
 
     /// What the polynomial of the stages misses of a velocity at the start, 0, or at the end, 1.
-    pub fn defect(&self, velocities: &Matrix, end: usize, k: usize) -> f64 {
+    pub fn defect(&self, velocities: StepVelocities, end: usize, k: usize) -> f64 {
         let weights = self.weights[end].iter().enumerate();
-        let defect: f64 = weights.map(|(i, weight)| weight * velocities[(i, k)]).sum();
-        match self.noise.get(k) {
+        let defect: f64 = weights
+            .map(|(i, weight)| weight * velocities.rows[(i, k)])
+            .sum();
+        match velocities.noise.get(k) {
             Some(noise) => defect.signum() * (defect.abs() - noise).max(0.0),
             None => defect,
         }
-    }
-
-    /// Takes what roundings change each velocity by.
-    pub fn set_noise(&mut self, noise: &[f64]) {
-        self.noise.clear();
-        self.noise.extend_from_slice(noise);
     }
 
     /// The error, in units of the tolerance.

@@ -41,7 +41,7 @@ pub use cotangents::{Cotangents, PointAdjoint};
 pub use dense::{Nearby, Path, Point};
 pub use dynamics::Dynamics;
 pub use energy::EnergyWatch;
-pub use estimate::Estimate;
+pub use estimate::{Estimate, StepVelocities};
 pub use kinetic::Kinetic;
 pub use mass::Mass;
 pub use model::{Model, finite, finite_k, finite_state};

@@ -6,7 +6,7 @@ use super::velocity_error::VelocityError;
 use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch, Numbers};
 use liouville_base::error::StepError;
 use liouville_base::method::{Estimating, Tolerance};
-use liouville_problem::{Estimate, Mass, Model, State};
+use liouville_problem::{Estimate, Mass, Model, State, StepVelocities};
 
 /// Solutions of stage equations are off by some of so many roundings.
 const ROUNDINGS: f64 = 1024.0;
@@ -39,9 +39,10 @@ impl Spark {
         };
         if self.noise.is_heard_at(h) {
             self.noise.hear(&mut self.model, t + h, state);
-            estimate.set_noise(&self.noise.velocities);
         }
-        estimate.measure(self.predictor.velocities(), h, state);
+        let noise = &self.noise.velocities[..];
+        let rows = self.predictor.velocities();
+        estimate.measure(StepVelocities { rows, noise }, h, state);
         self.kinks.begin();
         self.velocity_error.begin();
         if estimate.error() > 1.0 {
@@ -49,20 +50,16 @@ impl Spark {
         }
         let ends = [estimate.before(state), state];
         let solved_by = (&mut self.model, &mut self.predictor);
-        let unseen = self.kinks.error(solved_by, (t, h), ends, estimate);
-        let (velocities, kinks, tolerance) = (
-            self.predictor.velocities(),
-            &self.kinks,
-            &estimate.tolerance,
-        );
+        let unseen = self.kinks.error(solved_by, (t, h), ends, (estimate, noise));
+        let (kinks, tolerance) = (&self.kinks, &estimate.tolerance);
+        let rows = self.predictor.velocities();
         let (of_velocity, order) = if kinks.are_known() {
             let both = |end, k| {
-                let of_v = estimate.defect(velocities, end, k);
-                [of_v, kinks.defect(velocities, h, end, k)]
+                let of_v = estimate.defect(StepVelocities { rows, noise }, end, k);
+                [of_v, kinks.defect(rows, h, end, k)]
             };
             let y = ends.map(|state| &state.y[..]);
-            self.velocity_error
-                .measure(velocities, h, (y, tolerance), both)
+            self.velocity_error.measure(rows, h, (y, tolerance), both)
         } else {
             (0.0, 1.0)
         };
@@ -94,7 +91,7 @@ impl Spark {
 /// It is looked for where steps become so short that it may be the cause.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Noise {
-    pub(super) velocities: Vec<f64>,
+    velocities: Vec<f64>,
     /// The longest step since it was last looked for.
     longest: f64,
 }

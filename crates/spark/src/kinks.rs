@@ -13,7 +13,7 @@ use super::predictor::Predictor;
 use liouville_base::checkpoint;
 use liouville_base::linalg::{Matrix, copy, max_norm};
 use liouville_base::tableau;
-use liouville_problem::{Estimate, Model, State};
+use liouville_problem::{Estimate, Model, State, StepVelocities};
 
 /// D of a smooth motion is at most so many times what e and the step before let expect.
 const SMOOTH: f64 = 20.0;
@@ -97,7 +97,7 @@ impl Kinks {
         (model, predictor): (&mut Model, &mut Predictor),
         (t, h): (f64, f64),
         [before, after]: [&State; 2],
-        estimate: &Estimate,
+        (estimate, noise): (&Estimate, &[f64]),
     ) -> f64 {
         let Some(held) = self.memory.first().copied() else {
             return 0.0;
@@ -118,7 +118,11 @@ impl Kinks {
             return 0.0;
         }
         (self.memory[0], self.is_judged) = (END, true);
-        self.judge(predictor.velocities(), h, [&before.y, &after.y], estimate)
+        let velocities = StepVelocities {
+            rows: predictor.velocities(),
+            noise,
+        };
+        self.judge(velocities, h, [&before.y, &after.y], estimate)
     }
 
     /// What the accelerations at the start, 0, or at the end, 1, of the step last looked at are off, times h.
@@ -134,11 +138,17 @@ impl Kinks {
     }
 
     /// The error from what the accelerations are off.
-    fn judge(&mut self, velocities: &Matrix, h: f64, y: [&[f64]; 2], estimate: &Estimate) -> f64 {
+    fn judge(
+        &mut self,
+        velocities: StepVelocities,
+        h: f64,
+        y: [&[f64]; 2],
+        estimate: &Estimate,
+    ) -> f64 {
         let (off, tolerance) = (estimate.off(), &estimate.tolerance);
-        let (rows, n) = (velocities.rows(), velocities.cols());
+        let (rows, n) = (velocities.rows.rows(), velocities.rows.cols());
         let defect = |end: usize| {
-            let of = |k: usize| self.defect(velocities, h, end, k);
+            let of = |k: usize| self.defect(velocities.rows, h, end, k);
             tolerance.weigh(y, (0..n).map(of))
         };
         let defect = defect(0).max(defect(1));
@@ -157,8 +167,7 @@ impl Kinks {
         if is_smooth {
             return 0.0;
         }
-        let speeds = (0..rows).map(|i| tolerance.weigh(y, velocities.row(i).iter().copied()));
-        let speed = speeds.fold(f64::MIN_POSITIVE, f64::max);
+        let speed = velocities.speed(tolerance, y).max(f64::MIN_POSITIVE);
         let time_scale = tolerance.weigh(y, y[1].iter().copied()) / speed;
         let largest = max_norm(y[1]);
         let above = |roundings: f64, of: &dyn Fn(usize) -> f64| {
@@ -168,7 +177,7 @@ impl Kinks {
         let misses = [0, 1].map(|end| {
             let of_e = above(ROUNDINGS, &|k| estimate.defect(velocities, end, k));
             let most = ROUNDINGS * order.powi(2);
-            of_e.max(above(most, &|k| self.defect(velocities, h, end, k)))
+            of_e.max(above(most, &|k| self.defect(velocities.rows, h, end, k)))
         });
         let missed = misses[0].max(misses[1]);
         self.part * missed * time_scale.clamp(h.abs(), LONGEST * h.abs())

@@ -354,9 +354,4 @@ liouville_base::checkpoint!(Spark {
     noise,
     schur_backoff,
     backoff
-} then |spark| {
-    if let Some(estimate) = &mut spark.estimate {
-        estimate.set_noise(&spark.noise.velocities);
-    }
-    Ok(())
 });
