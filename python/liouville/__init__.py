@@ -67,6 +67,7 @@ if _typing.TYPE_CHECKING:
     from liouville.exponents import lyapunov as lyapunov
     from liouville.export import load as load
     from liouville.extrapolation import extrapolate as extrapolate
+    from liouville.fitting import Trial as Trial
     from liouville.fitting import fit as fit
     from liouville.gradients import GradientCheck as GradientCheck
     from liouville.gradients import Pullback as Pullback
@@ -98,6 +99,7 @@ _LATER = {
     "lyapunov": "exponents",
     "load": "export",
     "extrapolate": "extrapolation",
+    "Trial": "fitting",
     "fit": "fitting",
     "GradientCheck": "gradients",
     "Pullback": "gradients",

@@ -1,8 +1,8 @@
-"""Measurements of a motion: states at given times, some of them missing, with their deviations."""
+"""Measurements of a motion: quantities at given times, some of them missing, with deviations."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from itertools import accumulate
 from typing import Any, TypeAlias
 
@@ -20,6 +20,10 @@ LEAST = 1e-150
 
 #: Times may be so far from equal distances, in units of these.
 EVEN = 1e-9
+
+#: A tolerance is compared with this part of it, and the tangents of a start are those of a step
+#: that is one part in so many of the time.
+FINER, FEW = 1e-2, 1000
 
 
 def _numbers(what: str, value: Any) -> np.ndarray:
@@ -48,38 +52,40 @@ def _are_whole(places: np.ndarray) -> bool:
 
 
 class Measurements:
-    """States that were measured, and the steps of a run that meets their times.
+    """Quantities that were measured, and the steps of a run that meets their times.
 
     Attributes
     ----------
+    t : ndarray, shape (k,)
+        Times of the measurements.
     t0 : float
         Time of the start.
     run : dict
         Interval, steps and kept times of a run that meets them, as arguments of ``integrate``.
+    finer : dict
+        The same with half the step, or a hundredth of the tolerance.
     first_step : dict
         Interval and number of steps of its first step, likewise.
     first : int
         The record of the run that the first measurement is of.
     values : ndarray, shape (k, w)
-        Both states side by side, NaN where nothing was measured.
+        All quantities side by side, NaN where nothing was measured.
     weights : ndarray, shape (k, w)
-        Standard deviations times the unit, so that measurements in units of them are one at most;
-        where none were given, the root mean square of all that was measured.
-    unit : float
-        How many deviations the largest measurement is, where they were given.
+        Standard deviations, ones where none were given, in the unit that all trials share.
     is_there : ndarray of bool, shape (k, w)
         What was measured.
-    is_absolute : bool
-        Whether standard deviations were given.
     """
 
-    def __init__(self, system: System, data: Any, h: float, sigma: Any, t0: float | None) -> None:
+    def __init__(
+        self, places: Mapping[str, tuple[str, ...]], data: Any, sigma: Any, t0: float | None,
+        steps: Mapping[str, float],
+    ) -> None:  # fmt: skip
         if not isinstance(data, Mapping) and hasattr(data, "columns"):
             data = _of_frame(data)
-        self._take_times(data, number("h must be a number", h), t0)
-        self._take_data(system, data, sigma)
+        self._take_times(data, steps, t0)
+        self._take_data(places, data, sigma)
 
-    def _take_times(self, data: Any, h: float, t0: Any) -> None:
+    def _take_times(self, data: Any, given: Mapping[str, float], t0: Any) -> None:
         if not isinstance(data, Mapping) or "t" not in data:
             raise TypeError(hinted("data has no 't'", 'write data={"t": times, "q": values}'))
         times = _numbers("data 't'", data["t"])
@@ -89,57 +95,67 @@ class Measurements:
             k = int(np.argmin(np.diff(times) > 0))
             sentence = f"data 't' rise: {times[k]:g} is followed by {times[k + 1]:g}"
             raise ValueError(hinted(sentence, "sort measurements by time, and join those of one"))
-        if not h > 0:
-            raise ValueError(f"h must be positive, not {h:g}")
+        self.t = times
         self.t0 = float(times[0]) if t0 is None else number("t0 must be a number", t0)
         if self.t0 > times[0]:
             raise ValueError(f"t0 = {self.t0:g} is after the first measurement")
         if self.t0 == times[-1]:
             sentence = f"the only measurement is at the start, t0 = {self.t0:g}"
             raise ValueError(hinted(sentence, "give t0=, the time of a start before it"))
-        self._count = times.size
-        span = interval((self.t0, float(times[-1])))
-        self.run: dict[str, Any] = {"t": span}
-        first = self.t0 if times.size == 1 else float(times[0])
-        distance = (float(times[-1]) - first) / max(times.size - 1, 1)
-        places = np.round((times - self.t0) / distance)
-        if _are_whole((times - self.t0) / distance):
-            self.first = int(places[0])
-            every = max(1, int(np.ceil(distance / h * (1 - EVEN))))
-            steps = every * int(places[-1])
+        self.first = 0
+        begin, end = interval((self.t0, float(times[-1])))
+        self.run: dict[str, Any] = {"t": (begin, end), "t_eval": times}
+        if "rtol" in given:
+            self.run |= given
+            self.finer = self.run | {"rtol": FINER * given["rtol"]}
+            self._step_first(begin, end, 1 / FEW)
+            return
+        distance = (end - (self.t0 if times.size == 1 else float(times[0]))) / max(
+            times.size - 1, 1
+        )
+        places = (times - self.t0) / distance
+        if _are_whole(places):
+            del self.run["t_eval"]
+            self.first = round(float(places[0]))
+            every = max(1, int(np.ceil(distance / given["h"] * (1 - EVEN))))
+            steps = every * round(float(places[-1]))
             self.run |= {"every": every, "steps": steps}
+            self.finer = self.run | {"every": 2 * every, "steps": 2 * steps}
         else:
-            self.first = 0
-            steps = max(1, int(np.ceil((span[1] - span[0]) / h * (1 - EVEN))))
-            self.run |= {"steps": steps, "t_eval": times}
-        step = (span[0], span[0] + (span[1] - span[0]) / steps)
-        self.first_step: dict[str, Any] = {"t": step, "steps": 1}
+            steps = max(1, int(np.ceil((end - begin) / given["h"] * (1 - EVEN))))
+            self.run |= {"steps": steps}
+            self.finer = self.run | {"steps": 2 * steps}
+        self._step_first(begin, end, 1 / steps)
 
-    def _take_data(self, system: System, data: Mapping[str, Any], sigma: Any) -> None:
-        names = [system.places[state] for state in system.states]
-        ends = [*accumulate(map(len, names), initial=0)]
-        parts = {x: slice(*ends[k : k + 2]) for k, x in enumerate(system.states)}
-        # of mechanics coordinates alone: both states have their names
-        own = names[:1] if names[0] == names[1] else names
-        components = [name for each in own for name in each]
-        self.values = np.full((self._count, ends[-1]), np.nan)
-        self.weights = np.ones((self._count, ends[-1]))
+    def _step_first(self, begin: float, end: float, part: float) -> None:
+        self.first_step: dict[str, Any] = {"t": (begin, begin + part * (end - begin)), "steps": 1}
+
+    def _take_data(
+        self, places: Mapping[str, tuple[str, ...]], data: Mapping[str, Any], sigma: Any
+    ) -> None:
+        ends, count = [*accumulate(map(len, places.values()), initial=0)], self.t.size
+        parts: dict[str, Any] = {x: slice(*ends[k : k + 2]) for k, x in enumerate(places)}
+        components: dict[str, int] = {}
+        for k, name in enumerate(x for own in places.values() for x in own):
+            components.setdefault(name, k)  # of mechanics those of positions, which come first
+        self.values = np.full((count, ends[-1]), np.nan)
+        self.weights = np.ones((count, ends[-1]))
         given = np.zeros(ends[-1], dtype=bool)
-        self.is_absolute, self.unit = sigma is not None, 1.0
         for name in data:
             if name == "t":
                 continue
             if name not in parts and name not in components:
-                hint = f"there are {', '.join((*system.states, *components))}"
+                hint = f"there are {', '.join(dict.fromkeys((*places, *components)))}"
                 raise ValueError(hinted(f"data has {name!r}, which is no state", hint))
-            place: Any = parts[name] if name in parts else components.index(name)
+            place: Any = parts[name] if name in parts else components[name]
             values = _numbers(f"data {name!r}", data[name])
             wanted = self.values[:, place].shape
-            if values.shape == (self._count,) and wanted == (self._count, 1):
+            if values.shape == (count,) and wanted == (count, 1):
                 values = values[:, None]
             if values.shape != wanted:
                 sentence = f"data {name!r} has shape {values.shape}, wanted {wanted}"
-                hint = f"one column alone is given by its name: data={{{components[0]!r}: ...}}"
+                column = next(iter(components))
+                hint = f"one column alone is given by its name: data={{{column!r}: ...}}"
                 raise ValueError(hinted(sentence, hint) if values.ndim == 1 else sentence)
             if given[place].any():
                 sentence = f"data {name!r} gives again what other data of the same state give"
@@ -147,12 +163,12 @@ class Measurements:
             given[place] = True
             self.values[:, place] = values
             deviation = sigma.get(name) if isinstance(sigma, Mapping) else sigma
-            if deviation is None and self.is_absolute:
+            if deviation is None and sigma is not None:
                 raise ValueError(f"sigma has no value for {name!r}")
             if deviation is None:
                 continue
             weights = _numbers("sigma", deviation)
-            if weights.shape == (self._count,) and wanted == (self._count, 1):
+            if weights.shape == (count,) and wanted == (count, 1):
                 weights = weights[:, None]
             if weights.shape not in ((), values.shape[1:], values.shape):
                 sentence = f"sigma of {name!r} has shape {weights.shape}"
@@ -166,25 +182,36 @@ class Measurements:
             raise ValueError("data are finite numbers, and NaN where nothing was measured")
         if not self.is_there.any():
             raise ValueError("data have no measurement: nothing, or NaN alone, is with their times")
-        if not self.is_absolute:
-            largest = np.abs(self.values[self.is_there]).max() or 1.0
-            mean = np.mean((self.values[self.is_there] / largest) ** 2)
-            self.weights *= largest * np.sqrt(mean) or 1.0
         sizes = self.weights[self.is_there]
         if not (sizes > 0).all() or not np.isfinite(sizes).all():
             raise ValueError("sigma is positive and finite")
-        if self.is_absolute:
-            self.unit = self._deviations(sizes)
-            self.weights *= self.unit
 
-    def _deviations(self, sizes: np.ndarray) -> float:
-        """Return how many deviations of these sizes the largest measurement is."""
-        values = np.abs(self.values[self.is_there])
-        with np.errstate(over="ignore", under="ignore"):
-            found = values / sizes
-        place = int(np.argmax(found))
-        if LEAST < (most := float(found[place]) or 1.0) < 1 / LEAST:
-            return most
-        sentence = f"sigma is {sizes[place]:g} of a measurement of {values[place]:g}"
-        sentence += ": the square of their ratio is no number"
-        raise ValueError(hinted(sentence, "give the deviation in the unit of the data"))
+
+def shared_unit(trials: Sequence[Measurements], is_absolute: bool) -> float:
+    """Give all trials weights in one unit, and return how many deviations it is.
+
+    In units of their weights measurements are one at most, so that their squares are numbers. Where
+    no deviations were given, the unit is the root mean square of all that was measured.
+    """
+    values = np.concatenate([np.abs(each.values[each.is_there]) for each in trials])
+    sizes = np.concatenate([each.weights[each.is_there] for each in trials])
+    if is_absolute:
+        unit, times = _deviations(values, sizes), 1.0
+    else:
+        largest = values.max() or 1.0
+        unit, times = 1.0, largest * np.sqrt(np.mean((values / largest) ** 2)) or 1.0
+    for each in trials:
+        each.weights *= unit * times
+    return unit
+
+
+def _deviations(values: np.ndarray, sizes: np.ndarray) -> float:
+    """Return how many deviations of these sizes the largest measurement is."""
+    with np.errstate(over="ignore", under="ignore"):
+        found = values / sizes
+    place = int(np.argmax(found))
+    if LEAST < (most := float(found[place]) or 1.0) < 1 / LEAST:
+        return most
+    sentence = f"sigma is {sizes[place]:g} of a measurement of {values[place]:g}"
+    sentence += ": the square of their ratio is no number"
+    raise ValueError(hinted(sentence, "give the deviation in the unit of the data"))

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from liouville.analysis.point import Array
+from liouville.errors import hinted
 from liouville.fitting.freedoms import values_of
 from liouville.solution import Solution
 
@@ -16,6 +17,28 @@ from liouville.solution import Solution
 UNLIKELY = 5.0
 #: A step that moves a value by more than this part of its standard deviation decides it.
 DECIDES = 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class Fitted:
+    """One trial as it was fitted.
+
+    Attributes
+    ----------
+    params : dict
+        All parameters of the trial.
+    start : dict of str to ndarray
+        Its start, on its constraints.
+    residuals : ndarray
+        Its part of the residuals of the fit.
+    solution : Solution
+        Its run, at the times of its measurements.
+    """
+
+    params: dict[str, Any]
+    start: dict[str, Array]
+    residuals: Array
+    solution: Solution
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -26,16 +49,20 @@ class Fit:
     ----------
     params : dict
         All parameters, the fitted ones with the values found.
-    start : dict of str to ndarray
-        The start by the system's names, as it was found or given, on its constraints.
+    trials : tuple of Fitted
+        Each motion that was measured: ``params``, ``start``, ``residuals`` and ``solution``.
+    start, solution : dict of str to ndarray, Solution
+        Those of the one trial: the start as it was found or given, on its constraints, and the run
+        that fits best, at the times of the measurements.
     names : tuple of str
         What was fitted: ``params.l``, or ``params.k[0]`` of a vector, then coordinates of the start
-        such as ``q.x``.
+        such as ``q.x``, with several trials ``trials[0].q.x``.
     covariance : ndarray, shape (K, K)
         Of the values of `names`, linearised at the fit. Across its constraints a start varies with
         the parameters in them alone.
     residuals : ndarray, shape (N,)
-        Measured minus computed values over their standard deviations, or over 1 without `sigma`.
+        Measured minus computed values over their standard deviations, or over 1 without `sigma`,
+        of one trial after another, then of the priors.
     chi2 : float
         Their sum of squares.
     dof : int
@@ -46,15 +73,14 @@ class Fit:
     evaluations : int
         Runs that were made.
     message : str
-        Where residuals are not of the size of the `sigma` given, and where the step and not the
-        data decides: values would move by more than half of their standard deviation with half the
-        step. Empty otherwise.
-    solution : Solution
-        The run that fits best, at the times of the measurements.
+        Where residuals are not of the size of the `sigma` given, where fits to growing parts of the
+        time led to a lower minimum than the guess, and where the step and not the data decides:
+        values would move by more than half of their standard deviation with half the step, or a
+        hundredth of the tolerance. Empty otherwise.
     """
 
     params: dict[str, Any]
-    start: dict[str, Array]
+    trials: tuple[Fitted, ...]
     names: tuple[str, ...]
     covariance: Array
     residuals: Array
@@ -62,7 +88,30 @@ class Fit:
     dof: int
     evaluations: int
     message: str
-    solution: Solution
+
+    @property
+    def start(self) -> dict[str, Array]:
+        """The start of the one trial."""
+        return self._one.start
+
+    @property
+    def solution(self) -> Solution:
+        """The run of the one trial."""
+        return self._one.solution
+
+    @property
+    def _one(self) -> Fitted:
+        if len(self.trials) > 1:
+            sentence = f"the fit has {len(self.trials)} trials, each with a start and a solution"
+            raise AttributeError(hinted(sentence, "write fit.trials[0].solution"))
+        return self.trials[0]
+
+    @property
+    def correlation(self) -> Array:
+        """The correlations of what was fitted, shape (K, K)."""
+        sizes = np.sqrt(np.diagonal(self.covariance))
+        found: Array = self.covariance / np.outer(sizes, sizes)
+        return found
 
     @property
     def chi2(self) -> float:
@@ -77,7 +126,11 @@ class Fit:
 
     def __repr__(self) -> str:
         """Return the values found with their standard deviations, and how well they fit."""
-        values = values_of(self.params, self.start, self.solution.names)
+        values: dict[str, float] = {}
+        for k, trial in enumerate(self.trials):
+            own = values_of(self.params, trial.start, trial.solution.names)
+            prefix = f"trials[{k}]." if len(self.trials) > 1 else ""
+            values |= {x if x.startswith("params.") else prefix + x: v for x, v in own.items()}
         shown = ", ".join(f"{x} = {values[x]:.6g} ± {size:.1g}" for x, size in self.errors.items())
         good = f"chi2/dof = {self.chi2 / self.dof:.3g}" if self.dof else "chi2 of no freedom"
         if self.sigma is not None:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -27,15 +27,20 @@ class Unknowns:
         The names of the parameters that are fitted, and of the states of the start.
     bounds : ndarray, shape (K, 2)
         Least and largest values of the elements of these parameters.
+    priors : tuple of (int, float, float)
+        The place of an element, its value that is known besides, and the deviation of that.
     """
 
     params: dict[str, Any]
     fitted: tuple[str, ...]
     free: tuple[str, ...]
     bounds: Array
+    priors: tuple[tuple[int, float, float], ...] = ()
 
     @classmethod
-    def of(cls, system: System, params: Any, free: Any, bounds: Any) -> Unknowns:
+    def of(
+        cls, system: System, params: Any, free: Any, bounds: Any, priors: Any = None
+    ) -> Unknowns:
         """Read what is given; TypeError or ValueError where it is not of the system."""
         given: dict[str, Any] = dict(params) if isinstance(params, Mapping) else {}
         if not isinstance(params, Iterable):
@@ -65,7 +70,39 @@ class Unknowns:
         if not names and not states:
             raise ValueError("nothing is to be fitted: give params= or free=")
         sides = [_bounded(name, values[name], limits.get(name, (None, None))) for name in names]
-        return cls(values, tuple(names), states, np.concatenate([np.empty((0, 2)), *sides]))
+        found = cls(values, tuple(names), states, np.concatenate([np.empty((0, 2)), *sides]))
+        return replace(found, priors=tuple(found._priors(_trace.mapping("priors", priors))))
+
+    def _priors(self, given: Mapping[str, Any]) -> Iterator[tuple[int, float, float]]:
+        for name, pair in given.items():
+            if name not in self.fitted:
+                raise ValueError(f"priors has {name!r}, which is not fitted")
+            shape = np.shape(self.params[name])
+            try:
+                mean, deviation = (np.broadcast_to(np.asarray(x, float), shape) for x in pair)
+            except (TypeError, ValueError):
+                sentence = f"the prior of '{name}' must be a value and its deviation, not {pair!r}"
+                raise ValueError(
+                    hinted(sentence, f'write priors={{"{name}": (1.0, 0.1)}}')
+                ) from None
+            if not (np.isfinite(mean).all() and (deviation > 0).all()):
+                sentence = f"the prior of '{name}' must have a positive deviation, not {deviation}"
+                raise ValueError(sentence)
+            first = sum(np.size(self.params[x]) for x in self.fitted[: self.fitted.index(name)])
+            for k in range(np.size(self.params[name])):
+                yield first + k, float(np.ravel(mean)[k]), float(np.ravel(deviation)[k])
+
+    def off(self, theta: Array) -> Array:
+        """Return values less those of the priors, in units of their deviations."""
+        return np.array([(theta[k] - mean) / deviation for k, mean, deviation in self.priors])
+
+    @property
+    def slopes_of_priors(self) -> Array:
+        """The derivatives of that, shape (P, K)."""
+        found = np.zeros((len(self.priors), len(self.bounds)))
+        for row, (k, _, deviation) in enumerate(self.priors):
+            found[row, k] = 1 / deviation
+        return found
 
     @property
     def names(self) -> list[str]:
@@ -80,6 +117,21 @@ class Unknowns:
         """Return the values of those that are fitted, one after another."""
         values = [np.ravel(params[name]) for name in self.fitted]
         found: Array = np.concatenate([np.empty(0), *values]).astype(float)
+        return found
+
+    def directions(self, width: int, count: int) -> Array:
+        """Return the change of all parameters, `width` of them, in each of `count` directions.
+
+        The first directions are the elements that are fitted; others leave parameters as they are.
+        """
+        found = np.zeros((count, width))
+        places, first = [], 0
+        for name, value in self.params.items():
+            own = range(first, first + np.size(value))
+            first = own.stop
+            places += [(name, place) for place in own]
+        chosen = [place for name in self.fitted for own, place in places if own == name]
+        found[np.arange(len(chosen)), chosen] = 1.0
         return found
 
     def taken(self, params: Mapping[str, Any], theta: Array) -> dict[str, Any]:

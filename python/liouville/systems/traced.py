@@ -200,6 +200,22 @@ class TracedSystem(Pickled, ABC):
         tape = record("observer", s.inputs(z=s.z), *parts.values())
         return tape, {name: x.numel() for name, x in parts.items()}
 
+    def measured(self, functions: Mapping[str, Function]) -> tuple[_core.Tape, dict[str, int]]:
+        """Record functions of (t, y, z, params), then their derivatives by y, z and params.
+
+        Returns the tape, whose derivatives stand one column of the Jacobian after another, and the
+        width of each function.
+        """
+        s = self._symbols
+        columns = {
+            name: _trace.column(f"observed '{name}'", function, s.args)
+            for name, function in _trace.mapping("observe", functions).items()
+        }
+        values = ca.vertcat(ca.SX(0, 1), *columns.values())
+        slopes = ca.jacobian(values, ca.vertcat(s.y, s.z, s.params.vector))
+        tape = record("measured", s.inputs(z=s.z), values, slopes)
+        return tape, {name: x.numel() for name, x in columns.items()}
+
     @abstractmethod
     def _parts(self, states: bool) -> dict[str, ca.SX]:
         """Return the expressions that every run records, with those of states or without."""

@@ -1,0 +1,208 @@
+"""Fits of functions of states, of multipliers, through impacts, of several trials, and robust."""
+
+import casadi as ca
+import numpy as np
+import pytest
+from scipy.stats import chi2
+
+import liouville as lv
+
+PENDULUM = lv.Lagrangian(
+    lambda t, q, v, params: params.m * (ca.dot(v, v) / 2 - params.g * q[1]),
+    lambda t, q, params: {"rod": ca.dot(q, q) - params.l**2},
+    q=("x", "y"),
+    params={"m": 1.0, "g": 9.81, "l": 2.0},
+)
+RUN = {"t": (0.0, 2.0), "h": 0.05, "every": 2}
+METHOD = lv.Spark(3)
+START = {"q": [1.2, -1.6], "v": [0.0, 0.0]}
+TRUTH = lv.integrate(PENDULUM, METHOD, **RUN, **START)
+ANGLE = {"angle": lambda t, q, v, params: ca.atan2(q[0], -q[1])}
+
+FALL = lv.Lagrangian(
+    lambda t, q, v, params: v[0] ** 2 / 2 - params.g * q[0], q=("x",),
+    params={"g": 9.81, "e": 0.8},
+)  # fmt: skip
+BOUNCE = lv.Impact(lambda t, q, v, lam, params: params.e)
+FLOOR = {"floor": lv.Event(lambda t, q, v, lam, params: q[0], direction="down", reset=BOUNCE)}
+SPRING = lv.Lagrangian(
+    lambda t, q, v, params: (v[0] ** 2 - params.k * q[0] ** 2) / 2,
+    force=lambda t, q, v, params: -params.c * v[0] + params.u,
+    q=("x",),
+    params={"k": 9.0, "c": 0.2, "u": 0.0},
+)
+
+
+def noise(size, seed=0):
+    return np.random.default_rng(seed).standard_normal(size)
+
+
+def test_functions_of_states_are_data():
+    """An angle of a pendulum in Cartesian coordinates, from a start that is free, is exact."""
+    data = {"t": TRUTH.t, "angle": np.arctan2(TRUTH.q[:, 0], -TRUTH.q[:, 1])}
+    found = lv.fit(
+        PENDULUM, METHOD, data, h=0.05, params={"g": 9.0}, free=("q", "v"), observe=ANGLE,
+        q=[1.1, -1.7], v=[0.1, 0.0],
+    )  # fmt: skip
+    assert found.params["g"] == pytest.approx(9.81, abs=1e-9)
+    np.testing.assert_allclose(found.start["q"], START["q"], atol=1e-10)
+    np.testing.assert_allclose(found.start["v"], 0, atol=1e-9)
+
+
+def test_functions_of_parameters_and_of_several_values():
+    """A quantity may see parameters that nothing else does, and be a column."""
+    observe = {"seen": lambda t, q, v, params: ca.vertcat(params.u * q[0], v[0] + t)}
+    true = lv.integrate(SPRING, METHOD, **RUN, q=[1.0], v=[0.0])
+    seen = np.column_stack([2.0 * true.q[:, 0], true.v[:, 0] + true.t])
+    system = lv.Lagrangian(
+        lambda t, q, v, params: (v[0] ** 2 - params.k * q[0] ** 2) / 2,
+        force=lambda t, q, v, params: -0.2 * v[0], q=("x",), params={"k": 8.0, "u": 1.0},
+    )  # fmt: skip
+    call = {"h": 0.05, "params": ["k", "u"], "observe": observe, "q": [1.0], "v": [0.0]}
+    found = lv.fit(system, METHOD, {"t": true.t, "seen": seen}, **call)
+    assert [found.params["k"], found.params["u"]] == pytest.approx([9.0, 2.0], abs=1e-9)
+    one = lv.fit(system, METHOD, {"t": true.t, "seen[0]": seen[:, 0]}, **call)
+    assert [one.params["k"], one.params["u"]] == pytest.approx([9.0, 2.0], abs=1e-9)
+
+
+def test_multipliers_are_data():
+    """The tension of a rod, by the name of its constraint, gives the mass, which no motion does."""
+    data = {"t": TRUTH.t, "rod": TRUTH.lam[:, 0]}
+    found = lv.fit(PENDULUM, METHOD, data, h=0.05, params={"m": 1.3, "g": 9.0}, **START)
+    assert [found.params["m"], found.params["g"]] == pytest.approx([1.0, 9.81], abs=1e-9)
+    with pytest.raises(ValueError, match=r"do not determine 'params\.m'"):
+        lv.fit(PENDULUM, METHOD, {"t": TRUTH.t, "q": TRUTH.q}, h=0.05, params=["m"], **START)
+
+
+@pytest.mark.parametrize("steps", [{"h": 0.02}, {"rtol": 1e-9}], ids=["h", "rtol"])
+def test_restitution_from_bounces(steps):
+    """Heights of a ball between three bounces give its restitution and gravity."""
+    times = np.linspace(0.05, 2.0, 40)
+    true = lv.integrate(
+        FALL, METHOD, t=(0, 2), h=0.02, t_eval=times, events=FLOOR, q=[1.0], v=[0.0]
+    )
+    assert len(true.events["floor"].t) >= 3
+    found = lv.fit(
+        FALL, METHOD, {"t": times, "x": true.q[:, 0]}, params={"e": 0.75, "g": 9.6}, events=FLOOR,
+        t0=0.0, q=[1.0], v=[0.0], **steps,
+    )  # fmt: skip
+    assert [found.params["e"], found.params["g"]] == pytest.approx([0.8, 9.81], abs=1e-8)
+
+
+def test_trials_have_parameters_in_common():
+    """Two oscillations under known forces from unknown starts have one stiffness."""
+    trials, truths = [], ({"u": 0.0}, {"u": 1.5})
+    for k, own in enumerate(truths):
+        run = lv.integrate(SPRING, METHOD, t=(0, 3 + k), steps=60 + 20 * k, params=own,
+                           q=[1.0 - k], v=[0.5 * k])  # fmt: skip
+        data = {"t": run.t, "x": run.q[:, 0] + 1e-3 * noise(run.t.size, k)}
+        trials.append(lv.Trial(data, {"q": [0.8 - k], "v": [0.0]}, own))
+    call = {"h": 0.05, "params": {"k": 8.0, "c": 0.1}, "free": ("q", "v")}
+    found = lv.fit(SPRING, METHOD, trials, sigma=1e-3, **call)
+    assert found.names == (
+        "params.k", "params.c", "trials[0].q.x", "trials[0].v.x", "trials[1].q.x", "trials[1].v.x",
+    )  # fmt: skip
+    truth = np.array([9.0, 0.2, 1.0, 0.0, 0.0, 0.5])
+    values = [found.params["k"], found.params["c"]]
+    values += [x[0] for trial in found.trials for x in trial.start.values()]
+    off = np.array(values) - truth
+    assert off @ np.linalg.solve(found.covariance, off) < chi2.ppf(0.999, 6)
+    assert abs(np.diagonal(found.correlation) - 1).max() < 1e-12
+    # a start has no part in the other trial's, but through what they share
+    alone = [lv.fit(SPRING, METHOD, [trial], sigma=1e-3, **call) for trial in trials]
+    for name in ("params.k", "params.c"):
+        joined = sum(each.errors[name] ** -2 for each in alone) ** -0.5
+        assert found.errors[name] <= 1.001 * joined
+    assert found.residuals.size == sum(trial.residuals.size for trial in found.trials)
+    with pytest.raises(
+        AttributeError, match=r"2 trials, each with a start .*\nhint: write fit\.tri"
+    ):
+        _ = found.solution
+    assert "trials[1].v.x = " in repr(found)
+
+
+def test_a_prior_is_a_measurement():
+    """Of one measurement of a value and a prior the mean is weighed by both deviations."""
+    data = {"t": [1.0], "x": [-9.81 / 2 + 0.1]}
+    call = {"h": 0.1, "t0": 0.0, "params": ["g"], "sigma": 0.05, "q": [0.0], "v": [0.0]}
+    found = lv.fit(FALL, METHOD, data, priors={"g": (9.9, 0.2)}, **call)
+    weights, values = np.array([0.1, 0.2]) ** -2, np.array([9.61, 9.9])
+    assert found.params["g"] == pytest.approx(weights @ values / weights.sum(), rel=1e-12)
+    assert found.errors["params.g"] == pytest.approx(weights.sum() ** -0.5, rel=1e-12)
+    assert (found.residuals.size, found.dof) == (2, 1)
+
+
+@pytest.mark.parametrize("loss", ["huber", "soft_l1", "cauchy"])
+def test_outliers_move_a_robust_fit_little(loss):
+    """Ten of 201 are off by fifty deviations, as by a weaker damping."""
+    t = np.linspace(0, 5, 201)
+    run = lv.integrate(SPRING, METHOD, t=(0, 5), steps=200, q=[1.0], v=[0.0])
+    seen = run.q[:, 0] + 1e-3 * noise(t.size)
+    late = slice(100, None, 10)
+    seen[late] += 0.05 * np.sign(run.q[late, 0])
+    call = {"h": 0.05, "params": {"k": 8.9, "c": 0.21}, "sigma": 1e-3, "q": [1.0], "v": [0.0]}
+    plain = lv.fit(SPRING, METHOD, {"t": t, "x": seen}, **call)
+    found = lv.fit(SPRING, METHOD, {"t": t, "x": seen}, loss=loss, **call)
+    off = [abs(each.params["c"] - 0.2) / found.errors["params.c"] for each in (plain, found)]
+    assert off[0] > 8
+    assert off[1] < 4
+    assert found.message == ""
+    clean = lv.fit(SPRING, METHOD, {"t": t, "x": run.q[:, 0] + 1e-3 * noise(t.size)}, **call)
+    assert found.errors["params.c"] < 1.6 * clean.errors["params.c"]
+
+
+def test_robust_errors_hold_the_truth_as_often_as_they_say():
+    """Of 200 data sets without outliers 190 are expected within 95 %, 181 to 197 with 0.995."""
+    run = lv.integrate(SPRING, METHOD, t=(0, 3), steps=30, q=[1.0], v=[0.0])
+    call = {"h": 0.1, "params": ["k", "c"], "sigma": 1e-3, "q": [1.0], "v": [0.0]}
+    inside = 0
+    for seed in range(200):
+        data = {"t": run.t, "x": run.q[:, 0] + 1e-3 * noise(run.t.size, seed)}
+        found = lv.fit(SPRING, METHOD, data, loss="soft_l1", **call)
+        off = np.array([found.params["k"] - 9.0, found.params["c"] - 0.2])
+        inside += off @ np.linalg.solve(found.covariance, off) < chi2.ppf(0.95, 2)
+    assert 181 <= inside <= 199
+
+
+@pytest.mark.parametrize("sigma", [0.05, None])
+def test_a_poor_fit_is_tried_again_from_shorter_times(sigma):
+    """From k = 5 least squares over 16 periods have a minimum at 5.3; nine is right."""
+    t = np.linspace(0, 10, 201)
+    data = {"t": t, "x": np.cos(3 * t) + 0.05 * noise(t.size)}
+    system = lv.Lagrangian(
+        lambda t, q, v, params: (v[0] ** 2 - params.k * q[0] ** 2) / 2, q=("x",), params={"k": 5.0}
+    )
+    found = lv.fit(system, METHOD, data, h=0.05, params=["k"], sigma=sigma, q=[1.0], v=[0.0])
+    assert found.params["k"] == pytest.approx(9.0, abs=0.02)
+    assert "growing parts of the time led to a lower minimum" in found.message
+
+
+DATA = {"t": [0.0, 1.0], "x": [1.0, 0.5]}
+CALL = {"h": 0.1, "params": ["k"], "q": [1.0], "v": [0.0]}
+BARE = {"h": 0.1, "params": ["k"]}
+
+
+@pytest.mark.parametrize(
+    ("data", "call", "says"),
+    [
+        (DATA, CALL | {"rtol": 1e-6}, "steps must be given by h= or by rtol=, not both"),
+        (DATA, CALL | {"h": None}, "steps must be given by h= or by rtol=, one of both"),
+        (DATA, CALL | {"loss": "l1"}, "loss must be one of 'linear', 'huber', .*, not 'l1'"),
+        (DATA, CALL | {"loss": "huber"}, "count less beyond their deviation\nhint: give sigma="),
+        (DATA, CALL | {"priors": {"k": (9, 1)}}, "by their deviations\nhint: give sigma="),
+        (DATA, CALL | {"sigma": 1, "priors": {"c": (9, 1)}}, "priors has 'c', which is not fitted"),
+        (DATA, CALL | {"sigma": 1, "priors": {"k": 9}}, "must be a value and its deviation, not 9"),
+        (DATA, CALL | {"sigma": 1, "priors": {"k": (9, 0)}}, "must have a positive deviation"),
+        (DATA, CALL | {"observe": {"a": 1}}, "observed 'a' must be a function, not 1"),
+        ([], BARE, "data has no trial"),
+        ([DATA], BARE, "a sequence of lv.Trial, not of {'t'"),
+        ([lv.Trial(DATA)], CALL, "'q' and 'v' must be given by trials"),
+        ([lv.Trial(DATA, params={"k": 1.0})], BARE, "a trial gives 'k', which is fitted"),
+        ([lv.Trial(DATA, params={"b": 1.0})], BARE, "there is no parameter 'b'"),
+        ([lv.Trial(DATA, sigma=1.0), lv.Trial(DATA)], BARE, "some trials have sigma, and others"),
+        ([lv.Trial({"x": [1.0]})], BARE, "data has no 't'"),
+    ],
+)
+def test_bad_calls_are_refused(data, call, says):
+    with pytest.raises((ValueError, TypeError), match=says):
+        lv.fit(SPRING, METHOD, data, **call)
