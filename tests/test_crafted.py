@@ -143,16 +143,35 @@ def test_an_array_of_a_zarr_folder_that_is_described_oddly_is_refused_by_name(ru
     path, draw = tmp_path / "crafted.zarr", random.Random(9)
     odd = [None, 7, "x", [], {}, [0], [10**400], {"configuration": {"chunk_shape": [0, 0]}}]
     runs["many"].save(path)
+    file = path / "zarr.json"
+    group = checksum.document_in(file)
+    arrays = group["consolidated_metadata"]["metadata"]
+    pickled = {**arrays["q"], "zarr_format": 2}
+
+    def written(changed):
+        entry = {"kind": "inline", "must_understand": False, "metadata": changed}
+        file.write_text(checksum.signed({**group, "consolidated_metadata": entry}, "attributes"))
+
     for array in ("q", "time"):
-        file = path / array / "zarr.json"
-        whole = file.read_text()
-        described = json.loads(whole)
+        described = arrays[array]
         for key in described.keys() - {"attributes"}:
             left = {k: x for k, x in described.items() if k != key}
             for changed in (left, {**described, key: draw.choice(odd)}):
-                file.write_text(checksum.signed(changed, "attributes"))
+                written({**arrays, array: changed})
                 refused(path)
+    for changed in ([], {"q": 3}, {**arrays, "q": pickled}, {**arrays, "../q": arrays["q"]}):
+        written(changed)
+        assert refused(path)
+    written(arrays)
+    used(lv.load(path))
+    for file in path.glob("*/zarr.json"):  # as an earlier release wrote them
+        whole = file.read_text()
+        file.write_text(whole.replace("]", ""))
+        assert refused(path, words=file.parent.name)
         file.write_text(whole)
+    del group["consolidated_metadata"]
+    (path / "zarr.json").write_text(checksum.signed(group, "attributes"))
+    used(lv.load(path))
 
 
 def test_only_the_arrays_are_read_that_a_file_names(tmp_path, monkeypatch):

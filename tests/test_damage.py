@@ -128,7 +128,8 @@ def test_a_lost_file_of_a_store_is_missed(act, small, tmp_path):
         shutil.rmtree(copy, ignore_errors=True)
         shutil.copytree(path, copy)
         (copy / file.relative_to(path)).unlink()
-        assert found_or_harmless(act, whole, copy) or "checkpoint" in file.parts, file
+        is_mended = act is not lv.load and file.name == "zarr.json"  # of an array: written again
+        assert found_or_harmless(act, whole, copy) or is_mended or "checkpoint" in file.parts, file
 
 
 @pytest.mark.parametrize("name", ["run.nc", "run.zarr"])

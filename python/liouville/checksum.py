@@ -22,6 +22,9 @@ KEY = "crc32"
 #: The file that describes a Zarr group or array, and the entry of it that is free.
 META, FREE = "zarr.json", "attributes"
 
+#: The entry of a group with what describes its arrays, so that all of them are seen as of one time.
+ARRAYS = "consolidated_metadata"
+
 #: What the sizes of an array and of its chunks are.
 SHAPE, CHUNK = schema.lists(schema.integers(0)), schema.lists(schema.integers(1))
 
@@ -103,13 +106,39 @@ def verified(file: Path, place: str = "") -> Document:
     return document
 
 
-def check_arrays(folder: Path, names: Sequence[str]) -> None:
+def group_of(attributes: Document, arrays: Document) -> Document:
+    """Return what describes a Zarr group and its arrays."""
+    document: Document = {FREE: attributes, "zarr_format": 3, "node_type": "group"}
+    if arrays:
+        document[ARRAYS] = {"kind": "inline", "must_understand": False, "metadata": arrays}
+    return document
+
+
+def arrays_of(group: Document, where: str) -> Document:
+    """Return what describes the arrays of a group: nothing where an earlier release wrote it."""
+    if ARRAYS not in group:
+        return {}
+    entry = schema.entry(group, ARRAYS, schema.MAPPING, where)
+    found: Document = schema.entry(entry, "metadata", schema.mappings(schema.MAPPING), where)
+    for name, array in found.items():
+        _check_name(name, where)
+        if (array.get("zarr_format"), array.get("node_type")) != (3, "array"):
+            raise ValueError(f"{name!r} of {where} must be an array of Zarr 3")
+    return found
+
+
+def _check_name(name: str, where: str) -> None:
+    if not name.isprintable() or name in ("", ".", "..") or set(name) & {"/", "\\"}:
+        raise ValueError(f"an array of {where} must have a name that is no path, not {name!r}")
+
+
+def check_arrays(folder: Path, names: Sequence[str], described: Document) -> None:
     """Refuse a Zarr folder whose arrays are not all there, or are described otherwise."""
     for name in names:
-        if not name.isprintable() or name in ("", ".", "..") or set(name) & {"/", "\\"}:
-            raise ValueError(f"'order' of {str(folder)!r} must be names of arrays, not {name!r}")
+        _check_name(name, repr(str(folder)))
         file = folder / name / META
-        for chunk in _chunks_of(verified(file, FREE), repr(str(file))):
+        array = verified(file, FREE)
+        for chunk in _chunks_of(described.get(name, array), repr(str(file))):
             part = folder.joinpath(name, "c", *map(str, chunk))
             if not part.is_file():
                 raise ValueError(f"{str(part)!r} is missing, and with it a part of {name!r}")

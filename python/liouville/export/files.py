@@ -169,8 +169,12 @@ def write_zarr(dataset: xarray.Dataset, path: Path, chunks: Mapping[str, int]) -
         path, mode="w", encoding=encoding, zarr_format=3, consolidated=False,
         write_empty_chunks=True,  # one that is missing is damage
     )  # fmt: skip
-    for file in (path / META, *path.glob(f"*/{META}")):
+    arrays = {}
+    for file in sorted(path.glob(f"*/{META}")):
         checksum.sign(file, FREE)
+        arrays[file.parent.name] = checksum.document_in(file)
+    group = checksum.group_of(checksum.document_in(path / META)[FREE], arrays)
+    (path / META).write_text(checksum.signed(group, FREE), encoding="utf-8")
 
 
 def _without_fill(dataset: xarray.Dataset) -> dict[str, dict[str, Any]]:
@@ -255,8 +259,14 @@ def _read(path: Path, are_all: bool = True) -> Solution:
             layout = read_npz(path)
         _check_mark(path, layout.attributes)
         return read(layout, where)
-    is_whole = _check_folder(path) if path.suffix == ".zarr" else checksum.is_intact(path)
-    with _opened(path) as opened:
+    engine: dict[str, Any] = {"engine": "h5netcdf"}
+    if path.suffix == ".zarr":
+        # of Zarr 2 there is a codec that unpickles
+        engine = {"engine": "zarr", "consolidated": _check_folder(path), "zarr_format": 3}
+        is_whole = True
+    else:
+        is_whole = checksum.is_intact(path)
+    with _opened(path, engine) as opened:
         _check_mark(path, opened.attrs)
         if not is_whole:
             raise ValueError(
@@ -293,15 +303,19 @@ def _named(opened: xarray.Dataset, path: Path) -> xarray.Dataset:
 
 
 def _check_folder(path: Path) -> bool:
-    """Find damage to a Zarr folder, and folders of others, before any array is read."""
+    """Find damage to a Zarr folder, and folders of others, before any array is read.
+
+    Returns whether its group describes the arrays, which a run that goes on lengthens all at once.
+    """
     described = path / META
     if not described.is_file():
         raise ValueError(f"{str(path)!r} cannot be read as .zarr: it holds no {META}")
     attributes = checksum.document_in(described).get(FREE)
     _check_mark(path, attributes if isinstance(attributes, dict) else {})
     group = checksum.verified(described, FREE)
-    checksum.check_arrays(path, order_of(group[FREE], repr(str(path))))
-    return True
+    arrays = checksum.arrays_of(group, repr(str(path)))
+    checksum.check_arrays(path, order_of(group[FREE], repr(str(path))), arrays)
+    return bool(arrays)
 
 
 def _check_mark(path: Path, attributes: Mapping[str, Any]) -> None:
@@ -315,11 +329,7 @@ def _check_mark(path: Path, attributes: Mapping[str, Any]) -> None:
         raise ValueError(hinted(sentence, "read it with the liouville that wrote it"))
 
 
-def _opened(path: Path) -> xarray.Dataset:
-    engine: dict[str, Any] = {"engine": "h5netcdf"}
-    if path.suffix == ".zarr":
-        # of Zarr 2 there is a codec that unpickles
-        engine = {"engine": "zarr", "consolidated": False, "zarr_format": 3}
+def _opened(path: Path, engine: Mapping[str, Any]) -> xarray.Dataset:
     with _naming(f"{str(path)!r} cannot be read as {path.suffix}"):
         opened: xarray.Dataset = needed("xarray").open_dataset(
             path, decode_times=False, mask_and_scale=False,

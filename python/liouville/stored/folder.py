@@ -29,17 +29,18 @@ class Folder:
         Where it is.
     arrays : dict of str to dict
         The description of each array that grows, as Zarr has it.
+    attributes : dict
+        Those of the whole.
     """
 
     def __init__(self, path: Path, axes: Mapping[str, int]) -> None:
         self.path = path
         self._new: set[Path] = set()
-        files = sorted(path.glob(f"*/{META}"))
-        found = {file.parent.name: checksum.verified(file, FREE) for file in files}
+        group = checksum.verified(path / META, FREE)
+        self.attributes: dict[str, Any] = group[FREE]
+        self._all = checksum.arrays_of(group, repr(str(path)))
         self.arrays = {
-            name: meta
-            for name, meta in found.items()
-            if meta.get("node_type") == "array" and _first_axis(meta, path / name) in axes
+            name: meta for name, meta in self._all.items() if _first_axis(meta, path / name) in axes
         }
 
     def clear(self) -> None:
@@ -63,16 +64,18 @@ class Folder:
         file = self.path.joinpath(name, "c", str(place), *rest)
         self.write(file, data, _crc_of(data, size).to_bytes(4, "little"), size)
 
-    def extend(self, axis: str, length: int) -> None:
-        """Set how long the arrays along an axis are."""
+    def show(self, lengths: Mapping[str, int], attributes: Mapping[str, Any]) -> None:
+        """Set how long the arrays are along each axis, and attributes of the whole.
+
+        Readers see both at once, by the one file that has them.
+        """
         for name, meta in self.arrays.items():
-            if meta["dimension_names"][0] == axis and meta["shape"][0] != length:
+            length = lengths[meta["dimension_names"][0]]
+            if meta["shape"][0] != length:
                 meta["shape"][0] = length
                 self.write(self.path / name / META, checksum.signed(meta, FREE).encode())
-
-    def describe(self, attributes: Mapping[str, Any]) -> None:
-        """Write the attributes of the whole."""
-        group = {"attributes": dict(attributes), "zarr_format": 3, "node_type": "group"}
+        self.attributes |= attributes
+        group = checksum.group_of(self.attributes, self._all)
         self.write(self.path / META, checksum.signed(group, FREE).encode())
 
     def write(self, file: Path, data: Any, end: bytes = b"", size: int = 0) -> None:

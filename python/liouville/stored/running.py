@@ -41,7 +41,7 @@ from liouville.stored.store import Interval, Store, interval_of, is_there, store
 from liouville.stored.stream import JOB, STATE, Stream, chunks_of
 
 #: The layout of a checkpoint.
-LAYOUT = 9
+LAYOUT = 10
 
 #: What made a checkpoint.
 VERSION = {"liouville": schema.TEXT, "layout": schema.integers(0)}
@@ -69,7 +69,7 @@ def begin(runner: Runner, place: tuple[Path, Interval], progress: Progress) -> S
         arrays.prepare(empty, temporary, chunks)
         folder = Folder(temporary, chunks)
         version = {"liouville": _core.VERSION, "layout": LAYOUT}
-        group = {FREE: version, "zarr_format": 3, "node_type": "group"}
+        group = checksum.group_of(version, {})
         (temporary / CHECKPOINT).mkdir()
         (temporary / CHECKPOINT / META).write_text(checksum.signed(group, FREE), encoding="utf-8")
         folder.commit(JOB, job)
@@ -164,13 +164,12 @@ def _restored(path: Path, checkpoint: int | str | None, clock: float) -> _Stored
     folder.clear()
     stream = Stream(runner, folder, chunks)
     try:
-        stats = stream.restore(run, state)
+        stats = stream.restore(run, state, {"status": "interrupted", "message": CUT_OFF})
     except (ValueError, KeyError, TypeError) as error:
         raise ValueError(_foreign(path, "whose state is of another run")) from error
-    attributes = attributes_of(path)
     # no earlier: what is after the state may be lost
-    checksum.check_arrays(path, export.order_of(attributes, repr(str(path))))
-    folder.describe({**attributes, "status": "interrupted", "message": CUT_OFF})
+    order = export.order_of(folder.attributes, repr(str(path)))
+    checksum.check_arrays(path, order, folder.arrays)
     return _StoredRun(runner, interval, run, stream, folder, clock - stats["seconds"])
 
 
@@ -200,7 +199,6 @@ class _StoredRun:
             if isinstance(outcome, dict):
                 recent = self._stream.recent()
                 self._runner.add_cause(outcome, recent["t"], recent["rows"])
-            self._stream.finish()
             quantity = self._describe(outcome)
         solution = _ends(self._folder.path, self._runner)
         if isinstance(outcome, dict):
@@ -243,7 +241,7 @@ class _StoredRun:
         return {**self._runner.stats(self._run), "seconds": time.perf_counter() - self._clock}
 
     def _describe(self, outcome: Outcome) -> str:
-        """Write how the run went; returns which quantity is to blame if it failed."""
+        """Write all records and how the run went; returns which quantity is to blame for it."""
         path = self._folder.path
         stats = self._stats()
         status, message, quantity = status_of(outcome, self._runner, stats, self._stream.end)
@@ -253,7 +251,7 @@ class _StoredRun:
             message += f"; liouville.resume({str(path)!r}) goes on"
         h = self._runner.steps.mean(self._run.t, stats["steps"])
         ended = {"status": status, "message": message, "h": h, "stats": json.dumps(stats)}
-        self._folder.describe({**attributes_of(path), **ended})
+        self._stream.finish(ended)
         self._folder.sync()
         if status == "done":
             (path / CHECKPOINT / STATE).unlink()

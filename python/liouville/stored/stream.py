@@ -18,7 +18,7 @@ from liouville.runners.energy import sentence_of
 from liouville.runners.execute import solution_of
 from liouville.solution import Solution
 from liouville.stored import arrays
-from liouville.stored.folder import Folder, attributes_of
+from liouville.stored.folder import Folder
 
 #: Bytes of the records in a chunk, and events in one.
 BYTES, EVENTS = 1 << 23, 4096
@@ -133,8 +133,7 @@ class Stream:
     def save(self, run: _core.Run, stats: Mapping[str, Any]) -> None:
         """Write the records for readers of the folder, and then the state to go on from."""
         if time.monotonic() - self._shown >= PAUSE:
-            self.finish()
-            self._describe(run, stats)
+            self.finish(self._described(run, stats))
             self._shown = time.monotonic()
         memory = run.save()
         assert memory is not None, "ensembles are not stored"
@@ -152,14 +151,16 @@ class Stream:
         np.savez(buffer, **whole)
         self._folder.commit(STATE, buffer.getvalue())
 
-    def _describe(self, run: _core.Run, stats: Mapping[str, Any]) -> None:
-        """Write the numbers of the run so far, for readers of the folder."""
-        if steps := stats.get("steps", 0):
-            own = {"stats": json.dumps(dict(stats)), "h": self._runner.steps.mean(run.t, steps)}
-            self._folder.describe({**attributes_of(self._folder.path), **own})
+    def _described(self, run: _core.Run, stats: Mapping[str, Any]) -> dict[str, Any]:
+        """Return the numbers of the run so far, as attributes."""
+        if not (steps := stats.get("steps", 0)):
+            return {}
+        return {"stats": json.dumps(dict(stats)), "h": self._runner.steps.mean(run.t, steps)}
 
-    def restore(self, run: _core.Run, state: Mapping[str, Any]) -> dict[str, Any]:
-        """Go back to a state; returns the statistics it was saved with."""
+    def restore(
+        self, run: _core.Run, state: Mapping[str, Any], attributes: Mapping[str, Any]
+    ) -> dict[str, Any]:
+        """Go back to a state, and describe it; returns the statistics it was saved with."""
         run.restore(state["memory"])
         counts = json.loads(str(state["counts"]))
         self._written, self.end = counts["written"], counts["end"]
@@ -172,18 +173,26 @@ class Stream:
                 rest[axis][name] = values
         self._first = rest.pop("first")
         self._rest = {axis: [columns] for axis, columns in rest.items()}
-        self.finish()  # what was written after the state may be lost
         stats: dict[str, Any] = counts["stats"]
+        # what was written after the state may be lost, and no reader may count on it
+        self._folder.show(self._lengths(), {**attributes, **self._described(run, stats)})
+        self.finish({})
         return stats
 
-    def finish(self) -> None:
-        """Write what does not fill a chunk too, for readers of the folder."""
+    def finish(self, attributes: Mapping[str, Any]) -> None:
+        """Write what does not fill a chunk too, for readers of the folder, and attributes."""
         for axis, rest in self._rest.items():
             columns = _joined(rest)
-            count = columns["t"].size
-            if count:
+            if columns["t"].size:
                 self._put(axis, columns)
-            self._folder.extend(axis, self._chunks[axis] * self._written[axis] + count)
+        self._folder.show(self._lengths(), attributes)
+
+    def _lengths(self) -> dict[str, int]:
+        """Return how many records and events there are."""
+        return {
+            axis: self._chunks[axis] * self._written[axis] + _joined(rest)["t"].size
+            for axis, rest in self._rest.items()
+        }
 
 
 def _joined(rest: list[Columns]) -> Columns:
