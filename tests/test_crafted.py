@@ -215,6 +215,58 @@ def test_a_netcdf_file_whose_arrays_are_larger_than_it_is_refused(tmp_path):
         lv.load(path)
 
 
+ENDLESS = {
+    "shears": (
+        lv.SchrodingerSplitting(1e-6),
+        {"stops": [[1.0, 10**18]]},
+        "1000000000000000000 ste",
+    ),
+    "series": (
+        lv.Chebyshev(1e-6),
+        {"stops": [[1.0, 10**18]]},
+        "1000000000000000000 steps to t = 1",
+    ),
+    "rate": (lv.Chebyshev(1e-6), {"core": {"rate": 1e-300}}, "errors of 1e-300 in all"),
+    "krylov": (lv.Lanczos(1e-6), {"core": {"rate": 0.0}}, "errors of 0 in all"),
+    "dimension": (lv.Lanczos(1e-6), {"core": {"dimension": 2}}, "has no dimension 2"),
+    "magnus": (lv.Magnus(4, tol=1e-6), {"core": {"rate": -1.0}}, "errors of -1 in all"),
+    "tol": (lv.Magnus(4, tol=1e-6), {"core": {"tol": 0.0}}, "has no tol 0"),
+}
+
+
+@pytest.mark.parametrize("name", ENDLESS)
+def test_a_plan_whose_run_would_not_end_is_refused_before_it(name, tmp_path):
+    path = tmp_path / "crafted.json"
+    method, changes, words = ENDLESS[name]
+    system, call = problems.load("tight_binding").system, {"t": (0.0, 1.0)}
+    start = np.full(system.size, system.size**-0.5, dtype=complex)
+    plan = lv.plan(system, method, **call)
+    plan.save(path)
+    assert lv.integrate(system, lv.Plan.load(path), psi=start, **call).status == "done"
+    described = json.loads(path.read_text())
+    del described["crc32"]
+    changed = described | {
+        key: described[key] | x if isinstance(x, dict) else x for key, x in changes.items()
+    }
+    path.write_text(checksum.signed(changed))
+    crafted = lv.Plan.load(path)
+    with pytest.raises(ValueError, match=words):
+        lv.integrate(system, crafted, psi=start, **call)
+
+
+def test_a_plan_of_another_drive_with_the_same_range_is_refused(tmp_path):
+    def driven(pulse):
+        x, z = np.array([[0, 1.0], [1, 0]]), np.diag([1.0, -1.0])
+        return lv.Schrodinger(z, drive=[(np.sin(np.pi * times), x)], times=times**pulse)
+
+    times = np.linspace(0.0, 1.0, 9)
+    one, other = 1, 2
+    plan = lv.plan(driven(one), t=(0.0, 1.0))
+    assert plan.products
+    with pytest.raises(ValueError, match="made for another"):
+        lv.integrate(driven(other), plan, t=(0.0, 1.0), psi=[1, 0j])
+
+
 def test_a_plan_with_an_odd_field_is_refused_with_its_file(tmp_path):
     path = tmp_path / "crafted.json"
     chain, top = problems.load("tight_binding"), problems.load("euler_top")

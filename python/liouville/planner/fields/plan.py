@@ -163,7 +163,8 @@ class FieldPlan(Plan):
             check_fields(each)
         counts = (("order", len(plan.order)), ("directions", plan.n if plan.directions else 0))
         for name, count in counts:
-            if sorted(getattr(plan, name)) != list(range(count)):
+            found = getattr(plan, name)
+            if len(found) != count or sorted(found) != list(range(count)):
                 raise ValueError(f"{name} is no permutation")
         return plan
 

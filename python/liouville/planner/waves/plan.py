@@ -12,7 +12,7 @@ from liouville import _core
 from liouville.errors import hinted
 from liouville.methods import Chebyshev, SchrodingerSplitting, WaveMethod
 from liouville.planner.plan import AGAIN, Plan, check_fields, decoded
-from liouville.planner.waves.driven import driving
+from liouville.planner.waves.driven import Driving, driving
 from liouville.planner.waves.propagators import (
     Driven,
     Krylov,
@@ -23,7 +23,15 @@ from liouville.planner.waves.propagators import (
     Shears,
     read_propagator,
 )
+from liouville.planner.waves.span import Span
 from liouville.systems import Schrodinger
+
+#: Products of a splitting to a tolerance are fewer than so many for a state that is kept, and for
+#: each 1 / beta: the tightest tolerances take 20.
+MOST = 100.0
+
+#: What plans that can be saved have for the core, besides shears.
+Planned = Series | Krylov | Driven | MagnusSteps
 
 
 @dataclass(frozen=True, repr=False)
@@ -109,14 +117,37 @@ class WavePlan(Plan):
             raise ValueError(hinted(f"the plan was made for an H {kind}", AGAIN))
         span = float(np.abs(np.diff(times)).sum())
         tol = getattr(self.method, "tol", None) if isinstance(self.core, Driven) else None
-        known = [driving(system, times, tol).spectrum] if of_time else [
-            system.spectrum(0.0), system.spectrum(span),
-        ]  # fmt: skip
+        driven = driving(system, times, tol) if of_time else None
+        known = [driven.spectrum] if driven else [system.spectrum(0.0), system.spectrum(span)]
         if self.bounds not in [spectrum.bounds for spectrum in known]:
             raise ValueError(hinted("the plan was made for another spectrum", AGAIN))
         if self.is_complex == system.is_real:
             kind = "complex" if self.is_complex else "real"
             raise ValueError(hinted(f"the plan was made for a {kind} H", AGAIN))
+        self._check_work(Span(times[0], tuple(times[1:]), known[-1]), driven)
+
+    def _check_work(self, span: Span, driven: Driving | None) -> None:
+        """Refuse what only a crafted file says, and whose run would not end."""
+        core, counts = self.core, np.array([float(count) for _, count in self.stops])
+        if driven and getattr(core, "parts", driven.parts) != driven.parts:
+            raise ValueError(hinted("the plan was made for another H(t)", AGAIN))
+        for name in ("dimension", "tol"):
+            own = getattr(core, name, None)
+            if own is not None and own != getattr(self.method, name, None):
+                raise ValueError(hinted(f"{self.method!r} has no {name} {own:g}", AGAIN))
+        most = np.ones(counts.size)
+        if isinstance(core, Shears):
+            most = MOST * (span.thetas + 1.0) / max(0.5 * core.coefficients.size, 1.0)
+        else:
+            assert isinstance(core, Planned)
+            error = core.rate * float(span.intervals.sum())
+            if not 0.5 * (span.least - span.roundoff) <= error <= 1.0:
+                said = f"errors of {error:.3g} in all are none that a plan allows"
+                raise ValueError(hinted(said, AGAIN))
+        if (counts > most).any():
+            k = int((counts > most).argmax())
+            said = f"{self.stops[k][1]} steps to t = {span.times[k]:g} are more than a plan has"
+            raise ValueError(hinted(said, AGAIN))
 
     def propagated(self, system: Schrodinger) -> _core.Hamiltonian:
         """Return H as the plan has it: that of products may be the sum that it was found to be."""
@@ -159,8 +190,8 @@ class WavePlan(Plan):
             **decoded({**given, "method": None, "core": None})
             | {"method": given["method"], "core": core}
         )
-        if not isinstance(plan.method, WaveMethod):
-            raise TypeError(f"its method is {plan.method!r}")
+        if not isinstance(plan.method, WaveMethod) or not isinstance(core, Planned | Shears):
+            raise TypeError(f"its method is {plan.method!r}, by {core.kind}")
         for each in (plan, core):
             check_fields(each)
         if not plan.stops:
