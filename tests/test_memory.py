@@ -147,6 +147,8 @@ wave = lv.Schrodinger((n, lambda x: 2 * x - np.roll(x, 1) - np.roll(x, -1)), bou
 psi = np.ones(n) / np.sqrt(n) + 0j
 x = np.random.default_rng(0).normal(size=(many, 3))
 q, v = np.tile([1.0, 0.0], (many, 1)), np.zeros((many, 2))
+values = swing.system.values({{}})[None]
+small, starts = lv.Schrodinger(lv.Lattice(4096)), np.full((200, 4096), 1 / 64 + 0j)
 at, split = turn.system.coordinates[0], lv.VolumeSplitting()
 acts = {{
     "series": lambda: lv.integrate(wave, lv.Chebyshev(1e-6), t=(0.0, 0.5), psi=psi),
@@ -156,6 +158,8 @@ acts = {{
         swing.system, lv.Spark(2), t=(0.0, 0.5), steps=1, q=q, v=v, threads=1
     ),
     "fields": lambda: lv.ensemble(turn.system, split, t=(0.0, 0.1), steps=1, x=x, threads=1),
+    "waves": lambda: lv.ensemble(small, lv.Chebyshev(1e-6), t=(0.0, 0.5), psi=starts, threads=1),
+    "check": lambda: swing.system.violation(0.0, q, v, values, hidden=True),
 }}
 act = acts[{name!r}]
 execute.memory = lambda: 1e18
@@ -175,13 +179,24 @@ for room in {rooms}:
 
 
 @limited
-@pytest.mark.parametrize("name", ["series", "shears", "section", "starts", "fields"])
+@pytest.mark.parametrize("name", ["series", "shears", "section", "starts", "fields", "waves"])
 @pytest.mark.parametrize(
     "rooms",
     [(35, 65, 100, 130), pytest.param(tuple(range(30, 151, 5)), marks=pytest.mark.slow)],
     ids=["some", "all"],
 )
 def test_no_limit_of_memory_aborts_a_run(name, rooms):
+    swept(name, rooms)
+
+
+@limited
+def test_a_check_of_starts_takes_no_memory_of_their_size():
+    assert swept("check", (4,)) == ["4 done"]
+
+
+def swept(name, rooms):
+    """Return what is said where so many MB are left."""
+    said = []
     alone = {**os.environ, "MALLOC_ARENA_MAX": "1"}
     for room in rooms:  # each in a process of its own: what one has freed another may take
         code = SWEEP.format(name=name, rooms=(room,))
@@ -191,6 +206,8 @@ def test_no_limit_of_memory_aborts_a_run(name, rooms):
         )  # fmt: skip
         assert found.returncode == 0, (room, found.returncode, found.stderr[-500:])
         assert found.stdout.startswith(f"{room} ")
+        said.append(found.stdout.strip())
+    return said
 
 
 SAVED = """

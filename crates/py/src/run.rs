@@ -59,16 +59,24 @@ pub(crate) fn run<'py>(
 /// A start is copied, laid out for a method, and stepped: so many times its bytes are there at once, or more.
 const COPIES: usize = 3;
 
+/// The members of an ensemble are copied, and then laid out and stepped some at a time.
+const COPIES_OF_MEMBERS: usize = 2;
+
 /// Refuses a run where there is no memory for its start.
 fn check_room(job: &Bound<'_, PyAny>) -> PyResult<()> {
-    let start = job.getattr(intern!(job.py(), "start"))?;
-    let mut bytes = 0;
-    for part in start.try_iter()? {
-        bytes += part?
-            .getattr(intern!(job.py(), "nbytes"))?
-            .extract::<usize>()?;
+    let py = job.py();
+    let size = |x: &Bound<'_, PyAny>| x.getattr(intern!(py, "nbytes"))?.extract::<usize>();
+    let is_ensemble: bool = job.getattr(intern!(py, "is_ensemble"))?.extract()?;
+    let mut bytes = size(&job.getattr(intern!(py, "params"))?)?;
+    for part in job.getattr(intern!(py, "start"))?.try_iter()? {
+        bytes += size(&part?)?;
     }
-    check(COPIES.saturating_mul(bytes)).map_err(|_| {
+    let copies = if is_ensemble {
+        COPIES_OF_MEMBERS
+    } else {
+        COPIES
+    };
+    check(copies.saturating_mul(bytes)).map_err(|_| {
         let size = bytes as f64 / f64::from(1 << 20);
         PyMemoryError::new_err(format!(
             "a start of {size:.1} MiB leaves no memory for a run"

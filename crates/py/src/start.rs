@@ -3,7 +3,7 @@
 use crate::errors::refused;
 use crate::mechanical::Mechanical;
 use liouville_problem::{Kind, Model, Tolerances, Violation};
-use numpy::{PyArray2, PyArrayMethods, PyUntypedArrayMethods};
+use numpy::{PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 
 /// Member, kind and number of a constraint, its value, and the largest allowed.
@@ -16,9 +16,9 @@ type Violated = (usize, &'static str, usize, f64, f64);
 pub(crate) fn violation(
     py: Python<'_>,
     problem: PyRef<'_, Mechanical>,
-    params: &Bound<'_, PyArray2<f64>>,
+    params: PyReadonlyArray2<'_, f64>,
     t: f64,
-    start: (Bound<'_, PyArray2<f64>>, Bound<'_, PyArray2<f64>>),
+    start: (PyReadonlyArray2<'_, f64>, PyReadonlyArray2<'_, f64>),
     tolerances: (f64, f64, Vec<usize>),
     with_hidden: bool,
 ) -> PyResult<Option<Violated>> {
@@ -32,7 +32,7 @@ pub(crate) fn violation(
     if !fits {
         return Err(refused("states and params are arrays of rows"));
     }
-    let (params, y, z) = (params.to_vec()?, y.to_vec()?, z.to_vec()?);
+    let (params, y, z) = (params.as_slice()?, y.as_slice()?, z.as_slice()?);
     let (relative, floor, kinds) = tolerances;
     if ![0, n].contains(&kinds.len()) || kinds.iter().any(|kind| *kind > n) {
         return Err(refused("there is a kind for each coordinate, or none"));
