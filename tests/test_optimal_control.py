@@ -280,7 +280,7 @@ def test_the_program_grows_with_its_steps_only(general):
         times = Times.of((0, 3), None, steps, None)
         given = {"q": [0, 0, -1], "v": [0, 0, 0]}
         problem = Problem(
-            CART, lv.Spark(2), ("F",), effort, None, times, UPRIGHT, None, None, given
+            CART, lv.Spark(2), ("F",), effort, None, times, UPRIGHT, None, None, (), None, given
         )
         program = problem.transcription.program
         return np.array([program._jacobian.nnz_out(1), program._hessian.nnz_out(0)])

@@ -152,6 +152,17 @@ def checked_method(method: Method | str) -> Spark:
     return method
 
 
+def free_of_start(system: Mechanics, given: Any) -> tuple[int, ...]:
+    """Return the places of the states of the start that are free, 0 for y and 1 for z."""
+    if isinstance(given, str) or not isinstance(given, Sequence):
+        hint = f"write free={system.states!r} or one of both in a tuple"
+        raise TypeError(hinted(f"free must be a sequence of states, not {given!r}", hint))
+    for name in given:
+        if name not in system.states:
+            raise ValueError(f"free must be of {' and '.join(system.states)}, not {name!r}")
+    return tuple(system.states.index(name) for name in given)
+
+
 @dataclass(frozen=True)
 class Bounds:
     """Least and largest values: of y and z, shape (2, 2, n), and of controls, shape (2, k)."""

@@ -46,6 +46,8 @@ def optimal_control(
     final: Mapping[str, Any] | Callable[..., Any] | None = None,
     final_time: tuple[float, float] | None = None,
     bounds: Mapping[str, Any] | None = None,
+    path: Mapping[str, tuple[Callable[..., Any], Any, Any]] | None = None,
+    free: Sequence[str] = (),
     guess: OptimalControl | Solution | Mapping[str, ArrayLike] | None = None,
     params: Mapping[str, ArrayLike] | None = None,
     options: Mapping[str, Any] | None = None,
@@ -97,6 +99,14 @@ def optimal_control(
     bounds : mapping, optional
         Least and largest values, ``{"F": (-10, 10), "q": {"x": (-1, 1)}, "v": (None, 2)}``, of
         controls at the stages and of states at the nodes and the stages; None leaves a side open.
+    path : mapping, optional
+        Functions along the path with their limits, ``{"clear": (f, least, largest)}``: scalars or
+        columns ``f(t, q, v, params)`` of states and controls, within the limits at the stages, and
+        at the nodes where no control is in them; None leaves a side open. A bound that changes in
+        time is such a function, ``(lambda t, q, v, params: q[0] - t, None, 0.0)``.
+    free : sequence of str
+        States of the start that are free within their bounds, on the constraints; IPOPT begins with
+        those that are given.
     guess : OptimalControl, Solution or mapping, optional
         Where IPOPT begins: another result, a run, or arrays by name with the times as their first
         axis, evenly spaced unless ``"t"`` is among them. By default states go straight from start
@@ -155,6 +165,6 @@ def optimal_control(
     """
     problem = Problem(
         system, method, controls, cost, final_cost, Times.of(t, h, steps, final_time), final,
-        bounds, params, started(start, values),
+        bounds, path, free, params, started(start, values),
     )  # fmt: skip
     return problem.solve(guess, {**OPTIONS, **_trace.mapping("options", options)})

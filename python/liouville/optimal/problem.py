@@ -13,10 +13,18 @@ from liouville import _core
 from liouville.errors import IntegrationError, OptimizationError, hinted
 from liouville.integrate import integrate
 from liouville.methods import Spark
-from liouville.optimal.arguments import Array, Bounds, Controls, Times, checked_method
+from liouville.optimal.arguments import (
+    Array,
+    Bounds,
+    Controls,
+    Times,
+    checked_method,
+    free_of_start,
+)
 from liouville.optimal.final import Final, check_free, near_constraints
 from liouville.optimal.guess import path_of
 from liouville.optimal.nodal import Hamiltonian
+from liouville.optimal.path import PathConstraints
 from liouville.optimal.result import OptimalControl
 from liouville.optimal.transcription import Equations, Transcription
 from liouville.runners.execute import finished
@@ -48,7 +56,7 @@ class Problem:
 
     def __init__(
         self, system: Any, method: Any, controls: Any, cost: Any, final_cost: Any, times: Times,
-        final: Any, bounds: Any, params: Any, start: Mapping[str, Any],
+        final: Any, bounds: Any, path: Any, free: Any, params: Any, start: Mapping[str, Any],
     ) -> None:  # fmt: skip
         self.method: Spark = checked_method(method)
         self.system, self.times = _mechanical(system), times
@@ -59,16 +67,17 @@ class Problem:
         self.reduced = system.stepped(times.start, *self.start, self.params)
         self.bounds = Bounds.of(system, self.controls, bounds)
         self.final = Final.of(system, self.controls, final)
-        self.equations = Equations(
-            self.reduced, self.controls, self.params, self._costs(cost, final_cost)
-        )
+        self.path = PathConstraints.of(system, self.controls, path)
+        self.free = free_of_start(system, free)
+        functions = {**self._costs(cost, final_cost), "path": self.path.rows}
+        self.equations = Equations(self.reduced, self.controls, self.params, functions)
         self._check_end()
-        self.transcription = self._transcribed(self.bounds)
+        self.transcription = self._transcribed(self.bounds, self.path)
 
-    def _transcribed(self, bounds: Bounds) -> Transcription:
+    def _transcribed(self, bounds: Bounds, path: PathConstraints | None) -> Transcription:
         return Transcription(
             self.reduced, self.method.stages, self.equations, self.times, self.final, self.params,
-            bounds,
+            bounds, path, self.free,
         )  # fmt: skip
 
     def _costs(self, cost: Any, final_cost: Any) -> dict[str, ca.SX]:
@@ -91,7 +100,8 @@ class Problem:
         if self.times.limits is not None:
             self.final.check_times(self.system, self.times.limits, self.params)
         for place, values in enumerate(end):
-            self.bounds.check(self.system, place, self.start[place], "at the start")
+            if place not in self.free:
+                self.bounds.check(self.system, place, self.start[place], "at the start")
             if place in self.final.whole:
                 self.bounds.check(self.system, place, values, "at the end")
 
@@ -203,6 +213,10 @@ class Problem:
         interpolated = np.vstack([start[:1], (end[:-1] + start[1:]) / 2, end[-1:]])
         bounds = self.bounds.controls
         interpolated = np.clip(interpolated, *bounds)
+        if self.path.sees_controls.any():
+            return interpolated, (
+                "controls at nodes are interpolated between stages, where the path bounds them"
+            )
         found = Hamiltonian(self.equations).minimum((t, y, z, pi), interpolated, bounds)
         if found is not None:
             return found, ""
@@ -294,7 +308,7 @@ class Problem:
             case "Infeasible_Problem_Detected":
                 sentence = f"no motion meets all conditions near the last one: {off}"
                 if broken := self._broken(found["x"]):
-                    sentence += f"; without bounds {broken}"
+                    sentence += f"; without {broken}"
                 hint = "allow more time, wider bounds or fewer final conditions, or give a guess"
             case status if status in EXCEEDED:
                 sentence = f"no optimum is found yet: {off}"
@@ -325,10 +339,15 @@ class Problem:
         return self._failed(hinted(f"{sentence} ({counted})", hint), result)
 
     def _broken(self, guess: Array) -> str:
-        """Name the bound that a motion needs to break, empty where none is found."""
-        for controls in (False, True):
-            bounds = self.bounds.without(controls=controls)
-            transcription = self._transcribed(bounds)
+        """Name the limit that a motion needs to break, empty where none is found."""
+        free = self.bounds.without(controls=False)
+        trials: list[tuple[Bounds, PathConstraints | None, str]] = []
+        if self.path.labels:
+            trials.append((self.bounds, None, "limits along the path"))
+        trials += [(free, self.path, "bounds"), (free, None, "bounds")]
+        trials += [(self.bounds.without(controls=True), None, "bounds")]
+        for bounds, path, what in trials:
+            transcription = self._transcribed(bounds, path)
             layout, limits = transcription.layout, transcription.bounds(self.start)
             sizes = transcription.sizes(guess)
             with np.errstate(all="ignore"):
@@ -337,7 +356,10 @@ class Problem:
                 x = found["x"]
                 z = np.vstack([x[layout.z], x[layout.Z].reshape(-1, self.equations.n)])
                 u = x[layout.u].reshape(-1, self.controls.size)
-                return self.bounds.beyond(self.system, self.controls, (x[layout.y], z, u))
+                said = self.bounds.beyond(self.system, self.controls, (x[layout.y], z, u))
+                if not said and self.path.labels:
+                    said = self.path.beyond(self.transcription.along(x))
+                return f"{what} {said}" if said else ""
         return ""
 
     def _flat(self, result: OptimalControl) -> str | None:

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
 from functools import cached_property
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -13,9 +11,10 @@ from numpy.typing import NDArray
 
 from liouville import _casadi as ca
 from liouville import _core
-from liouville._arguments import check_memory
 from liouville.optimal.arguments import Array, Bounds, Controls, Times
 from liouville.optimal.final import Final, is_own_velocity
+from liouville.optimal.layout import Layout
+from liouville.optimal.path import PathConstraints
 from liouville.optimal.program import Block, Places, Program
 from liouville.systems import Mechanics
 from liouville.systems._form import total_derivative
@@ -76,60 +75,8 @@ def _times(matrix: Matrix | None, x: ca.SX) -> ca.SX:
     return ca.mtimes(ca.DM(pattern, ca.DM(matrix.values)), x)
 
 
-#: Bytes of an unknown in IPOPT and CasADi, of the smallest systems.
-LEAST_BYTES = 2000.0
-
 #: A position has at least this part of the largest one's size, or of one.
 LEAST = 1e-2
-
-
-@dataclass(frozen=True)
-class Layout:
-    """Where the unknowns are: y and z at nodes, and of each step V, Z, h Psi and u.
-
-    The unknowns Z are those of systems whose velocity is not z itself, else the places of V.
-    """
-
-    y: Places
-    z: Places
-    V: Places
-    Z: Places
-    impulses: Places
-    u: Places
-    end: Places
-    more: Places
-    size: int
-
-    @classmethod
-    def of(cls, equations: Equations, stages: int, times: Times, more: int) -> Layout:
-        """Lay them out step by step."""
-        n, m, k, steps = equations.n, equations.m, equations.size, times.steps
-        sizes = [stages * n, 0 if equations.is_own_velocity else stages * n]
-        sizes += [(stages + 1) * m, stages * k, n, n]
-        firsts = np.cumsum([0, *sizes])
-        unknowns = steps * int(firsts[-1])
-        check_memory(
-            f"a program of {unknowns} unknowns in {steps} steps", LEAST_BYTES * unknowns,
-            "take fewer steps",
-        )  # fmt: skip
-        rows = 2 * n + np.arange(steps)[:, None] * firsts[-1] + np.arange(firsts[-1])
-        parts = [rows[:, a:b] for a, b in pairwise(firsts.tolist())]
-        V, Z, impulses, u, y, z = parts
-        start = np.arange(n)[None]
-        last = 2 * n + unknowns
-        end = np.arange(last, last + (times.limits is not None))
-        last += end.size
-        return cls(
-            y=np.vstack([start, y]),
-            z=np.vstack([n + start, z]),
-            V=V.reshape(steps, stages, n),
-            Z=(V if equations.is_own_velocity else Z).reshape(steps, stages, n),
-            impulses=impulses.reshape(steps, stages + 1, m),
-            u=u.reshape(steps, stages, k),
-            end=end,
-            more=np.arange(last, last + more),
-            size=last + more,
-        )
 
 
 class Transcription:
@@ -149,21 +96,26 @@ class Transcription:
         final: Final,
         params: Array,
         bounds: Bounds,
+        path: PathConstraints | None,
+        free: Sequence[int] = (),
     ) -> None:
         self.system, self.stages, self.times, self.equations = system, stages, times, equations
         self.table = _core.spark_tableau(stages, "gauss")
         self._final, self._params, self._bounds = final, params, bounds
+        self._path, self._free = path, free
         self._end = ca.SX.sym("end", times.limits is not None)
         y, z = ca.SX.sym("y", equations.n), ca.SX.sym("z", equations.n)
         found = final.block(system, self._time(times.steps), y, z, params, times.end)
         self._conditions, self._at_end = found, (y, z)
-        self.layout = Layout.of(equations, stages, times, found[2].numel())
+        sizes = equations.n, equations.m, equations.size
+        more = found[2].numel()
+        self.layout = Layout.of(sizes, equations.is_own_velocity, stages, times, more)
 
     @cached_property
     def program(self) -> Program:
-        """The program: blocks of all steps, of the end, and of positions within bounds."""
-        inside = [] if self.inside is None else [self.inside]
-        return Program(self.layout.size, [self.step, self.last, *inside])
+        """The program: blocks of all steps, of both ends, of bounded positions, and of the path."""
+        more = [x for x in (self.first, self.inside, self.path) if x is not None]
+        return Program(self.layout.size, [self.step, self.last, *more])
 
     @property
     def _h(self) -> ca.SX:
@@ -184,15 +136,19 @@ class Transcription:
         number, h = ca.SX.sym("number"), self._h
         cost, rows, labels = self._step(number, h, *unknowns)
         own = [ca.vec(x) for x in unknowns if x is not None]
+        zero = np.zeros(rows.numel())
+        variables, places = ca.vertcat(*own, self._end), self._places_of_steps
+        return Block("step", variables, number, cost, rows, (zero, zero), labels, places)
+
+    @property
+    def _places_of_steps(self) -> Places:
+        """Where the unknowns of each step are, and the end."""
         layout, steps = self.layout, self.times.steps
         parts = [layout.y[:-1], layout.z[:-1], layout.V]
         parts += [] if self.equations.is_own_velocity else [layout.Z]
         parts += [layout.impulses, layout.u, layout.y[1:], layout.z[1:]]
         parts += [np.tile(layout.end, (steps, 1))]
-        places = np.concatenate([x.reshape(steps, -1) for x in parts], axis=1)
-        zero = np.zeros(rows.numel())
-        variables = ca.vertcat(*own, self._end)
-        return Block("step", variables, number, cost, rows, (zero, zero), labels, places)
+        return np.concatenate([x.reshape(steps, -1) for x in parts], axis=1)
 
     @cached_property
     def inside(self) -> Block | None:
@@ -213,6 +169,57 @@ class Transcription:
             tuple(f"the bound of {self.system.states[0]} of '{names[k]}'" for k in own)
             * self.stages, places,
         )  # fmt: skip
+
+    @cached_property
+    def path(self) -> Block | None:
+        """The constraints along the path: at the stages, and those of states alone at nodes too."""
+        path = self._path
+        if path is None or not path.labels:
+            return None
+        y0, _, V, Z, _, u, y1, z1 = unknowns = self._unknowns
+        number, h, s = ca.SX.sym("number"), self._h, self.stages
+        t0, c, at_nodes = self._time(number), self.table["c"].tolist(), path.of_states
+        Y = ca.repmat(y0, 1, s) + h * ca.mtimes(V, ca.DM(self.table["a_v"]).T)
+        own = V if Z is None else Z
+        at = self.equations.at
+        rows = [at("path", t0 + c[i] * h, Y[:, i], own[:, i], u=u[:, i]) for i in range(s)]
+        end = at("path", t0 + h, y1, z1)
+        rows += [end[k] for k in at_nodes]
+        limits = [np.concatenate([np.tile(x, s), x[at_nodes]]) for x in (path.low, path.high)]
+        labels = path.labels * s + tuple(path.labels[k] for k in at_nodes)
+        variables = ca.vertcat(*(ca.vec(x) for x in unknowns if x is not None), self._end)
+        return Block(
+            "path", variables, number, ca.SX(0), ca.vertcat(*rows), (limits[0], limits[1]), labels,
+            self._places_of_steps,
+        )  # fmt: skip
+
+    @cached_property
+    def first(self) -> Block | None:
+        """The constraints of a start that is free: its own where q is, and the hidden ones."""
+        if not self._free or not self.equations.m:
+            return None
+        n, t = self.equations.n, ca.SX(self.times.start)
+        y, z, number = ca.SX.sym("y", n), ca.SX.sym("z", n), ca.SX.sym("number")
+        rows = [self.equations.at("end", t, y, z)[1]]
+        labels = [f"hidden constraint '{x}' of the start" for x in self.system._holonomic]
+        if 0 in self._free:
+            rows.append(self.equations.at("node", t, y, ca.SX(self.equations.m, 1))[0])
+            labels += [f"constraint '{x}' of the start" for x in self.system._holonomic]
+        zero, places = np.zeros(len(labels)), np.concatenate([self.layout.y[0], self.layout.z[0]])
+        return Block(
+            "first", ca.vertcat(y, z), number, ca.SX(0), ca.vertcat(*rows), (zero, zero),
+            tuple(labels), places[None],
+        )  # fmt: skip
+
+    def along(self, x: Array) -> Array:
+        """Return the values of the constraints along the path at all stages, shape (N s, r)."""
+        block = self.path
+        if block is None or self._path is None:
+            return np.empty((0, 0))
+        values = block.values.map(block.copies)(x[block.places].T, np.arange(block.copies))[1]
+        count = self.stages * len(self._path.labels)
+        found: Array = np.array(values).T[:, :count].reshape(-1, len(self._path.labels))
+        return found
 
     @property
     def _unknowns(self) -> list[Any]:
@@ -286,13 +293,15 @@ class Transcription:
         return Block("last", variables, number, cost, rows, (zero, zero), labels, places)
 
     def bounds(self, start: tuple[Array, Array]) -> tuple[Array, Array]:
-        """Return least and largest values of all unknowns, of the start its own."""
+        """Return least and largest values of all unknowns, of a start that is given its own."""
         layout, bounds, found = self.layout, self._bounds, []
         for k, sign in enumerate((-1.0, 1.0)):
             x = np.full(layout.size, sign * np.inf)
             x[layout.y], x[layout.z] = bounds.states[k]
             x[layout.Z] = bounds.states[k, 1]
-            x[layout.y[0]], x[layout.z[0]] = start
+            for place, own in enumerate((layout.y[0], layout.z[0])):
+                if place not in self._free:
+                    x[own] = start[place]
             x[layout.u] = bounds.controls[k]
             if self.times.limits is not None:
                 x[layout.end] = self.times.limits[k]

@@ -1,0 +1,135 @@
+"""Optimal control with constraints along the path and with free starts: published optima."""
+
+import casadi as ca
+import numpy as np
+import pytest
+
+import liouville as lv
+
+RAYLEIGH = lv.Lagrangian(
+    lambda t, q, v, params: (v[0] ** 2 - q[0] ** 2) / 2,
+    force=lambda t, q, v, params: v[0] * (1.4 - 0.14 * v[0] ** 2) + 4 * params.u,
+    q=("x",),
+    params={"u": 0.0},
+)
+MASS = lv.Lagrangian(
+    lambda t, q, v, params: v[0] ** 2 / 2, force=lambda t, q, v, params: [params.u], q=("x",),
+    params={"u": 0.0},
+)  # fmt: skip
+PENDULUM = lv.Lagrangian(
+    lambda t, q, v, params: ca.dot(v, v) / 2 - 9.81 * q[1],
+    lambda t, q, params: ca.dot(q, q) - 1,
+    force=lambda t, q, v, params: [params.u * q[1], -params.u * q[0]],
+    q=("x", "y"),
+    params={"u": 0.0},
+)
+
+
+def effort(t, q, v, params):
+    return params.u**2 / 2
+
+
+def rayleigh(steps, **more):
+    """Return the optimum of Rayleigh's problem."""
+    return lv.optimal_control(
+        RAYLEIGH, lv.Spark(3), controls=("u",), t=(0, 4.5), steps=steps, q=[-5.0], v=[-5.0],
+        cost=lambda t, q, v, params: params.u**2 + q[0] ** 2, **more,
+    )  # fmt: skip
+
+
+def moved(steps=40, **more):
+    call = {"t": (0, 1), "q": [0.0], "v": [1.0], "final": {"q": [0.0], "v": [-1.0]}, **more}
+    return lv.optimal_control(MASS, lv.Spark(2), controls=("u",), cost=effort, steps=steps, **call)
+
+
+def test_a_published_optimum_with_a_constraint_of_state_and_control():
+    """Maurer and Augustin have 44.80444 for u + x/6 <= 0, and 29.37608 is that without."""
+    found = rayleigh(80, path={"mixed": (lambda t, q, v, params: params.u + q[0] / 6, None, 0.0)})
+    assert found.cost == pytest.approx(44.80444, abs=1e-5)
+    run = found.driven
+    dense = lv.integrate(run, lv.Spark(3), t=(0, 4.5), steps=80, t_eval=found.stage_t.ravel(),
+                         params=found.params, q=[-5.0], v=[-5.0])  # fmt: skip
+    at_stages = found.stage_controls["u"].ravel() + dense.q[:, 0] / 6
+    assert at_stages.max() < 1e-5
+    assert (at_stages > -1e-4).mean() > 0.2
+    assert "interpolated between stages, where the path bounds them" in found.message
+
+
+@pytest.mark.parametrize("path", [True, False], ids=["path", "bounds"])
+def test_bryson_and_denham_s_optimum(path):
+    """4 / (9 l) is the least effort under x <= l for l below 1/6, as a bound and along the path."""
+    limit = {"path": {"wall": (lambda t, q, v, params: q[0], None, 1 / 9)}} if path else {}
+    found = moved(60, **(limit or {"bounds": {"q": (None, 1 / 9)}}))
+    assert found.cost == pytest.approx(4.0, abs=2e-3)
+    assert found.q.max() < 1 / 9 + 1e-9
+
+
+def test_a_bound_that_changes_in_time():
+    """Under x <= (1 + t) / 15 the motion touches the wall, and lies below the one without it."""
+    free = moved()
+    found = moved(path={"wall": (lambda t, q, v, params: q[0] - (1 + t) / 15, None, 0.0)})
+    beyond = found.q[:, 0] - (1 + found.t) / 15
+    assert (free.q[:, 0] - (1 + free.t) / 15).max() > 0.1
+    assert -1e-6 < beyond.max() < 1e-9
+    assert found.cost > free.cost + 0.5
+
+
+def test_a_free_start_is_chosen_at_no_cost():
+    """From x = 0 to rest at 1 the best start is at 1.5, and u = -3 t costs 1.5."""
+    call = {"t": (0, 1), "q": [0.0], "v": [0.3], "final": {"q": [1.0], "v": [0.0]}}
+    found = moved(free=("v",), **call)
+    assert found.cost == pytest.approx(1.5, abs=1e-10)
+    assert found.v[0, 0] == pytest.approx(1.5, abs=1e-9)
+    np.testing.assert_allclose(found.controls["u"], -3 * found.t, atol=1e-8)
+    held = moved(free=("v",), bounds={"v": (None, 1.3)}, **call)
+    assert held.v.max() < 1.3 + 1e-9
+    assert held.cost > 1.5
+
+
+def test_a_free_start_is_on_its_constraints():
+    """A pendulum that shall be at the side at rest swings there by itself from where it begins."""
+    found = lv.optimal_control(
+        PENDULUM, lv.Spark(3), controls=("u",), cost=effort, t=(0, 1), steps=20, free=("q", "v"),
+        q=[0.0, -1.0], v=[1.0, 0.0], final={"q": {"x": 0.8}, "v": {"x": 0.0}},
+    )  # fmt: skip
+    assert found.cost == pytest.approx(0.0, abs=1e-12)
+    q, v = found.q[0], found.v[0]
+    assert q @ q == pytest.approx(1.0, abs=1e-12)
+    assert q @ v == pytest.approx(0.0, abs=1e-12)
+    assert np.abs(found.solution.q - found.q).max() < 1e-11
+
+
+def test_the_error_of_a_motion_is_estimated():
+    coarse, fine = rayleigh(40), rayleigh(80)
+    for found, sixfold in ((coarse, False), (fine, True)):
+        run = lv.integrate(found.driven, lv.Spark(6), t=(0, 4.5), steps=8 * (len(found.t) - 1),
+                           every=8, params=found.params, q=[-5.0], v=[-5.0])  # fmt: skip
+        true = np.abs(run.q - found.q).max()
+        assert found.error["q"] == pytest.approx(true, rel=0.05 if sixfold else 0.3)
+    assert coarse.error["q"] > 30 * fine.error["q"]
+
+
+def test_a_path_that_no_motion_keeps_is_named():
+    """To come to rest at 1 in one unit of time takes a speed of 1 at least."""
+    call = {"t": (0, 1), "q": [0.0], "v": [0.0], "final": {"q": [1.0], "v": [0.0]}}
+    path = {"slow": (lambda t, q, v, params: v[0], None, 0.5)}
+    with pytest.raises(
+        lv.OptimizationError, match=r"without limits along the path path 'slow' goes to .*of 0\.5"
+    ):
+        moved(path=path, **call)
+
+
+@pytest.mark.parametrize(
+    ("more", "says"),
+    [
+        ({"path": {"a": 1}}, "path 'a' must be a function and two limits, not 1\nhint: write"),
+        ({"path": {"a": (1, 0, 1)}}, "path 'a' must be a function and two limits"),
+        ({"path": {"a": (lambda t, q, v, params: q[0], 1, 0)}}, "bounds of path 'a' leave nothing"),
+        ({"path": {"a": (lambda t, q: q[0], 0, 1)}}, "path 'a' is called with"),
+        ({"free": "v"}, "free must be a sequence of states, not 'v'"),
+        ({"free": ("u",)}, "free must be of q and v, not 'u'"),
+    ],
+)
+def test_bad_arguments_are_refused(more, says):
+    with pytest.raises((TypeError, ValueError), match=says):
+        moved(**more)
