@@ -127,6 +127,8 @@ pub enum StepError {
     Outside { index: usize, member: usize, t: f64 },
     #[error("the norm is {norm} at t = {t}, where it was {start}")]
     Norm { norm: f64, start: f64, t: f64 },
+    #[error("a share of {share:e} of psi is in the upper third of the wave numbers at t = {t}")]
+    Unresolved { share: f64, t: f64 },
     #[error("the step at t = {t} spans {theta} of the spectrum, the method takes {most}")]
     Spectrum { theta: f64, most: f64, t: f64 },
     #[error("event {event} at t = {t} has a reset that leads to no state of the system")]

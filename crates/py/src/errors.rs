@@ -52,6 +52,30 @@ fn of_reset(dict: &Bound<'_, PyDict>, missed: &(Quantity, usize, f64)) -> PyResu
     dict.set_item("value", value)
 }
 
+/// The parts of an error of a wave function, and its kind.
+fn of_wave(dict: &Bound<'_, PyDict>, error: &StepError) -> PyResult<&'static str> {
+    Ok(match error {
+        StepError::Norm { norm, start, t } => {
+            dict.set_item("norm", norm)?;
+            dict.set_item("norm_at_start", start)?;
+            dict.set_item("t", t)?;
+            "norm"
+        }
+        StepError::Unresolved { share, t } => {
+            dict.set_item("share", share)?;
+            dict.set_item("t", t)?;
+            "unresolved"
+        }
+        StepError::Spectrum { theta, most, t } => {
+            dict.set_item("theta", theta)?;
+            dict.set_item("most", most)?;
+            dict.set_item("t", t)?;
+            "spectrum"
+        }
+        _ => "",
+    })
+}
+
 /// An error as a dictionary: its kind, its numbers, and its own sentence.
 pub(crate) fn error<'py>(py: Python<'py>, error: &StepError) -> PyResult<Bound<'py, PyDict>> {
     let dict = PyDict::new(py);
@@ -129,17 +153,8 @@ pub(crate) fn error<'py>(py: Python<'py>, error: &StepError) -> PyResult<Bound<'
             of_member(&dict, ("index", *index), *member, *t)?;
             "outside"
         }
-        StepError::Norm { norm, start, t } => {
-            dict.set_item("norm", norm)?;
-            dict.set_item("norm_at_start", start)?;
-            dict.set_item("t", t)?;
-            "norm"
-        }
-        StepError::Spectrum { theta, most, t } => {
-            dict.set_item("theta", theta)?;
-            dict.set_item("most", most)?;
-            dict.set_item("t", t)?;
-            "spectrum"
+        StepError::Norm { .. } | StepError::Unresolved { .. } | StepError::Spectrum { .. } => {
+            of_wave(&dict, error)?
         }
         StepError::Reset { .. } | StepError::Undifferentiable { .. } => of_event(&dict, error)?,
         StepError::Interrupted => "interrupted",

@@ -7,7 +7,7 @@ use liouville_base::error::StepError;
 use liouville_base::simd::InstructionSet;
 use liouville_waves::method::Sweeper;
 use liouville_waves::problem::{
-    Bond, Dense, Diagonals, Drive, HamiltonianAt, Kinetic, Potential, Spins,
+    Bond, Dense, Diagonals, Drive, HamiltonianAt, Kinetic, Nonlinearity, Potential, Spins,
 };
 use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::exceptions::{PyMemoryError, PyValueError};
@@ -208,6 +208,14 @@ type Moving<'py> = (
     PyReadonlyArray1<'py, f64>,
 );
 
+/// Tapes of W(t, ρ) and of its energy, with parameters, the parameters, and the volume of a point.
+type OfDensity<'py> = (
+    PyRef<'py, Tape>,
+    PyRef<'py, Tape>,
+    PyReadonlyArray1<'py, f64>,
+    f64,
+);
+
 /// A sum of operators of the same size.
 #[pyclass(frozen, module = "liouville._core")]
 pub(crate) struct Hamiltonian {
@@ -219,15 +227,16 @@ pub(crate) struct Hamiltonian {
 impl Hamiltonian {
     /// A sum of terms, with weights that depend on time if there is a `drive`, (tape of t and parameters, the
     /// parameters), and a diagonal that does if there is a `potential`, (tape of t, x and parameters, the
-    /// parameters, the coordinates x of all points). A doubled one is [[A, -B], [B, A]] of a complex H = A + iB,
+    /// parameters, the coordinates x of all points), and a potential of the density if there is a `nonlinearity`. A doubled one is [[A, -B], [B, A]] of a complex H = A + iB,
     /// and acts on (q, p).
     #[new]
-    #[pyo3(signature = (terms, is_doubled = false, drive = None, potential = None))]
+    #[pyo3(signature = (terms, is_doubled = false, drive = None, potential = None, nonlinearity = None))]
     fn new(
         terms: Vec<PyRef<'_, Operator>>,
         is_doubled: bool,
         drive: Option<Driven<'_>>,
         potential: Option<Moving<'_>>,
+        nonlinearity: Option<OfDensity<'_>>,
     ) -> PyResult<Self> {
         let is_uniform = terms
             .windows(2)
@@ -259,6 +268,11 @@ impl Hamiltonian {
             let potential = Potential::new(tape.0.clone(), params.as_slice()?, points.as_slice()?);
             let potential = potential.filter(|potential| potential.size() == inner.size());
             inner = inner.with_potential(potential.ok_or_else(unfit)?);
+        }
+        if let Some((potential, energy, params, cell)) = nonlinearity {
+            let (potential, energy) = (potential.0.clone(), energy.0.clone());
+            let nonlinearity = Nonlinearity::new(potential, energy, params.as_slice()?, cell);
+            inner = inner.with_nonlinearity(nonlinearity.ok_or_else(unfit)?);
         }
         let inner = Arc::new(inner);
         Ok(Self { inner, caught })

@@ -1,5 +1,6 @@
 """Analyses of a mechanism, or of a wave function, besides its motion."""
 
+from liouville.analysis.condensate import Condensate
 from liouville.analysis.equilibrium import Equilibrium, equilibrium
 from liouville.analysis.ground_state import GroundState, ground_state
 from liouville.analysis.inverse_dynamics import InverseDynamics, inverse_dynamics
@@ -9,6 +10,7 @@ from liouville.analysis.power import PowerBalance, power_balance
 from liouville.analysis.thermal_state import ThermalState, thermal_state
 
 __all__ = [
+    "Condensate",
     "Equilibrium",
     "GroundState",
     "InverseDynamics",

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from liouville._arguments import number
+from liouville.analysis.condensate import Condensate, condensate
 from liouville.analysis.lowest_level import RESTARTS, Scale, lowest_level
 from liouville.errors import hinted
 from liouville.systems import Schrodinger
@@ -76,8 +77,12 @@ def ground_state(
     t: float = 0.0,
     params: Mapping[str, ArrayLike] | None = None,
     tol: float = 1e-10,
-) -> GroundState:
+) -> GroundState | Condensate:
     r"""Find the states of least energy by block Lanczos with restarts, from random starts.
+
+    With a nonlinearity conjugate gradients find one state of norm 1, which solves
+    :math:`(H + W(\rho)) \psi = \mu \psi`, and `tol` is that of its residual as a part of
+    :math:`|\mu - \min V| + \langle T \rangle`.
 
     Parameters
     ----------
@@ -93,15 +98,17 @@ def ground_state(
 
     Returns
     -------
-    GroundState
-        The energy, all states that have it, and the gap to the next level.
+    GroundState or Condensate
+        The energy, all states that have it, and the gap to the next level; or with a nonlinearity
+        the energy, the chemical potential and the state.
 
     Raises
     ------
     TypeError, ValueError
         An argument is of the wrong kind.
     RuntimeError
-        The tolerance was not reached; the gap to the next energy is tiny then.
+        The tolerance was not reached; the gap to the next energy is tiny then. A condensate
+        collapses, or has structures finer than the grid.
     MemoryError
         There is not enough memory for its vectors.
 
@@ -132,6 +139,16 @@ def ground_state(
     check_sampled(system.drives, at, at)
     if not 1e-14 <= wanted < 1:
         raise ValueError(f"tol = {wanted:g}: it is a number from 1e-14 to below 1")
+    if system.nonlinearity is not None:
+        if system.drives:
+            hint = "give the drive as a potential of t and x"
+            raise TypeError(hinted("a condensate takes no drive by matrices", hint))
+        return condensate(system, at, wanted)
+    return lowest(system, at, wanted)
+
+
+def lowest(system: Schrodinger, at: float, wanted: float = 1e-10) -> GroundState:
+    """Find the states of least energy of a linear equation at a time, to a tolerance."""
     low, high = system.bounds_at(at) if system.is_driven else system.bounds
     counted = Counted(system.product_at(at))
     is_real = system.hamiltonian.size == system.size
@@ -145,7 +162,7 @@ def ground_state(
     scale = Scale.of(low, high, ROUNDOFF)
     level = lowest_level(shifted, system.size, scale, wanted, is_real=is_real)
     if level is None:
-        sentence = f"Lanczos' method did not reach tol = {tol:g} after {RESTARTS} restarts"
+        sentence = f"Lanczos' method did not reach tol = {wanted:g} after {RESTARTS} restarts"
         raise RuntimeError(hinted(sentence, "give a larger tol=, or a sector"))
     y = level.vectors[:, 0] / np.linalg.norm(level.vectors[:, 0])
     product = shifted(y)

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from liouville._arguments import check_memory, count, number
 from liouville._scipy import scipy
-from liouville.analysis.ground_state import Array, Counted, ground_state, wave
+from liouville.analysis.ground_state import Array, Counted, lowest, wave
 from liouville.errors import hinted
 from liouville.systems import Schrodinger
 
@@ -147,6 +147,7 @@ def thermal_state(
     warmth = number("temperature must be a number", temperature)
     if not warmth > 0:
         raise ValueError(f"temperature must be positive, not {warmth:g}")
+    system.check_linear("a thermal state", "leave the nonlinearity out")
     rows, at = count("states", states), number("t must be a number", t)
     size = system.hamiltonian.size
     what = f"{rows} thermal states of {system!r}"
@@ -156,7 +157,7 @@ def thermal_state(
     products, inverse = 0.0, tau
     if tau * (high - low) > COLD:
         # e^{-tau (E0 - low)} is to be no small number: the lowest energy is found, not bounded
-        ground = ground_state(system, t=at)
+        ground = lowest(system, at)
         low, products = (ground.energy - 2 * ground.bound) / system.hbar, ground.products
         gap = ground.gap / system.hbar
         # longer ones change the states by less than roundoff

@@ -196,7 +196,8 @@ class SplitOperator(Brief):
             e^{-i a_1 h T} e^{-i b_1 h V} \psi, \qquad H = T + V(t, x)
 
     One pair of FFTs for each flow of T. Unitary; a potential that depends on time is taken at the
-    time that the flows of T before it have reached. The best for smooth states of low energy.
+    time that the flows of T before it have reached. The best for smooth states of low energy, and
+    the one method for a nonlinearity, whose flow is as exact: :doc:`/theory/condensates`.
 
     Parameters
     ----------

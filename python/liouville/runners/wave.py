@@ -15,13 +15,15 @@ from liouville import _core
 from liouville._arguments import check_memory, times_of
 from liouville._job import Job
 from liouville.control import Steps
-from liouville.errors import Description, describe, hinted
+from liouville.errors import Description, hinted
 from liouville.methods import Stepped, WaveMethod
 from liouville.planner import WavePlan, plan_steps, plan_wave
 from liouville.planner.waves.choice import name_of
 from liouville.planner.waves.driven import Planned
 from liouville.planner.waves.propagators import Krylov, Series
+from liouville.planner.waves.resonance import resonance
 from liouville.runners.runner import Request, Runner, threads_of
+from liouville.runners.wave_failures import described
 from liouville.runners.wave_steps import check_no_steps, is_stepped, start_of, stops_of
 from liouville.systems import Schrodinger
 from liouville.tangents import Tangent
@@ -39,9 +41,6 @@ STATES = {
 
 #: The memory of the two halves by which shears step a state of a complex H.
 HALVES = 2
-
-#: So many times within a step that failed are looked at.
-LOOKS = 65
 
 #: The memory of a window of several outputs beside these outputs: copies of terms.
 OUTPUTS = 17
@@ -87,6 +86,9 @@ class WaveRunner(Runner):
             check(len(times))
         self.plan = self._planned(method, times, request)
         self._check_states()
+        self._resonance = ""
+        if system.nonlinearity is not None:
+            self._resonance = resonance(system, self.plan, self.psi)
         self._records: list[_core.WaveRecord] = []
         self._derivatives: dict[int, WaveDerivative] = {}
         self._directions: WaveDirections | None = None
@@ -313,9 +315,9 @@ class WaveRunner(Runner):
 
     @property
     def control_taken(self) -> str:
-        """A sentence on bounds of the spectrum that were wrong."""
+        """A sentence on bounds of the spectrum that were wrong, or on steps in resonance."""
         if not self._widened:
-            return ""
+            return self._resonance
         return (
             "an energy lies outside the bounds: a series was begun again with wider ones "
             f"{self._widened} time{'s' if self._widened > 1 else ''}"
@@ -343,58 +345,6 @@ class WaveRunner(Runner):
             found[name] = self.system.hbar * found[name]
         return found
 
-    def _singular(self, error: dict[str, Any]) -> Description | None:
-        """Return which function of time is not finite within the step that failed, and where."""
-        if not self.system.is_driven or "start" not in error:
-            return None
-        h = self.steps.mean(self.steps.t1, self.steps.count)
-        for t in error["start"] + h * np.linspace(0.0, 1.0, LOOKS):
-            try:
-                self.system.check_time(float(t))
-            except ValueError as found:
-                sentence, _, hint = str(found).partition("\nhint: ")
-                return sentence, hint, sentence.split(" is ")[0]
-        return None
-
     def _described(self, error: dict[str, Any]) -> Description:
-        size = error.get("norm", error.get("theta", 0.0))
-        is_finite = error["kind"] not in ("norm", "spectrum") or np.isfinite(size)
-        if not is_finite and (found := self._singular(error)):
-            return found
-        if not is_finite and error["kind"] == "norm" and self.system.is_driven:
-            return (
-                f"the norm is {size:g} where it was {error['norm_at_start']:.6g}: H(t) may have "
-                "values beyond its bounds",
-                "look for a jump, or a division by zero, in a function of time",
-                "norm",
-            )
-        if error["kind"] == "norm":
-            norm, before = _told_apart(error["norm"], error["norm_at_start"])
-            low, high = _told_apart(*self.plan.bounds)
-            return (
-                f"the norm is {norm} where it was {before}",
-                f"H may have eigenvalues outside the bounds [{low}, {high}] of H/hbar, or its "
-                "products are not those of a symmetric matrix: give bounds='gershgorin', or wider "
-                "ones",
-                "norm",
-            )
-        if error["kind"] == "spectrum" and not np.isfinite(error["theta"]):
-            hint = "look for a jump, or a division by zero, in a function of time"
-            return ("H(t) is not finite or not smooth there", hint, "spectrum")
-        if error["kind"] == "spectrum":
-            return (
-                f"the spectrum of H(t) is too wide there: a step spans {error['theta']:.4g}, and "
-                f"the method takes {error['most']:.4g}",
-                "give a smaller h",
-                "spectrum",
-            )
-        return describe(error, (), ())
-
-
-def _told_apart(a: float, b: float) -> tuple[str, str]:
-    """Return two numbers with six digits, or as many as show that they differ."""
-    for digits in range(6, 18):
-        texts = f"{a:.{digits}g}", f"{b:.{digits}g}"
-        if texts[0] != texts[1] or a == b:
-            break
-    return texts
+        h = self.steps.mean(self.steps.t1, self.steps.count)
+        return described(error, self.system, self.plan.bounds, h)

@@ -21,7 +21,7 @@ pub enum Observable {
     /// ⟨ψ|A|ψ⟩ of a diagonal A.
     Diagonal(Vec<f64>),
     /// ⟨ψ|A|ψ⟩ of a real symmetric A, at the time of the record if it depends on time; twice as large as
-    /// ψ where it acts on real and imaginary parts one after the other.
+    /// ψ where it acts on real and imaginary parts one after the other. The energy of a density comes on top.
     Symmetric(Arc<Hamiltonian>),
     /// ⟨φ|ψ⟩ of a state φ = q + i p, two numbers.
     Overlap(Vec<f64>, Vec<f64>),
@@ -134,7 +134,9 @@ impl Observer {
         if hamiltonian.size() > q.len() {
             return of(&[q, p].concat());
         }
-        Ok(of(q)? + of(p)?)
+        let linear = of(q)? + of(p)?;
+        let nonlinearity = hamiltonian.nonlinearity();
+        Ok(nonlinearity.map_or(linear, |each| linear + each.energy(t, q, p)))
     }
 }
 

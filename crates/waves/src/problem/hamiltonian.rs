@@ -1,7 +1,7 @@
 //! A Hamiltonian as a weighted sum of its terms.
 
 use super::kept::Kept;
-use super::{Drive, HamiltonianAt, Operator, Potential, Product, RowBlock, Update};
+use super::{Drive, HamiltonianAt, Nonlinearity, Operator, Potential, Product, RowBlock, Update};
 use liouville_base::error::StepError;
 use liouville_base::run::resize;
 use liouville_base::simd::{InstructionSet, Stored};
@@ -13,6 +13,7 @@ pub struct Hamiltonian {
     pub(super) terms: Vec<Operator>,
     pub(super) drive: Option<Drive>,
     pub(super) potential: Option<Potential>,
+    nonlinearity: Option<Nonlinearity>,
     is_doubled: bool,
     /// Windows of series in time.
     windows: Kept,
@@ -32,6 +33,7 @@ impl Hamiltonian {
             terms,
             drive: None,
             potential: None,
+            nonlinearity: None,
             is_doubled: false,
             windows: Kept::default(),
             scan: Kept::default(),
@@ -101,6 +103,16 @@ impl Hamiltonian {
         }
     }
 
+    /// The same with a potential that depends on the density, of which the split operator alone knows.
+    #[must_use]
+    pub fn with_nonlinearity(self, nonlinearity: Nonlinearity) -> Self {
+        let nonlinearity = Some(nonlinearity);
+        Self {
+            nonlinearity,
+            ..self
+        }
+    }
+
     /// Number of rows.
     pub fn size(&self) -> usize {
         self.terms[0].size()
@@ -119,6 +131,11 @@ impl Hamiltonian {
     /// The potential that depends on time.
     pub(crate) fn potential(&self) -> Option<&Potential> {
         self.potential.as_ref()
+    }
+
+    /// The potential that depends on the density.
+    pub(crate) fn nonlinearity(&self) -> Option<&Nonlinearity> {
+        self.nonlinearity.as_ref()
     }
 
     /// Where windows of series in time are kept.

@@ -98,6 +98,17 @@ impl Kinetic {
         (along, within.collect())
     }
 
+    /// Factors that leave the lower two thirds of the wave numbers along each axis, normalised: along the outermost
+    /// axis, and in a plane.
+    pub fn low_pass(&self) -> (Vec<Complex>, Vec<Complex>) {
+        let scale = 1.0 / self.size() as f64;
+        let kept = |n: usize| (0..n).map(move |j| f64::from(3 * j.min(n - j) <= n));
+        let along = kept(self.shape[0]).map(|factor| Complex::from(factor * scale));
+        let middle = kept(self.shape[1]);
+        let within = middle.flat_map(|a| kept(self.shape[2]).map(move |b| Complex::from(a * b)));
+        (along.collect(), within.collect())
+    }
+
     /// Updates all rows.
     ///
     /// # Errors

@@ -82,6 +82,9 @@ impl Prepared {
         times: Vec<f64>,
         is_back: bool,
     ) -> Result<Self, StartError> {
+        if hamiltonian.nonlinearity().is_some() && !matches!(method, Method::Splitting { .. }) {
+            return Err(StartError::invalid("a method for a linear equation"));
+        }
         Ok(match method {
             Method::Shears {
                 coefficients,

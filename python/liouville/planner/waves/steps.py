@@ -52,6 +52,7 @@ def plan_steps(system: Schrodinger, method: Stepped, t0: float, stops: Stops) ->
     check_sampled(system.drives, t0, stops[-1][0])
     if isinstance(method, SplitOperator):
         return _split_operator(system, method, t0, stops)
+    system.check_linear(type(method).__name__)
     if isinstance(method, Magnus):
         return _magnus(system, method, t0, stops)
     return _shears(system, method, t0, stops)
@@ -71,6 +72,9 @@ def _split_operator(
         hint = "take Magnus, or give the drive as a potential of t and x"
         raise TypeError(hinted("SplitOperator takes no drive by matrices", hint))
     steps, h = _sizes(t0, stops)
+    why = ["asked for, with steps of this size; a product is a pair of FFTs"]
+    if system.nonlinearity is not None:
+        why.append("the spectrum is that of T + V, without the nonlinearity")
     drifts = sum(not is_kick for is_kick, _, _ in _core.split_program(method.scheme))
     low, high = system.bounds_at(t0)
     return WavePlan(
@@ -83,7 +87,7 @@ def _split_operator(
         guarantee=system.guarantee,
         products=steps * drifts,
         bound=None,
-        reasons=("asked for, with steps of this size; a product is a pair of FFTs",),
+        reasons=tuple(why),
         core=Split(method.scheme, NORM),
     )
 

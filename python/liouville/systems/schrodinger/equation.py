@@ -10,20 +10,18 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from liouville import _core
 from liouville._arguments import read_only
 from liouville.systems import _trace
 from liouville.systems.schrodinger import foreign, forms, graph, observed, time_functions
-from liouville.systems.schrodinger.bounded import Bounded
 from liouville.systems.schrodinger.bounds import check_symmetric, interval, positive, way
-from liouville.systems.schrodinger.entries import Entries, check_size
+from liouville.systems.schrodinger.entries import Entries
 from liouville.systems.schrodinger.exchange import Exchange
-from liouville.systems.schrodinger.forms import Term, twice
 from liouville.systems.schrodinger.frame import Frame
 from liouville.systems.schrodinger.grid import Grid
 from liouville.systems.schrodinger.lattice import Lattice
 from liouville.systems.schrodinger.moving import MovingProduct
 from liouville.systems.schrodinger.observed import Observable
+from liouville.systems.schrodinger.on_grid import OnGrid
 from liouville.systems.schrodinger.products import Product
 from liouville.systems.schrodinger.sensitivity import DriveSensitivity, PotentialSensitivity
 from liouville.systems.schrodinger.sites.system import SiteSystem
@@ -37,7 +35,7 @@ OF_FUNCTIONS = ("_spectrum", "_known", "settled", "sensitivity", "potential_sens
 OF_POTENTIAL = ("_static", "_closer", "_parts", "term_bounds")
 
 
-class Schrodinger(Bounded):
+class Schrodinger(OnGrid):
     r"""The Schrödinger equation.
 
     .. math::
@@ -65,6 +63,10 @@ class Schrodinger(Bounded):
         these times by more than half the distance of two is refused.
     params : mapping of str to float or 1-D array_like, optional
         Parameters by name, with default values; functions see ``params.name``.
+    nonlinearity : callable, optional
+        On a grid a potential that depends on the density at its point, as of a condensate,
+        :math:`i \hbar \psi' = (H + W(t, |\psi(x)|^2)) \psi`: ``W(t, rho, params)``, called once
+        with CasADi symbols; rho is :math:`|\psi|^2`, a squared component over ``grid.cell``.
 
     Attributes
     ----------
@@ -76,6 +78,8 @@ class Schrodinger(Bounded):
         The Hamiltonian and Planck's constant as given.
     grid : Grid or None
         The grid, if there is one.
+    nonlinearity : Nonlinearity or None
+        The potential of the density, if there is one; bounds are those of H without it.
     is_driven : bool
         Whether H has a drive, or depends on time.
     is_real : bool
@@ -150,14 +154,15 @@ class Schrodinger(Bounded):
         drive: Sequence[tuple[Callable[..., Any] | ArrayLike, Any]] = (),
         times: ArrayLike | None = None,
         params: Mapping[str, ArrayLike] | None = None,
+        nonlinearity: Callable[..., Any] | None = None,
     ) -> None:
         self.source, self._drive = foreign.parted(hamiltonian, drive, times)
         self.hbar = positive("hbar", hbar)
         self._params = _trace.Parameters(params)
         self._given, self._way = interval(bounds, self.hbar), way(bounds)
-        self._make()
+        self._make(None, nonlinearity)
 
-    def _make(self, frame: Frame | None = None) -> None:
+    def _make(self, frame: Frame | None, nonlinearity: Callable[..., Any] | None) -> None:
         """Make the core's form of H, in a frame if it is known."""
         hamiltonian, drive = self.source, self._drive
         self.grid = hamiltonian if isinstance(hamiltonian, Grid) else None
@@ -169,6 +174,7 @@ class Schrodinger(Bounded):
         self._functions, driven = time_functions.read(drive, self._params, self.size)
         if isinstance(source, Exchange) and not all(matrix.is_real for matrix in driven):
             source = source.entries()
+        self.nonlinearity = self._read_nonlinearity(nonlinearity)
         self.frame = self._framed([source, *driven]) if frame is None else frame
         self._build(source, driven)
 
@@ -184,11 +190,12 @@ class Schrodinger(Bounded):
         own |= {"source": source, "_drive": drive}
         cached = ("bounds", "_spectrum", "_closer")
         found = {name: x for name, x in self.__dict__.items() if name in cached}
-        return {**own, **found, "term_bounds": self.term_bounds}
+        density = None if self.nonlinearity is None else self.nonlinearity.potential
+        return {**own, **found, "term_bounds": self.term_bounds, "nonlinearity": density}
 
     def _restore(self, state: dict[str, Any]) -> None:
         super()._restore(state)
-        self._make(state["frame"])
+        self._make(state["frame"], state["nonlinearity"])
 
     def _framed(self, parts: Sequence[Any]) -> Frame:
         matrices = [part for part in parts if isinstance(part, Entries)]
@@ -205,9 +212,7 @@ class Schrodinger(Bounded):
 
     def _build(self, source: Any, driven: list[Entries]) -> None:
         """Make the terms, and what the core calls them."""
-        self.potential: np.ndarray | None = None
-        self._potential: TimeFunction | None = None
-        self._moving: TimeFunction | None = None
+        self.potential, self._potential, self._moving = None, None, None
         if isinstance(source, Grid):
             first = self._of_grid(source, time_functions.potential(source, self._params))
         else:
@@ -215,42 +220,11 @@ class Schrodinger(Bounded):
         each = (forms.term_of_matrix(matrix, self.frame, 1 / self.hbar) for matrix in driven)
         self._terms = [first, *each]
         self.is_foreign = isinstance(source, (Product, MovingProduct))
-        self.is_driven = bool(driven or self._moving or self.moving_product)
+        is_moved = self.nonlinearity is not None and self.nonlinearity.is_driven
+        self.is_driven = bool(driven or self._moving or self.moving_product or is_moved)
         self._join()
         if isinstance(source, Product):
             check_symmetric("H", self._static)
-
-    def _join(self) -> None:
-        """Make the core's H of the terms and of functions of time."""
-        flat = [operator for term in self._terms for operator in term.operators]
-        params = self._params.values(None)
-        more: dict[str, Any] = {}
-        if self._functions:
-            more["drive"] = (self._weights, params)
-        if self._moving is not None and self.grid is not None:
-            tape = self._moving.tape(1 / self.hbar)
-            points = np.tile(self.grid.points, (1 + self.frame.is_doubled, 1))
-            more["potential"] = (tape, params, points.ravel())
-        self.hamiltonian = _core.Hamiltonian(flat, self.frame.is_doubled, **more)
-
-    def _of_grid(self, grid: Grid, found: TimeFunction | np.ndarray) -> Term:
-        kinetic = [energies / self.hbar for energies in grid.kinetic(self.hbar)]
-        check_size("T / hbar", np.concatenate(kinetic))
-        is_doubled = self.frame.is_doubled
-        terms = [twice(_core.Operator.kinetic(kinetic), is_doubled)]
-        low, high = 0.0, float(sum(energies.max() for energies in kinetic))
-        if isinstance(found, TimeFunction):
-            self._potential = found
-            if found.is_driven:
-                self._moving = found
-                return Term(terms, (low, high))
-            found = found.at(0.0, grid.points)
-        self.potential = found / self.hbar
-        low, high = low + float(self.potential.min()), high + float(self.potential.max())
-        if self.potential.any():
-            diagonal = _core.Operator.diagonals(grid.size, [0], [self.potential])
-            terms.append(twice(diagonal, is_doubled))
-        return Term(terms, (low, high))
 
     def __repr__(self) -> str:
         """Name the model, or the number of components."""
@@ -315,6 +289,8 @@ class Schrodinger(Bounded):
             if self.potential_sensitivity is not None:
                 own = self.potential_sensitivity.with_params(params)
                 other.__dict__["potential_sensitivity"] = own
+        if self.nonlinearity is not None:
+            other.nonlinearity = self.nonlinearity.with_params(params)
         if self._potential is not None and self.grid is not None:
             first = other._of_grid(self.grid, self._potential.with_params(params))
             other._terms = [first, *self._terms[1:]]
@@ -381,11 +357,3 @@ class Schrodinger(Bounded):
     def portable(self, observe: Mapping[str, Any] | None) -> dict[str, Any]:
         """Return observables in a form that can be pickled: functions by their values."""
         return observed.portable(observe, self._at_points)
-
-    def _at_points(self, name: str, function: Callable[..., Any]) -> np.ndarray:
-        if self.grid is None:
-            raise TypeError(observed.without_grid(name))
-        traced = TimeFunction(f"observable '{name}'", function, self._params, len(self.grid.shape))
-        if traced.is_driven:
-            raise ValueError(f"observable '{name}' depends on time, which none may")
-        return traced.at(0.0, self.grid.points)

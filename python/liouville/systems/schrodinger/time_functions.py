@@ -32,6 +32,8 @@ class TimeFunction:
         The parameters it takes.
     axes : int
         Number of coordinates of a point, 0 if there are none.
+    vector : str
+        What a function calls the point.
 
     Attributes
     ----------
@@ -42,15 +44,20 @@ class TimeFunction:
     _untraced: tuple[Callable[..., Any], _trace.Parameters]
 
     def __init__(
-        self, what: str, function: Callable[..., Any], params: _trace.Parameters, axes: int = 0
+        self,
+        what: str,
+        function: Callable[..., Any],
+        params: _trace.Parameters,
+        axes: int = 0,
+        vector: str = "x",
     ) -> None:
-        self.what, self._axes = what, axes
+        self.what, self._axes, self._vector = what, axes, vector
         self._expressions = self._traced(function, params)
         self.is_driven = ca.depends_on(self.expression, self.t)
         self._tapes: dict[float, _core.Tape] = {}  # of all values of the parameters
 
     def _traced(self, function: Callable[..., Any], params: _trace.Parameters) -> Expressions:
-        s = Symbols(params, {"x": self._axes} if self._axes else {})
+        s = Symbols(params, {self._vector: self._axes} if self._axes else {})
         return Expressions(s, {self.what: _trace.scalar(self.what, function, s.args)})
 
     @cached_property
@@ -122,7 +129,7 @@ class TimeFunction:
         bad = np.flatnonzero(~np.isfinite(values))
         if bad.size:
             k = bad[0]
-            place = "" if points is None else f" and x = {_point(points[k])}"
+            place = "" if points is None else f" and {self._vector} = {_point(points[k])}"
             raise ValueError(
                 hinted(
                     f"{self.what} is {values[k]} at t = {t[k]:g}{place}",

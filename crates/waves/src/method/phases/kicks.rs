@@ -1,0 +1,196 @@
+//! Flows of the potential: ψ ← e^{−isV} ψ, plane by plane.
+//!
+//! A potential W(t, ρ) of the density ρ = |ψ|² turns phases alone, so that ρ stays as it is and the flow is exact.
+
+use crate::problem::{Hamiltonian, HamiltonianAt, Nonlinearity, Operator, RowBlock, Update};
+use liouville_base::error::StepError;
+use liouville_base::real::Lanes;
+use liouville_base::simd::{ForEach, InstructionSet, Kernel, Number, SimdView, SimdViews, Stored};
+use liouville_base::tape::Registers;
+use liouville_fourier::Complex;
+use std::ops::Range;
+use std::sync::Arc;
+
+/// Points that tables of V may have in all: half a gigabyte.
+const POINTS: usize = 1 << 25;
+
+/// The potential of a Hamiltonian.
+#[derive(Clone)]
+pub(super) struct Kicks {
+    hamiltonian: Arc<Hamiltonian>,
+    /// The terms that are diagonal, each with its place among all.
+    diagonals: Vec<(usize, Vec<f64>)>,
+    current: Option<HamiltonianAt>,
+    potential: Vec<f64>,
+    /// Memory of W, and V + W on a plane.
+    of_density: Option<(Registers<Lanes>, Vec<f64>)>,
+    tables: Vec<PotentialPhases>,
+    cos_sin: [Vec<f64>; 2],
+    machine: InstructionSet,
+}
+
+/// cos and sin of V s for a length of time, where V does not depend on it.
+#[derive(Clone)]
+struct PotentialPhases {
+    s: f64,
+    cos_sin: [Vec<f64>; 2],
+}
+
+/// A flow about to be made, of all planes: its time and length, and the place of its table.
+#[derive(Clone, Copy)]
+pub(super) struct Kick {
+    t: f64,
+    s: f64,
+    table: Option<usize>,
+}
+
+impl Kicks {
+    /// Flows of the terms of a Hamiltonian other than `kinetic`, on planes of so many points; none where one is not
+    /// diagonal.
+    pub(super) fn new(hamiltonian: Arc<Hamiltonian>, kinetic: usize, plane: usize) -> Option<Self> {
+        let machine = InstructionSet::default();
+        let others = hamiltonian.terms().iter().enumerate();
+        let others = others.filter(|(k, _)| *k != kinetic);
+        let diagonals: Vec<(usize, Vec<f64>)> = others
+            .map(|(k, term)| Some((k, diagonal(machine, term)?)))
+            .collect::<Option<_>>()?;
+        let mut potential = vec![0.0; hamiltonian.size()];
+        sum(&diagonals, |_| 1.0, &mut potential);
+        let of_density = hamiltonian.nonlinearity().map(Nonlinearity::bind);
+        Some(Self {
+            current: hamiltonian.current(),
+            of_density: of_density.map(|registers| (registers, vec![0.0; plane])),
+            cos_sin: [0, 1].map(|_| vec![0.0; plane]),
+            hamiltonian,
+            tables: Vec::new(),
+            diagonals,
+            potential,
+            machine,
+        })
+    }
+
+    /// Whether the potential depends on the density.
+    pub(super) fn is_nonlinear(&self) -> bool {
+        self.of_density.is_some()
+    }
+
+    /// Prepares a flow of length s at `t`.
+    pub(super) fn begin(&mut self, t: f64, s: f64) -> Result<Kick, StepError> {
+        if let Some(current) = &mut self.current {
+            current.set(&self.hamiltonian, &[(1.0, t)])?;
+            if current.potential().is_empty() {
+                self.potential.fill(0.0);
+            } else {
+                self.potential.copy_from_slice(current.potential());
+            }
+            let weights = current.weights();
+            sum(&self.diagonals, |k| weights[k], &mut self.potential);
+        }
+        let table = self.table(s);
+        Ok(Kick { t, s, table })
+    }
+
+    /// The place of the table for a flow; none where V depends on time or the density, or the grid is too large.
+    fn table(&mut self, s: f64) -> Option<usize> {
+        if self.current.is_some() || self.is_nonlinear() {
+            return None;
+        }
+        let is_this = |table: &PotentialPhases| table.s.to_bits() == s.to_bits();
+        self.tables.iter().position(is_this).or_else(|| {
+            if self.tables.len() >= super::KEPT.min(POINTS / self.potential.len()) {
+                return None;
+            }
+            let mut cos_sin = [0, 1].map(|_| vec![0.0; self.potential.len()]);
+            turn(self.machine, &self.potential, s, &mut cos_sin);
+            self.tables.push(PotentialPhases { s, cos_sin });
+            Some(self.tables.len() - 1)
+        })
+    }
+
+    /// Makes a flow on the plane of these points.
+    pub(super) fn act(&mut self, kick: Kick, within: Range<usize>, plane: &mut [Complex]) {
+        if let Some(table) = kick.table {
+            let [cos, sin] = &self.tables[table].cos_sin;
+            multiply(plane, &cos[within.clone()], &sin[within]);
+            return;
+        }
+        let mut values = &self.potential[within];
+        let nonlinearity = self.hamiltonian.nonlinearity();
+        if let (Some(nonlinearity), Some((registers, all))) = (nonlinearity, &mut self.of_density) {
+            all.copy_from_slice(values);
+            nonlinearity.add(registers, kick.t, plane, all);
+            values = all;
+        }
+        turn(self.machine, values, kick.s, &mut self.cos_sin);
+        multiply(plane, &self.cos_sin[0], &self.cos_sin[1]);
+    }
+}
+
+/// The diagonal of a term that has nothing else.
+fn diagonal(machine: InstructionSet, term: &Operator) -> Option<Vec<f64>> {
+    if term.reach()? > 0 {
+        return None;
+    }
+    let x = vec![1.0; term.size()];
+    let mut out = vec![0.0; x.len()];
+    let (row, place) = (0, 0);
+    let block = RowBlock {
+        row,
+        out: &mut out,
+        place,
+        x: &x,
+    };
+    term.act(machine, Update::added(1.0), block);
+    Some(out)
+}
+
+/// Adds weighted diagonals.
+fn sum(diagonals: &[(usize, Vec<f64>)], weight: impl Fn(usize) -> f64, out: &mut [f64]) {
+    for (k, diagonal) in diagonals {
+        let weight = weight(*k);
+        for (out, value) in out.iter_mut().zip(diagonal) {
+            *out += weight * value;
+        }
+    }
+}
+
+/// Takes phases off: e^{−iφ} psi.
+fn multiply(psi: &mut [Complex], cos: &[f64], sin: &[f64]) {
+    for ((psi, cos), sin) in psi.iter_mut().zip(cos).zip(sin) {
+        let Complex { re, im } = *psi;
+        *psi = Complex::new(re * cos + im * sin, im * cos - re * sin);
+    }
+}
+
+/// cos(v s) and sin(v s)
+fn turn(machine: InstructionSet, v: &[f64], s: f64, [cos, sin]: &mut [Vec<f64>; 2]) {
+    f64::run(machine, Turns { v, s, cos, sin });
+}
+
+struct Turns<'a> {
+    v: &'a [f64],
+    s: f64,
+    cos: &'a mut [f64],
+    sin: &'a mut [f64],
+}
+
+impl Kernel<f64> for Turns<'_> {
+    type Output = ();
+
+    #[allow(clippy::inline_always)] // compiled for one instruction set as a whole
+    #[inline(always)]
+    fn run<W: SimdViews<Stored = f64>>(mut self, views: W) {
+        views.each(self.v.len(), &mut self);
+    }
+}
+
+impl ForEach<f64> for Turns<'_> {
+    #[allow(clippy::inline_always)]
+    #[inline(always)]
+    fn visit<W: SimdView<Stored = f64>>(&mut self, view: W) -> bool {
+        let angle = view.load(self.v, 0).scaled(self.s);
+        view.store(self.cos, 0, angle.cos());
+        view.store(self.sin, 0, angle.sin());
+        true
+    }
+}

@@ -1,0 +1,242 @@
+//! Split operator: e^{−ihT} and e^{−ihV} in turn, each of them exact, for H = T + V(t) on a periodic grid.
+//!
+//! T is diagonal after a Fourier transform, V before it. Time is a variable that advances with T: V is evaluated at the
+//! time that the flows of T before it have reached, so that a list of flows keeps its order where V depends on time
+//! (blanes2002). Planes of the grid stay transformed along all axes but the outermost between two flows of V, and a
+//! flow of V visits them one by one.
+
+mod kicks;
+mod resolution;
+
+use super::{Wave, check_norm};
+use crate::problem::{Hamiltonian, Kinetic, Operator};
+use kicks::{Kick, Kicks};
+use liouville_base::cancel::CancelToken;
+use liouville_base::checkpoint::Checkpoint;
+use liouville_base::composition::{Flow, Parts};
+use liouville_base::error::StepError;
+use liouville_base::method::Stats;
+use liouville_fourier::{Complex, FourierScratch};
+use resolution::Resolution;
+use std::sync::Arc;
+
+/// Part 0 is T, part 1 is V.
+#[derive(Clone)]
+pub struct Phases {
+    kinetic: Arc<Kinetic>,
+    kicks: Kicks,
+    resolution: Option<Resolution>,
+    tolerance: f64,
+    cancel: CancelToken,
+    tables: Vec<KineticPhases>,
+    psi: Vec<Complex>,
+    memory: FourierScratch,
+    made: usize,
+}
+
+/// Phases of T for a length of time.
+#[derive(Clone)]
+struct KineticPhases {
+    s: f64,
+    along: Vec<Complex>,
+    within: Vec<Complex>,
+}
+
+/// Tables kept: a step of any list has fewer distinct flows.
+const KEPT: usize = 64;
+
+impl Phases {
+    /// Flows of a Hamiltonian with one kinetic term of weight 1 whose other terms are diagonal, none if it is
+    /// another one; the norm may be off by `tolerance`, relatively, before a state is refused.
+    pub fn new(hamiltonian: Arc<Hamiltonian>, tolerance: f64) -> Option<Self> {
+        let kinetic = |(k, term): (usize, &Operator)| match term {
+            Operator::Kinetic(term) => Some((k, term.clone())),
+            _ => None,
+        };
+        let (place, kinetic) = hamiltonian.terms().iter().enumerate().find_map(kinetic)?;
+        let kicks = Kicks::new(hamiltonian, place, kinetic.grid().plane())?;
+        Some(Self {
+            resolution: kicks.is_nonlinear().then(|| Resolution::new(&kinetic)),
+            psi: vec![Complex::default(); kinetic.size()],
+            cancel: CancelToken::of_thread(),
+            tables: Vec::with_capacity(KEPT),
+            memory: FourierScratch::default(),
+            made: 0,
+            kinetic,
+            kicks,
+            tolerance,
+        })
+    }
+
+    /// The same, stopping where `cancel` is set, not that of the thread.
+    #[must_use]
+    pub fn with_cancel(self, cancel: CancelToken) -> Self {
+        Self { cancel, ..self }
+    }
+
+    /// The place of the table for a flow of T.
+    fn table(&mut self, s: f64) -> usize {
+        let is_this = |table: &KineticPhases| table.s.to_bits() == s.to_bits();
+        self.tables.iter().position(is_this).unwrap_or_else(|| {
+            let (along, within) = self.kinetic.phases(s);
+            if self.tables.len() == KEPT {
+                self.tables.clear();
+            }
+            self.tables.push(KineticPhases { s, along, within });
+            self.tables.len() - 1
+        })
+    }
+
+    /// All planes, transformed first or last or both, with a flow of V between if there is one.
+    fn planes(&mut self, from: bool, kick: Option<Kick>, to: bool) -> Result<(), StepError> {
+        let grid = self.kinetic.grid();
+        let size = grid.plane();
+        for (k, plane) in self.psi.chunks_exact_mut(size).enumerate() {
+            if self.cancel.is_cancelled() {
+                return Err(StepError::Interrupted);
+            }
+            if from {
+                grid.inverse(plane, &mut self.memory);
+            }
+            if let Some(kick) = kick {
+                self.kicks.act(kick, k * size..(k + 1) * size, plane);
+            }
+            if to {
+                grid.forward(plane, &mut self.memory);
+            }
+        }
+        Ok(())
+    }
+
+    /// Multiplies planes that are transformed by factors of their wave numbers.
+    fn multiply(&mut self, factors: (&[Complex], &[Complex])) -> Result<(), StepError> {
+        let cancel = &mut self.cancel;
+        let go_on = || !cancel.is_cancelled();
+        let grid = self.kinetic.grid();
+        let is_whole = grid.multiply(&mut self.psi, &mut self.memory, factors, go_on);
+        is_whole.then_some(()).ok_or(StepError::Interrupted)
+    }
+
+    fn load(&mut self, state: &Wave<f64>) {
+        for (psi, (q, p)) in self.psi.iter_mut().zip(state.q.iter().zip(&state.p)) {
+            *psi = Complex::new(*q, *p);
+        }
+    }
+
+    /// Flows one after another: (part, time, length of time).
+    fn walk(
+        &mut self,
+        flows: impl Iterator<Item = (usize, f64, f64)>,
+        state: &mut Wave<f64>,
+    ) -> Result<(), StepError> {
+        self.load(state);
+        let mut flows = flows.peekable();
+        let mut is_transformed = false;
+        while let Some((part, t, s)) = flows.next() {
+            let next_is_kinetic = flows.peek().is_some_and(|next| next.0 == 0);
+            if part == 1 {
+                let kick = self.kicks.begin(t, s)?;
+                self.planes(is_transformed, Some(kick), next_is_kinetic)?;
+                is_transformed = next_is_kinetic;
+                continue;
+            }
+            if !is_transformed {
+                self.planes(false, None, true)?;
+                is_transformed = true;
+            }
+            let table = self.table(s);
+            let tables = std::mem::take(&mut self.tables);
+            let KineticPhases { along, within, .. } = &tables[table];
+            let outcome = self.multiply((along, within));
+            self.tables = tables;
+            outcome?;
+            self.made += 1;
+        }
+        if is_transformed {
+            self.planes(true, None, false)?;
+        }
+        for (psi, (q, p)) in self.psi.iter().zip(state.q.iter_mut().zip(&mut state.p)) {
+            (*q, *p) = (psi.re, psi.im);
+        }
+        Ok(())
+    }
+
+    /// Refuses a state that the grid does not resolve.
+    fn look(&mut self, t: f64, state: &mut Wave<f64>) -> Result<(), StepError> {
+        let Some(mut resolution) = self.resolution.take() else {
+            return Ok(());
+        };
+        self.load(state);
+        let outcome = (self.planes(false, None, true))
+            .and_then(|()| self.multiply((&resolution.along, &resolution.within)))
+            .and_then(|()| self.planes(true, None, false))
+            .and_then(|()| resolution.check(t, &self.psi, state));
+        self.resolution = Some(resolution);
+        outcome
+    }
+}
+
+impl Parts for Phases {
+    type State = Wave<f64>;
+
+    fn count(&self) -> usize {
+        2
+    }
+
+    fn is_exact(&self, _: usize) -> bool {
+        true
+    }
+
+    fn flow(
+        &mut self,
+        part: usize,
+        _: bool,
+        t: f64,
+        h: f64,
+        state: &mut Wave<f64>,
+    ) -> Result<(), StepError> {
+        self.walk([(part, t, h)].into_iter(), state)?;
+        self.look(t + h, state)
+    }
+
+    /// The flow held back by the step before is one of V at the same time.
+    fn flows(
+        &mut self,
+        flows: &[Flow],
+        before: f64,
+        t: f64,
+        h: f64,
+        state: &mut Wave<f64>,
+    ) -> Result<(), StepError> {
+        if self.resolution.as_mut().is_some_and(Resolution::is_due) {
+            self.look(t, state)?;
+        }
+        let mut before = before;
+        let flows = flows.iter().map(|flow| {
+            let length = std::mem::take(&mut before) + flow.weight * h;
+            (flow.part, t + flow.offset * h, length)
+        });
+        self.walk(flows, state)
+    }
+
+    fn check(&self, t: f64, state: &Wave<f64>) -> Result<(), StepError> {
+        check_norm(t, self.tolerance, state)
+    }
+
+    /// No copy, which would be as large as the state.
+    fn keep(&mut self, _: &Wave<f64>) -> bool {
+        false
+    }
+
+    fn put_back(&mut self, _: &mut Wave<f64>) {}
+
+    /// A flow of T is as much as a complex product.
+    fn stats(&self, _: usize) -> Stats {
+        Stats {
+            evaluations: 2 * self.made,
+            ..Stats::default()
+        }
+    }
+}
+
+impl Checkpoint for Phases {}

@@ -1,0 +1,100 @@
+"""What a Schrödinger equation has on a grid: a potential, and functions of the density."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from liouville import _core
+from liouville.errors import hinted
+from liouville.systems.schrodinger import observed
+from liouville.systems.schrodinger.bounded import Bounded
+from liouville.systems.schrodinger.entries import check_size
+from liouville.systems.schrodinger.forms import Term, twice
+from liouville.systems.schrodinger.grid import Grid
+from liouville.systems.schrodinger.nonlinearity import Nonlinearity
+from liouville.systems.schrodinger.time_functions import TimeFunction
+
+
+class OnGrid(Bounded):
+    """A base of :class:`Schrodinger`: what is a function of the position or of the density."""
+
+    potential: np.ndarray | None
+    nonlinearity: Nonlinearity | None
+    _potential: TimeFunction | None
+
+    def _read_nonlinearity(self, function: Callable[..., Any] | None) -> Nonlinearity | None:
+        """Return a function of the density, on a grid alone."""
+        if function is None:
+            return None
+        if self.grid is None:
+            sentence = "a nonlinearity is a function of the density on a Grid, and H is none"
+            raise TypeError(
+                hinted(sentence, "write lv.Schrodinger(lv.Grid(...), nonlinearity=...)")
+            )
+        return Nonlinearity(function, self._params)
+
+    def check_linear(self, what: str, hint: str = "take SplitOperator() with h= or steps=") -> None:
+        """Refuse a potential of the density for what takes none: TypeError names it."""
+        if self.nonlinearity is not None:
+            sentence = f"{what} is for a linear equation, and this one has a nonlinearity"
+            raise TypeError(hinted(sentence, hint))
+
+    def _join(self) -> None:
+        """Make the core's H of the terms and of functions of time."""
+        flat = [operator for term in self._terms for operator in term.operators]
+        params = self._params.values(None)
+        more: dict[str, Any] = {}
+        if self._functions:
+            more["drive"] = (self._weights, params)
+        if self._moving is not None and self.grid is not None:
+            tape = self._moving.tape(1 / self.hbar)
+            points = np.tile(self.grid.points, (1 + self.frame.is_doubled, 1))
+            more["potential"] = (tape, params, points.ravel())
+        if self.nonlinearity is not None and self.grid is not None:
+            tapes = self.nonlinearity.tapes(1 / self.hbar)
+            more["nonlinearity"] = (*tapes, params, self.grid.cell)
+        self.hamiltonian = _core.Hamiltonian(flat, self.frame.is_doubled, **more)
+
+    def _of_grid(self, grid: Grid, found: TimeFunction | np.ndarray) -> Term:
+        kinetic = [energies / self.hbar for energies in grid.kinetic(self.hbar)]
+        check_size("T / hbar", np.concatenate(kinetic))
+        is_doubled = self.frame.is_doubled
+        terms = [twice(_core.Operator.kinetic(kinetic), is_doubled)]
+        low, high = 0.0, float(sum(energies.max() for energies in kinetic))
+        if isinstance(found, TimeFunction):
+            self._potential = found
+            if found.is_driven:
+                self._moving = found
+                return Term(terms, (low, high))
+            found = found.at(0.0, grid.points)
+        self.potential = found / self.hbar
+        low, high = low + float(self.potential.min()), high + float(self.potential.max())
+        if self.potential.any():
+            diagonal = _core.Operator.diagonals(grid.size, [0], [self.potential])
+            terms.append(twice(diagonal, is_doubled))
+        return Term(terms, (low, high))
+
+    def potential_at(self, t: float) -> np.ndarray:
+        r"""Return :math:`V / \hbar` on a grid at a time, one value for each point."""
+        assert self.grid is not None, "an equation on a grid"
+        if self._moving is not None:
+            return self._moving.at(t, self.grid.points) / self.hbar
+        assert self.potential is not None, "a potential that does not depend on time"
+        return self.potential
+
+    def density(self, psi: np.ndarray) -> np.ndarray:
+        r"""Return :math:`|\psi|^2` of states on the grid, in units of one over the volume."""
+        assert self.grid is not None, "an equation on a grid"
+        found: np.ndarray = (psi.real**2 + psi.imag**2) / self.grid.cell
+        return found
+
+    def _at_points(self, name: str, function: Callable[..., Any]) -> np.ndarray:
+        if self.grid is None:
+            raise TypeError(observed.without_grid(name))
+        traced = TimeFunction(f"observable '{name}'", function, self._params, len(self.grid.shape))
+        if traced.is_driven:
+            raise ValueError(f"observable '{name}' depends on time, which none may")
+        return traced.at(0.0, self.grid.points)
