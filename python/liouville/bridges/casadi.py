@@ -13,6 +13,7 @@ from liouville._options import started
 from liouville.bridges.functions import run_function
 from liouville.bridges.run import COMPLEX, FIRST, RunFunction, Runnable, RunPoint
 from liouville.errors import hinted
+from liouville.events import Event
 from liouville.methods import Method
 from liouville.runners import Request
 
@@ -35,7 +36,10 @@ def solver(
     t: tuple[float, float] | Sequence[float],
     h: float | None = None,
     steps: int | None = None,
+    rtol: float | None = None,
     every: int = 1,
+    t_eval: ArrayLike | None = None,
+    events: Mapping[str, Event | Callable[..., Any]] | None = None,
     params: Mapping[str, ArrayLike] | None = None,
     start: Mapping[str, ArrayLike] | None = None,
     **values: ArrayLike,
@@ -48,10 +52,11 @@ def solver(
 
     Parameters
     ----------
-    system, method, t, h, steps, every, params
+    system, method, t, h, steps, rtol, every, t_eval, events, params
         As for :func:`liouville.vjp`: a mechanical or semi-explicit system or a field with equal
         steps, whose number is that of `t`, also where its ends are inputs; or a Schrödinger
-        equation, whose psi is complex.
+        equation, whose psi is complex. With `rtol` the states returned are those at `t_eval`, as
+        the number of steps is not known before; events end no run.
     wrt : sequence of str
         What the run is a function of: states of the system such as ``"q"`` and ``"v"``,
         ``"params.name"``, ``"t0"`` and ``"t1"``, and ``"drive[k]"`` for the samples of a drive.
@@ -93,8 +98,8 @@ def solver(
     (1, 1)
     """
     request = Request(
-        t=t, h=h, steps=steps, every=every, params=params, start=started(start, values),
-        has_pullback=True,
+        t=t, h=h, steps=steps, rtol=rtol, every=every, t_eval=t_eval, events=events, params=params,
+        start=started(start, values), has_pullback=True,
     )  # fmt: skip
     return _Run(run_function(system, method, wrt, returns, request))
 

@@ -22,6 +22,7 @@ from liouville.runners.tangents import (
     places_of,
     shapes_of,
 )
+from liouville.runners.traced import takes_of
 from liouville.systems import (
     Field,
     Mechanics,
@@ -55,26 +56,39 @@ def run_function(
 
 
 class SteppedFunction(RunFunction):
-    """A run with equal steps; see :class:`RunFunction`."""
+    """A run with steps; see :class:`RunFunction`."""
 
-    def _steps_of(self, request: Request) -> None:
-        steps = request.steps_of(self.system, Takes(type(self.method).__name__))
-        self._steps, self._every = steps.count, count("every", request.every)
+    def _steps_of(self, request: Request, takes: Takes) -> None:
+        steps = request.steps_of(self.system, takes)
         self._ends, self._asked = {"t0": steps.t0, "t1": steps.t1}, steps
+        given = {"t_eval": request.t_eval, "events": request.events, "atol": request.atol}
+        given |= {"rtol": request.rtol, "control": request.control}
+        self._how = {name: value for name, value in given.items() if value is not None}
+        if request.t_eval is not None:
+            self._rows = np.size(request.t_eval)
+        elif steps.control is None:
+            self._how["every"] = every = count("every", request.every)
+            self._rows = -(-steps.count // every) + 1
+        else:
+            sentence = "controlled steps are as many as a run needs, and an array has one shape"
+            raise ValueError(hinted(sentence, "give t_eval=, the times whose states are returned"))
+        if steps.control is None:
+            self._how["steps"] = steps.count
+        for name, event in (request.events or {}).items():
+            if getattr(event, "terminal", False):
+                sentence = f"event '{name}' ends the run, and an array has one shape"
+                raise ValueError(hinted(sentence, "leave terminal out"))
 
     def _arguments(self, inputs: Sequence[Array]) -> tuple[dict[str, Any], dict[str, Any]]:
         """Return all of a run but its start, and its start, with these inputs."""
         ends, params, start, _ = self.parted(inputs)
         ends = {**self._ends, **ends}
-        run = {"t": (ends["t0"], ends["t1"]), "params": params}
-        return run | {"steps": self._steps, "every": self._every}, start
+        return {"t": (ends["t0"], ends["t1"]), "params": params, **self._how}, start
 
     def takes_members(self, varied: set[str]) -> bool:
         """Whether runs that differ in these inputs are those of an ensemble."""
-        return not varied & {"t0", "t1"}
-
-    def _rows(self) -> int:
-        return -(-self._steps // self._every) + 1
+        is_equal = self._asked.control is None
+        return not varied or (is_equal and not varied & {"t0", "t1"})
 
 
 class FieldFunction(SteppedFunction):
@@ -84,12 +98,12 @@ class FieldFunction(SteppedFunction):
         # imported here: it needs the planner, which mechanics do not
         from liouville.runners.field_derivative import places_of
 
-        self._steps_of(request)
+        self._steps_of(request, Takes(type(self.method).__name__))
         places = places_of(self.system)
         return {name: places[name][1] for name in check_names(wrt, places, "x")}
 
     def _known(self, request: Request) -> dict[str, tuple[int, ...]]:
-        return {"x": (self._rows(), len(self.system.coordinates))}
+        return {"x": (self._rows, len(self.system.coordinates))}
 
     def _fixed_start(self, start: Mapping[str, Any]) -> dict[str, Array]:
         if "x" in self.inputs and not start:
@@ -110,7 +124,7 @@ class ConstrainedFunction(SteppedFunction):
     """A run on constraints; see :class:`RunFunction`."""
 
     def _named(self, wrt: Any, request: Request) -> dict[str, tuple[int, ...]]:
-        self._steps_of(request)
+        self._steps_of(request, takes_of(self.method, "Spark or HHT"))
         return shapes_of(self.system, check_wrt(self.system, wrt, self._asked))
 
     def point(self, inputs: list[Array]) -> RunPoint:
@@ -122,7 +136,7 @@ class SemiExplicitFunction(ConstrainedFunction):
     """A run of a semi-explicit system; see :class:`RunFunction`."""
 
     def _known(self, request: Request) -> dict[str, tuple[int, ...]]:
-        rows, system = self._rows(), self.system
+        rows, system = self._rows, self.system
         return {"y": (rows, len(system.coordinates)), "z": (rows, len(system.unknowns))}
 
     def _fixed_start(self, start: Mapping[str, Any]) -> dict[str, Array]:
@@ -135,7 +149,7 @@ class MechanicalFunction(ConstrainedFunction):
     """A run of a mechanical system; see :class:`RunFunction`."""
 
     def _known(self, request: Request) -> dict[str, tuple[int, ...]]:
-        rows, n = self._rows(), len(self.system.coordinates)
+        rows, n = self._rows, len(self.system.coordinates)
         states: dict[str, tuple[int, ...]] = dict.fromkeys(self.system.states, (rows, n))
         return states | {"lam": (rows, len(self.system.constraints))}
 

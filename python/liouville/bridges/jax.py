@@ -13,6 +13,7 @@ from liouville._options import started
 from liouville.bridges.functions import run_function
 from liouville.bridges.run import FIRST, RunFunction, RunMembers, Runnable, library
 from liouville.errors import hinted
+from liouville.events import Event
 from liouville.methods import Method
 from liouville.runners import Request
 
@@ -29,7 +30,10 @@ def solver(
     t: tuple[float, float] | Sequence[float],
     h: float | None = None,
     steps: int | None = None,
+    rtol: float | None = None,
     every: int = 1,
+    t_eval: ArrayLike | None = None,
+    events: Mapping[str, Event | Callable[..., Any]] | None = None,
     params: Mapping[str, ArrayLike] | None = None,
     start: Mapping[str, ArrayLike] | None = None,
     **values: ArrayLike,
@@ -45,10 +49,11 @@ def solver(
 
     Parameters
     ----------
-    system, method, t, h, steps, every, params
+    system, method, t, h, steps, rtol, every, t_eval, events, params
         As for :func:`liouville.vjp`: a mechanical or semi-explicit system or a field with equal
         steps, whose number is that of `t`, also where its ends are inputs; or a Schrödinger
-        equation, whose psi is complex.
+        equation, whose psi is complex. With `rtol` the states returned are those at `t_eval`, as
+        the number of steps is not known before; events end no run.
     wrt : sequence of str
         What the run is a function of: states of the system such as ``"q"`` and ``"v"``,
         ``"params.name"``, ``"t0"`` and ``"t1"``, and ``"drive[k]"`` for the samples of a drive.
@@ -60,10 +65,13 @@ def solver(
     Returns
     -------
     callable
-        ``f(*arrays)`` with an array for each name in `wrt`, of float64, psi of complex128. It
-        returns an array for each name in `returns`, or one where that is a string: of shape (k, n),
-        at the kept times, the start among them. Cotangents and gradients of psi are those of JAX's
-        convention, the conjugates of those of :func:`liouville.vjp`.
+        ``f(*arrays)`` with an array for each name in `wrt`, of float64, psi of complex128, or by
+        keywords, ``f(q, l=2)`` for ``"params.l"``; whole numbers are taken as floats. It returns an
+        array for each name in `returns`, or one where that is a string: of shape (k, n), at the
+        kept times, the start among them. Cotangents and gradients of psi are those of JAX's
+        convention, the conjugates of those of :func:`liouville.vjp`. Of members that are mapped
+        those that fail have NaN, and ``f.failures`` says why. It can be pickled where the system
+        can.
         It moves a start onto its constraints as ``system.consistent`` does, and derivatives are
         those of the start moved. Where some constraints imply others, they are taken at starts on
         all of them.
@@ -84,35 +92,70 @@ def solver(
         end = lv.jax.solver(system, lv.Spark(3), wrt=["v", "params.l"], t=(0, 1), h=0.02, q=q)
         jax.grad(lambda v, l: end(v, l)[-1, 1])(v, 2.0)  # of the height at the end
     """
-    jax = library("jax", "lv.jax.solver")
     request = Request(
-        t=t, h=h, steps=steps, every=every, params=params, start=started(start, values),
-        has_pullback=True,
+        t=t, h=h, steps=steps, rtol=rtol, every=every, t_eval=t_eval, events=events, params=params,
+        start=started(start, values), has_pullback=True,
     )  # fmt: skip
-    function = run_function(system, method, wrt, returns, request)
+    library("jax", "lv.jax.solver")
+    return Solver(system, method, wrt, returns, request)
 
-    def evaluated(*inputs: Any) -> list[Any]:
-        return function.mapped(inputs, lambda at, _: at.values)
 
-    @jax.custom_jvp  # type: ignore[untyped-decorator]
-    def run(*inputs: Any) -> Any:
-        shapes = _results(function, (), is_transposed=False)
-        return jax.pure_callback(evaluated, shapes, *inputs, vmap_method="broadcast_all")
+class Solver:
+    """A run as a function of JAX; see :func:`solver`.
 
-    @run.defjvp  # type: ignore[untyped-decorator]
-    def run_jvp(inputs: Any, directions: Any) -> Any:
-        options = {"function": function, "is_transposed": False, "lead": ()}
-        return run(*inputs), _derivative().bind(*inputs, *directions, **options)
+    Attributes
+    ----------
+    failures : dict of int to str
+        The members of the last mapped call that failed, with what was said of each.
+    """
 
-    def solve(*inputs: Any) -> Any:
+    def __init__(
+        self, system: Runnable, method: Method | str, wrt: Any, returns: Any, request: Request
+    ) -> None:
+        self._given = system, method, wrt, returns, request
+        self._function = function = run_function(*self._given)
+        self.__name__, self.__doc__ = "solve", function.described
+        jax = library("jax", "lv.jax.solver")
+
+        def evaluated(*inputs: Any) -> list[Any]:
+            return function.mapped(inputs, lambda at, _: at.values)
+
+        @jax.custom_jvp  # type: ignore[untyped-decorator]
+        def run(*inputs: Any) -> Any:
+            shapes = _results(function, (), is_transposed=False)
+            return jax.pure_callback(evaluated, shapes, *inputs, vmap_method="broadcast_all")
+
+        @run.defjvp  # type: ignore[untyped-decorator]
+        def run_jvp(inputs: Any, directions: Any) -> Any:
+            options = {"function": function, "is_transposed": False, "lead": ()}
+            return run(*inputs), _derivative().bind(*inputs, *directions, **options)
+
+        self._run = run
+
+    @property
+    def failures(self) -> dict[int, str]:
+        """The members of the last mapped call that failed."""
+        return dict(self._function.failures)
+
+    def __call__(self, *inputs: Any, **named: Any) -> Any:
+        """Return what was asked for, of inputs in the order of `wrt` or by their names."""
+        jax = library("jax", "lv.jax.solver")
         if not jax.config.jax_enable_x64:
             raise ValueError(hinted("JAX has numbers of 32 bits, and runs take 64", SWITCH))
-        arrays = [jax.numpy.asarray(x) for x in inputs]
-        function.check([(x.shape, str(x.dtype)) for x in arrays])
-        found = run(*arrays)
-        return found[0] if function.is_single else tuple(found)
+        arrays = [_floats(jax.numpy, x) for x in self._function.ordered(inputs, named)]
+        self._function.check([(x.shape, str(x.dtype)) for x in arrays])
+        found = self._run(*arrays)
+        return found[0] if self._function.is_single else tuple(found)
 
-    return solve
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Return the arguments, of which it is made again."""
+        return Solver, self._given
+
+
+def _floats(numpy: Any, x: Any) -> Any:
+    """Return an array, with whole numbers as floats of 64 bits."""
+    array = numpy.asarray(x)
+    return array.astype("float64") if array.dtype.kind in "iu" else array
 
 
 def _results(function: RunFunction, lead: tuple[int, ...], is_transposed: bool) -> list[Any]:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from liouville._arguments import kept
 from liouville._options import check_options
-from liouville.errors import hinted, quoted
+from liouville.errors import IntegrationError, hinted, quoted
 from liouville.gradients import Pullback, vjp
 from liouville.integrate import integrate
 from liouville.methods import Method
@@ -62,6 +62,8 @@ class RunFunction(ABC):
         Whether one output was asked for by its name alone.
     last : RunMembers or None
         The runs that were asked for last.
+    failures : dict of int to str
+        The members of these that failed, whose numbers are NaN, with what was said of each.
     """
 
     def __init__(
@@ -81,6 +83,7 @@ class RunFunction(ABC):
         names = (*self.inputs, *self.outputs)
         self.types = {name: COMPLEX if name == "psi" else DOUBLE for name in names}
         self.last: RunMembers | None = None
+        self.failures: dict[int, str] = {}
 
     @abstractmethod
     def _named(self, wrt: Any, request: Request) -> dict[str, tuple[int, ...]]:
@@ -128,6 +131,38 @@ class RunFunction(ABC):
             raise ValueError(f"returns names each state once, not {returns!r}")
         return found
 
+    def ordered(self, given: Sequence[Any], named: Mapping[str, Any]) -> list[Any]:
+        """Return inputs in the order of `wrt`, of which some are named: ``l`` for ``params.l``.
+
+        Raises
+        ------
+        TypeError
+            A name is no input, or one that is given already.
+        """
+        found: dict[str, Any] = dict(zip(self.inputs, given, strict=False))
+        places = {name.rpartition(".")[2]: name for name in self.inputs} | {
+            name: name for name in self.inputs
+        }
+        for name, value in named.items():
+            if name not in places:
+                hint = f"there are {', '.join(self.inputs)}"
+                raise TypeError(hinted(f"the solver has no input {name!r}", hint))
+            if places[name] in found:
+                raise TypeError(f"the solver is given '{places[name]}' twice")
+            found[places[name]] = value
+        if not named:
+            return [*given]
+        return [found[name] for name in self.inputs if name in found]
+
+    @property
+    def described(self) -> str:
+        """What the function takes and returns, with shapes, for its docstring."""
+        ins, outs = (
+            ", ".join(f"{name} {shape}" for name, shape in parts.items())
+            for parts in (self.inputs, self.outputs)
+        )
+        return f"Run {type(self.system).__name__} by {self.method!r}: ({ins}) -> ({outs})."
+
     def check(self, given: Sequence[tuple[Sequence[int], str]]) -> None:
         """Refuse inputs by their shapes and the names of their types.
 
@@ -164,6 +199,7 @@ class RunFunction(ABC):
         for runs in (known, self.last):
             if runs is not None and all(map(np.array_equal, own, runs.inputs)):
                 return runs
+        self.failures = {}
         self.last = runs = RunMembers(self, own)
         return runs
 
@@ -283,6 +319,7 @@ class RunMembers:
         varied = {name for name, same in zip(function.inputs, alike, strict=True) if not same}
         self._is_one, self._function = not varied, function
         self._whole = function.point(own) if function.takes_members(varied) else None
+        self._failed: dict[int, str] = {}
 
     @property
     def one(self) -> RunPoint:
@@ -298,29 +335,69 @@ class RunMembers:
     @property
     def values(self) -> list[Array]:
         """The states in `outputs`, each of shape (P, k, n), or (1, k, n) where all are alike."""
-        if self._whole is None:
-            return self._stacked([point.values for point in self._each])
-        if self._is_one:
+        if self._whole is not None and self._is_one:
             return [x[None] for x in self._whole.values]
-        return [np.moveaxis(x, 1, 0) for x in self._whole.values]
+        if (whole := self._made) is not None:
+            return [np.moveaxis(x, 1, 0) for x in whole.values]
+        shapes = [*self._function.outputs.values()]
+        return self._stacked(
+            [self._tried(k, lambda point, _: point.values, shapes) for k in range(self._count)]
+        )
 
     def pushed(self, directions: Sequence[Array]) -> list[Array]:
         """Return the derivatives of all outputs, each member's by its own direction."""
         if self._is_one and self._whole is not None:
             return self._whole.pushed(directions)
-        rows = [[np.asarray(x)[None] for x in row] for row in zip(*directions, strict=True)]
-        pushed = [point.pushed(row) for point, row in zip(self._each, rows, strict=True)]
-        return self._stacked([[x[0] for x in found] for found in pushed])
+        shapes = [*self._function.outputs.values()]
+
+        def derived(point: RunPoint, k: int) -> list[Array]:
+            return [x[0] for x in point.pushed([np.asarray(x[k])[None] for x in directions])]
+
+        return self._stacked([self._tried(k, derived, shapes) for k in range(self._count)])
 
     def pulled(self, cotangents: Sequence[Array]) -> list[Array]:
         """Return the derivatives by all inputs of a scalar of each member."""
-        rows = [*zip(*cotangents, strict=True)]
+        if self._whole is not None and self._is_one:
+            return self._stacked([self._whole.pulled(row) for row in zip(*cotangents, strict=True)])
+        if (whole := self._made) is not None:
+            return whole.pulled([np.moveaxis(x, 0, 1) for x in cotangents])
+        shapes = [*self._function.inputs.values()]
+
+        def derived(point: RunPoint, k: int) -> list[Array]:
+            return point.pulled([x[k] for x in cotangents])
+
+        return self._stacked([self._tried(k, derived, shapes) for k in range(self._count)])
+
+    @property
+    def _count(self) -> int:
+        return len(self.inputs[0])
+
+    @cached_property
+    def _made(self) -> RunPoint | None:
+        """The ensemble, or None where there is none, or one with members that fail."""
         if self._whole is None:
-            each = zip(self._each, rows, strict=True)
-            return self._stacked([point.pulled(row) for point, row in each])
-        if self._is_one:
-            return self._stacked([self._whole.pulled(row) for row in rows])
-        return self._whole.pulled([np.moveaxis(x, 0, 1) for x in cotangents])
+            return None
+        try:
+            _ = self._whole.made
+        except IntegrationError:
+            return None
+        return self._whole
+
+    def _tried(
+        self, k: int, call: Callable[[RunPoint, int], list[Array]], shapes: Sequence[Any]
+    ) -> list[Array]:
+        """Call with a member's run; NaN of these shapes, and a note, where the run fails."""
+        types = self._function.types.values()
+        kind = next(iter(types))
+        try:
+            if k not in self._failed:
+                return call(self._each[k], k)
+        except IntegrationError as error:
+            if self._count == 1:
+                raise
+            self._failed[k] = str(error)
+        self._function.failures = dict(self._failed)
+        return [np.full(shape, np.nan, dtype=kind) for shape in shapes]
 
     @staticmethod
     def _stacked(found: Sequence[Sequence[Array]]) -> list[Array]:

@@ -13,6 +13,7 @@ from liouville._options import started
 from liouville.bridges.functions import run_function
 from liouville.bridges.run import FIRST, Call, RunFunction, RunMembers, Runnable, library
 from liouville.errors import hinted
+from liouville.events import Event
 from liouville.methods import Method
 from liouville.runners import Request
 
@@ -26,7 +27,10 @@ def solver(
     t: tuple[float, float] | Sequence[float],
     h: float | None = None,
     steps: int | None = None,
+    rtol: float | None = None,
     every: int = 1,
+    t_eval: ArrayLike | None = None,
+    events: Mapping[str, Event | Callable[..., Any]] | None = None,
     params: Mapping[str, ArrayLike] | None = None,
     start: Mapping[str, ArrayLike] | None = None,
     **values: ArrayLike,
@@ -42,10 +46,11 @@ def solver(
 
     Parameters
     ----------
-    system, method, t, h, steps, every, params
+    system, method, t, h, steps, rtol, every, t_eval, events, params
         As for :func:`liouville.vjp`: a mechanical or semi-explicit system or a field with equal
         steps, whose number is that of `t`, also where its ends are inputs; or a Schrödinger
-        equation, whose psi is complex.
+        equation, whose psi is complex. With `rtol` the states returned are those at `t_eval`, as
+        the number of steps is not known before; events end no run.
     wrt : sequence of str
         What the run is a function of: states of the system such as ``"q"`` and ``"v"``,
         ``"params.name"``, ``"t0"`` and ``"t1"``, and ``"drive[k]"`` for the samples of a drive.
@@ -57,10 +62,11 @@ def solver(
     Returns
     -------
     callable
-        ``f(*tensors)`` with a tensor of ``torch.float64``, or a float, for each name in `wrt`, and
-        one of ``torch.complex128`` for psi, whose gradient is that of :func:`liouville.vjp`. It
-        returns a tensor for each name in `returns`, or one where that is a string: of shape (k, n),
-        at the kept times, the start among them.
+        ``f(*tensors)`` with a tensor of ``torch.float64``, or a number, for each name in `wrt`, and
+        one of ``torch.complex128`` for psi, whose gradient is that of :func:`liouville.vjp`; or by
+        keywords, ``f(q, l=2.0)`` for ``"params.l"``. It returns a tensor for each name in
+        `returns`, or one where that is a string: of shape (k, n), at the kept times, the start
+        among them. Of members that are mapped those that fail have NaN.
         It moves a start onto its constraints as ``system.consistent`` does, and derivatives are
         those of the start moved. Where some constraints imply others, they are taken at starts on
         all of them.
@@ -89,15 +95,17 @@ def solver(
         params = {name: _fixed(f"params.{name}", x) for name, x in params.items()}
     given = {name: _fixed(name, x) for name, x in started(start, values).items()}
     request = Request(
-        t=t, h=h, steps=steps, every=every, params=params, start=given, has_pullback=True
+        t=t, h=h, steps=steps, rtol=rtol, every=every, t_eval=t_eval, events=events, params=params,
+        start=given, has_pullback=True,
     )  # fmt: skip
     function = run_function(system, method, wrt, returns, request)
 
-    def solve(*inputs: Any) -> Any:
+    def solve(*inputs: Any, **named: Any) -> Any:
+        inputs = tuple(function.ordered(inputs, named))
         kind = {"dtype": torch.float64}
         if places := [x.device for x in inputs if isinstance(x, torch.Tensor)]:
             kind["device"] = places[0]
-        tensors = [torch.tensor(x, **kind) if isinstance(x, float) else x for x in inputs]
+        tensors = [torch.tensor(x, **kind) if isinstance(x, float | int) else x for x in inputs]
         for x in tensors:
             if not isinstance(x, torch.Tensor):
                 raise TypeError(f"inputs must be tensors of torch.float64 and floats, not {x!r}")
@@ -105,6 +113,7 @@ def solver(
         found = _function().apply(function, *tensors)
         return found[0] if function.is_single else found
 
+    solve.__doc__ = function.described
     return solve
 
 
