@@ -454,3 +454,24 @@ def test_a_second_zero_in_the_last_step_is_beyond_the_end():
     }
     run = free("equal", (0, 2), events)
     assert [len(points) for points in run.events.values()] == [1, 1]
+
+
+@pytest.mark.parametrize(
+    ("t", "height", "rate"),
+    [
+        (0.9271545530678674, 0.1949457516132066, 1.8122424665646286e-08),
+        (0.06527041641129139, 0.6896089575922423, 6.720189588011071e-08),
+    ],
+)
+def test_a_flight_within_roundoff_of_its_event_ends(t, height, rate):
+    """Both ends of the bracket of a zero have one rounding of the height as their value."""
+    ball = lv.Lagrangian(lambda t, q, v, params: v[0] ** 2 / 2 - 9.81 * q[0], q=("y",))
+    flight = 2 * rate / 9.81
+    hit = lv.Event(lambda t, q, v, lam, params: q[0] - height, "down", terminal=True)
+    run = lv.integrate(
+        ball, lv.Spark(3), t=(t, t + 2 * flight), h=flight / 3, q=[height], v=[rate],
+        events={"hit": hit},
+    )  # fmt: skip
+    assert run.status == "done"
+    assert run.t[-1] <= t + 2 * flight
+    assert abs(run.q[-1, 0] - height) < 1e-13

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from numpy.typing import ArrayLike
 
 from liouville._arguments import count
 from liouville._options import by_name, started
-from liouville.control import Control, Takes, steps_of
+from liouville.control import CONTROLS, LEAST_TOLERANCE, Control, Takes
 from liouville.events import Event, named
 from liouville.methods import Method
 from liouville.progress import Progress, reported
@@ -186,10 +187,7 @@ def integrate(
 
 
 #: Arguments of :func:`integrate` that runs with contacts do not take, with their defaults.
-WITHOUT_CONTACTS = {
-    "rtol": None, "atol": None, "control": None, "t_eval": None, "tangents": None,
-    "states": True, "is_stored": False,
-}  # fmt: skip
+WITHOUT_CONTACTS = {"t_eval": None, "tangents": None, "states": True, "is_stored": False}
 
 
 def _with_contacts(
@@ -202,29 +200,30 @@ def _with_contacts(
     for name, default in WITHOUT_CONTACTS.items():
         if getattr(request, name) is not default:
             what = "store" if name == "is_stored" else name
-            raise TypeError(f"{what}= is not for systems with contacts, which take equal steps")
+            raise TypeError(f"{what}= is not for systems with contacts")
     for name, event in named(request.events).items():
         if event.reset is not None:
             raise TypeError(f"event '{name}' has a reset, which is not for systems with contacts")
-    steps = steps_of(request.t, request.h, request.steps, Takes(repr(method)))
+    # the runner of the first stretch refuses a control that the method does not take
+    steps = request.steps_of(system, Takes(repr(method), CONTROLS, LEAST_TOLERANCE / 100))
     if steps.t1 <= steps.t0:
         raise ValueError("a run with contacts goes forwards in time: what has hit is not undone")
-    request.every, request.t = count("every", request.every), (steps.t0, steps.t1)
+    request.every = count("every", request.every)
 
-    with reported(progress, steps.unit) as report:
+    with reported(progress, "of time") as report:
 
-        def stretch(own: Any, t: Any, h: float, events: Any, start: Any) -> Solution:
+        def stretch(own: Any, t: Any, h: float | None, events: Any, start: Any) -> Solution:
+            control = request.control
+            if control is not None and control.h_min is not None:
+                least = min(control.h_min, t[1] - t[0] if h is None else h)
+                control = replace(control, h_min=least)
             more = Request(
-                t=t,
-                h=min(h, t[1] - t[0]),
-                events=events,
-                observe=request.observe,
-                params=request.params,
-                start=start,
-            )
+                t=t, h=h, rtol=request.rtol, atol=request.atol, control=control, events=events,
+                observe=request.observe, params=request.params, start=start,
+            )  # fmt: skip
             found = checked(runner_of(own, method, more), more, None)
             if report is not None:
                 report(found.t[-1] - steps.t0, steps.t1 - steps.t0)
             return found
 
-        return contacts.integrate(system, request, (steps.t1 - steps.t0) / steps.count, stretch)
+        return contacts.integrate(system, request, steps, stretch)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -12,7 +12,7 @@ from liouville.contacts.complementarity import Array
 from liouville.contacts.contact import Mode
 from liouville.contacts.margin import forces_of
 from liouville.contacts.record import ContactRecord
-from liouville.contacts.switching import Switching
+from liouville.contacts.switching import AT_REST, Switching
 from liouville.contacts.traced import ModeSystem
 from liouville.errors import IntegrationError, hinted
 from liouville.parts import GROUPS
@@ -23,9 +23,15 @@ if TYPE_CHECKING:
 
 #: A gap penetrates beyond this part of the sizes of its terms.
 PENETRATES = 1e-9
+#: What slips as it must not has more than this part of the sizes of its terms: it begins at rest.
+BACKWARDS = 2 * AT_REST
 
-#: Numbers of a run that say nothing of many.
-NOT_SUMMED = ("h_next", "h_smallest", "h_largest")
+#: Numbers of a run whose sum says nothing of many, and what does.
+NOT_SUMMED: dict[str, Callable[[Any, Any], Any]] = {
+    "h_next": lambda _, last: last,
+    "h_smallest": min,
+    "h_largest": max,
+}
 
 
 @dataclass(frozen=True)
@@ -67,7 +73,10 @@ def joined(stretches: Sequence[Stretch], switching: Switching, every: int) -> So
         keep.append(np.arange(used) % every == 0)
         keep[-1][-1] |= is_last
     kept = np.concatenate(keep)
-    last = stretches[-1].run
+    last, stats = stretches[-1].run, _stats(stretches)
+    h = switching.h
+    if "h_next" in stats:  # of controlled steps
+        h = float(times[-1][-1] - times[0][0]) / max(stats["steps"], 1)
     arrays: dict[str, Any] = {
         group: {name: np.concatenate(parts)[kept] for name, parts in own.items()}
         for group, own in groups.items()
@@ -84,10 +93,10 @@ def joined(stretches: Sequence[Stretch], switching: Switching, every: int) -> So
         t=np.concatenate(times)[kept],
         names={**last.names, "constraints": contacts.system.constraints},
         events=_events(stretches),
-        stats=_stats(stretches),
+        stats=stats,
         message="; ".join(dict.fromkeys(switching.messages)),
         dense_order=0,
-        h=switching.h,
+        h=h,
         system=contacts.system,
         changing=tuple(x for x in ("energy",) if x in last.invariants),
         contacts=records,
@@ -114,7 +123,8 @@ def _at_record(
         name = contacts.names[place]
         sentence = f"contact '{name}' penetrates by {-at.gap[place]:.2g} at t = {state[0]:g}"
         raise IntegrationError(sentence, t=state[0], quantity=name)
-    back = at.slip * [mode.sign for mode in modes] < -PENETRATES * (at.speed + np.abs(at.slip))
+    fast = np.abs(at.rows[-len(modes) :]).sum(axis=1) * at.speed
+    back = at.slip * [mode.sign for mode in modes] < -BACKWARDS * fast
     if back.any():
         name = contacts.names[int(np.argmax(back))]
         sentence = f"contact '{name}' slips against its own friction at t = {state[0]:g}"
@@ -159,6 +169,8 @@ def _stats(stretches: Sequence[Stretch]) -> Any:
         for name, value in stretch.run.stats.items():
             if isinstance(value, str):
                 stats[name] = value
-            elif name not in NOT_SUMMED:
+            elif name in NOT_SUMMED:
+                stats[name] = NOT_SUMMED[name](stats.get(name, value), value)
+            else:
                 stats[name] = stats.get(name, 0) + value
     return stats

@@ -20,7 +20,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from liouville.contacts.complementarity import Array, lemke
+from liouville.contacts.complementarity import SOLVED, Array, lemke
+
+#: Contacts act on one another by more than this part of how they act on themselves.
+COUPLED = 1e-13
+#: Rows are dependent where an eigenvalue of A is below this part of the largest.
+DEPENDENT = 1e-13
+#: What a compression brings to rest is within this part of the largest rate.
+STOPPED = 1e-12
+#: The largest number of sweeps, which end where they change nothing but by this part.
+MOST_SWEEPS, SETTLED = 20_000, 1e-15
+#: They diverge where forces are so many times those of single contacts.
+UNBOUNDED = 1e9
 
 
 @dataclass(frozen=True)
@@ -55,99 +66,180 @@ def solve(
         Normal impulses that there are in any case, as of an expansion.
     """
     c = len(mu)
-    i = np.flatnonzero(closed)
-    j = np.flatnonzero(closed & (slip == 0) & (mu > 0))  # friction is to be found
     extra = np.zeros(c) if borne is None else borne
     base = b + A[:, :c] @ extra
-    for form in (_glocker_pfeiffer, _stewart_trinkle):
-        found = form(A, base, i, j, slip, mu, extra)
-        if found is None:
+    normal, friction = extra.copy(), np.zeros(c)
+    for i in _coupled_ones(A, np.flatnonzero(closed)):
+        j = np.flatnonzero((slip[i] == 0) & (mu[i] > 0))  # friction is to be found
+        group = _Group(
+            A[:, i] - A[:, c + i] * (mu * slip)[i],
+            A[:, c + i[j]],
+            base,
+            i,
+            j,
+            mu[i[j]],
+            extra[i[j]],
+        )
+        for form in (_glocker_pfeiffer, _stewart_trinkle, _by_sweeps):
+            found = form(group)
+            if found is not None:
+                break
+        else:
+            return None
+        normal[i] += found[0]
+        friction[i] = -(mu * slip)[i] * normal[i]
+        friction[i[j]] = found[1]
+    both = A @ np.concatenate([normal, friction]) + b
+    return Forces(normal, friction, both[:c], both[c:])
+
+
+def _coupled_ones(A: Array, contacts: Array) -> list[Array]:
+    """Return the contacts in groups that do not act on one another."""
+    c = len(A) // 2
+    both = np.concatenate([contacts, c + contacts])
+    acts = np.abs(A[np.ix_(both, both)])
+    own = np.sqrt(np.diag(acts))
+    acts = acts > COUPLED * np.outer(own, own)
+    n = len(contacts)
+    near = acts[:n, :n] | acts[:n, n:] | acts[n:, :n] | acts[n:, n:]
+    found, left = [], np.ones(n, dtype=bool)
+    for k in range(n):
+        if not left[k]:
             continue
-        normal, friction = found
-        both = A @ np.concatenate([normal, friction]) + b
-        return Forces(normal, friction, both[:c], both[c:])
-    return None
+        group = np.arange(n) == k
+        while (wider := group | near[group].any(axis=0)).sum() > group.sum():
+            group = wider
+        left &= ~group
+        found.append(contacts[group])
+    return found
 
 
-def _coupled(A: Array, i: Array, slip: Array, mu: Array) -> tuple[Array, Array]:
-    """Return how N of the contacts i acts on gaps and slips, with their friction if they slip."""
-    c = len(mu)
-    own = A[:, i] - A[:, c + i] * (mu * slip)[i]
-    return own[:c], own[c:]
+@dataclass(frozen=True)
+class _Group:
+    """Contacts that act on one another.
+
+    Attributes
+    ----------
+    normals, tangents : ndarray
+        How N of each, with its friction if it slips, and T of those with friction to be found act
+        on all gaps and slips.
+    b : ndarray
+        What there is without them.
+    i, j : ndarray of int
+        The contacts, and the places among them of those with friction to be found.
+    mu, borne : ndarray
+        Coefficients of friction, and normal impulses that there are in any case, of these.
+    """
+
+    normals: Array
+    tangents: Array
+    b: Array
+    i: Array
+    j: Array
+    mu: Array
+    borne: Array
+
+    @property
+    def rows(self) -> tuple[Array, Array]:
+        """The rows of the gaps, and of the slips whose friction is to be found."""
+        return self.i, len(self.b) // 2 + self.i[self.j]
 
 
-def _borne(N: Array, i: Array, slip: Array, mu: Array, extra: Array) -> tuple[Array, Array]:
-    """Return normal forces, and friction as of contacts that slip."""
-    normal, friction = extra.copy(), np.zeros(len(mu))
-    normal[i] += N
-    friction[i] = -(mu * slip)[i] * normal[i]
-    return normal, friction
-
-
-def _glocker_pfeiffer(
-    A: Array, b: Array, i: Array, j: Array, slip: Array, mu: Array, extra: Array
-) -> tuple[Array, Array] | None:
-    """With z = (N, x = T + mu N_all, ds-) and w = (dds, ds+, 2 mu N_all - x)."""
-    c, p, m = len(mu), len(i), len(j)
-    across, along = _coupled(A, i, slip, mu)
-    of_j = np.array([np.flatnonzero(i == k)[0] for k in j], dtype=int)
-    b = b - A[:, c + j] @ (mu[j] * extra[j])
-    for k, place in zip(j, of_j, strict=True):
-        across[:, place] -= A[:c, c + k] * mu[k]
-        along[:, place] -= A[c:, c + k] * mu[k]
+def _glocker_pfeiffer(group: _Group) -> tuple[Array, Array] | None:
+    """Return N and T; with z = (N, x = T + mu N_all, ds-) and w = (dds, ds+, 2 mu N_all - x)."""
+    p, m, mu, tangents = len(group.i), len(group.j), group.mu, group.tangents
+    b, normals = group.b - tangents @ (mu * group.borne), group.normals.copy()
+    normals[:, group.j] -= tangents * mu
     Z = np.zeros((p + 2 * m, p + 2 * m))
-    Z[:p, :p], Z[:p, p : p + m] = across[i], A[i][:, c + j]
-    Z[p : p + m, :p], Z[p : p + m, p : p + m] = along[j], A[c + j][:, c + j]
+    for rows, own in zip((slice(p), slice(p, p + m)), group.rows, strict=True):
+        Z[rows, :p], Z[rows, p : p + m] = normals[own], tangents[own]
     Z[p : p + m, p + m :] = np.eye(m)
-    Z[np.arange(p + m, p + 2 * m), of_j] = 2 * mu[j]
+    Z[np.arange(p + m, p + 2 * m), group.j] = 2 * mu
     Z[p + m :, p : p + m] = -np.eye(m)
-    q = np.concatenate([b[i], b[c + j], 2 * mu[j] * extra[j]])
-    z = lemke(Z, q)
+    z = lemke(Z, np.concatenate([*(b[own] for own in group.rows), 2 * mu * group.borne]))
     if z is None:
         return None
-    normal, friction = _borne(z[:p], i, slip, mu, extra)
-    friction[j] = z[p : p + m] - mu[j] * normal[j]
-    return normal, friction
+    return z[:p], z[p : p + m] - mu * (z[group.j] + group.borne)
 
 
-def _stewart_trinkle(
-    A: Array, b: Array, i: Array, j: Array, slip: Array, mu: Array, extra: Array
-) -> tuple[Array, Array] | None:
-    """With z = (N, T+, T-, size) and w = (dds, size + ds, size - ds, mu N_all - T+ - T-)."""
-    c, p, m = len(mu), len(i), len(j)
-    across, along = _coupled(A, i, slip, mu)
-    tangential = A[:, c + j]
+def _stewart_trinkle(group: _Group) -> tuple[Array, Array] | None:
+    """Return N and T; with z = (N, T+, T-, size).
+
+    There w = (dds, size + ds, size - ds, mu N_all - T+ - T-).
+    """
+    p, m, b = len(group.i), len(group.j), group.b
+    gaps, slips = group.rows
+    both = np.hstack([group.normals, group.tangents, -group.tangents])
     Z = np.zeros((p + 3 * m, p + 3 * m))
-    q = np.concatenate([b[i], b[c + j], -b[c + j], mu[j] * extra[j]])
-    for first, sign in ((p, 1.0), (p + m, -1.0)):
-        Z[:p, first : first + m] = sign * tangential[i]
-        Z[p : p + m, first : first + m] = sign * tangential[c + j]
-        Z[p + m : p + 2 * m, first : first + m] = -sign * tangential[c + j]
-        Z[p + 2 * m :, first : first + m] = -np.eye(m)
-        Z[first : first + m, p + 2 * m :] = np.eye(m)
-    Z[:p, :p], Z[p : p + m, :p], Z[p + m : p + 2 * m, :p] = across[i], along[j], -along[j]
-    of_j = np.array([np.flatnonzero(i == k)[0] for k in j], dtype=int)
-    Z[np.arange(p + 2 * m, p + 3 * m), of_j] = mu[j]
-    z = lemke(Z, q)
+    Z[: p + 2 * m, : p + 2 * m] = np.vstack([both[gaps], both[slips], -both[slips]])
+    one = np.eye(m)
+    Z[p : p + 2 * m, p + 2 * m :] = np.vstack([one, one])
+    Z[p + 2 * m :, p : p + 2 * m] = -np.hstack([one, one])
+    Z[np.arange(p + 2 * m, p + 3 * m), group.j] = group.mu
+    z = lemke(Z, np.concatenate([b[gaps], b[slips], -b[slips], group.mu * group.borne]))
     if z is None:
         return None
-    normal, friction = _borne(z[:p], i, slip, mu, extra)
-    friction[j] = z[p : p + m] - z[p + m : p + 2 * m]
-    return normal, friction
+    return z[:p], z[p : p + m] - z[p + m : p + 2 * m]
+
+
+def _by_sweeps(group: _Group) -> tuple[Array, Array] | None:
+    """Return N and T by sweeps over the contacts, where a body is wedged in between others.
+
+    There rows are redundant and a self-stress is within the cones, and Lemke's method ends in a ray
+    by roundoff.
+    """
+    p, j, mu, q = len(group.i), group.j, group.mu, group.b[np.concatenate(group.rows)]
+    K = np.hstack([group.normals, group.tangents])[np.concatenate(group.rows)]
+    x, own = np.zeros(len(q)), np.diag(K)
+    if not (own > 0).all():
+        return None
+    for _ in range(MOST_SWEEPS):
+        before = x.copy()
+        for k in range(len(q)):
+            x[k] -= (K[k] @ x + q[k]) / own[k]
+            if k < p:
+                x[k] = max(x[k], 0.0)
+            else:
+                most = mu[k - p] * (x[j[k - p]] + group.borne[k - p])
+                x[k] = min(max(x[k], -most), most)
+        change, size = np.abs(x - before).max(), np.abs(x).max()
+        if change <= SETTLED * size:
+            break
+        if not size < UNBOUNDED * (np.abs(q) / own).max():
+            return None
+    w, N, T = K @ x + q, x[:p], x[p:]
+    small, weak = SOLVED * (np.abs(K) @ np.abs(x) + np.abs(q)).max(), SOLVED * np.abs(x).max()
+    sticks = np.abs(T) < mu * (N[j] + group.borne) - weak
+    off = [-w[:p].min(), *np.abs(w[:p][weak < N]), *np.abs(w[p:][sticks]), *(w[p:] * np.sign(T))]
+    return (N, T) if max(off) <= small else None
+
+
+def without_contradictions(A: Array, rates: Array, touching: Array) -> Array:
+    """Return rates whose part that dependent rows say twice, and not alike, is left out."""
+    k = np.flatnonzero(touching)
+    rows, found = np.concatenate([k, len(touching) + k]), rates.copy()
+    values, vectors = np.linalg.eigh(A[np.ix_(rows, rows)])
+    twice = vectors[:, values <= DEPENDENT * values.max(initial=0.0)]
+    if twice.size:
+        found[rows] -= twice @ (twice.T @ rates[rows])
+    return found
 
 
 def impact(
-    A: Array, rate: Array, slip: Array, hit: Array, restitution: Array, mu: Array, law: str
+    A: Array, before: Array, touching: Array, restitution: Array, mu: Array, law: str
 ) -> Forces | None:
-    """Return the impulses of an impact of the contacts `hit`, and the rates after it.
+    """Return the impulses of an impact of contacts that touch, and the rates after it.
 
-    Poisson's law has a compression, after which nothing approaches, and an expansion with at least
-    `restitution` of its impulses. Newton's law has rates of at least `restitution` of those before.
+    `before` are the rates before it, of gaps and then of slips. Poisson's law has a compression,
+    after which nothing approaches, and an expansion with at least `restitution` of its impulses.
+    Newton's law has rates of at least `restitution` of those before.
     """
     c = len(mu)
-    before, free = np.concatenate([rate, slip]), np.zeros(c, dtype=int)
+    free, hit = np.zeros(c, dtype=int), np.zeros(c, dtype=bool)
+    for group in _coupled_ones(A, np.flatnonzero(touching)):
+        hit[group] = (before[group] < 0).any()
     if law == "newton":
-        bounced = before + np.concatenate([restitution * np.minimum(rate, 0.0), np.zeros(c)])
+        bounced = before + np.append(restitution * np.minimum(before[:c], 0.0), np.zeros(c))
         found = solve(A, bounced, hit, free, mu)
         if found is None:
             return None
@@ -157,6 +249,7 @@ def impact(
     if pressed is None or not (restitution * pressed.normal).any():
         return pressed
     middle = np.concatenate([pressed.across, pressed.along])
+    middle[np.abs(middle) <= STOPPED * np.abs(before).max()] = 0.0
     rest = solve(A, middle, hit, free, mu, borne=restitution * pressed.normal)
     if rest is None:
         return None

@@ -19,6 +19,9 @@ from liouville.contacts.contact import Mode
 if TYPE_CHECKING:
     from liouville.contacts.traced import Contacts, Matrices
 
+#: The largest margin, in units of what the forces lead to.
+LARGEST = 1.0
+
 
 def margin(contacts: Contacts, at: Matrices, modes: tuple[Mode, ...]) -> float:
     """Return the margin of a mode."""
@@ -57,14 +60,16 @@ def _program(
             row[closed.index(k)] = contacts.static[k]
             row[len(closed) + j] = sign
             bounds.append(row)
+    bounds.append(np.zeros(columns.shape[1]))  # contacts that wedge a body in have no largest one
     upper = np.hstack([-np.array(bounds), np.ones((len(bounds), 1))])
+    sides_of_bounds = np.append(np.zeros(len(bounds) - 1), LARGEST)
     cost = np.zeros(columns.shape[1] + 1)
     cost[-1] = -1.0
     optimize = scipy("optimize", "forces that contacts share")
     found = optimize.linprog(
         cost,
         upper,
-        np.zeros(len(bounds)),
+        sides_of_bounds,
         equal,
         sides / scale,
         bounds=(None, None),

@@ -12,19 +12,28 @@ from liouville.contacts.complementarity import Array
 from liouville.contacts.contact import Mode
 from liouville.contacts.joined import PENETRATES, Stretch, joined
 from liouville.contacts.margin import margin
-from liouville.contacts.switching import CLOSED, Switching
+from liouville.contacts.switching import CLOSED, EPS, ROUNDINGS, Switching
 from liouville.contacts.traced import Contacts, Matrices, ModeSystem
 from liouville.errors import IntegrationError, hinted, quoted
 from liouville.events import Event, named
 
 if TYPE_CHECKING:
+    from liouville.control import Steps
     from liouville.runners import Request
     from liouville.solution import Solution
     from liouville.systems import Mechanics
 
-    #: Makes a stretch: of a system, from a time to another, with steps, events and a start.
+    #: Makes a stretch: of a system, from a time to another, with a step, events and a start; the
+    #: step is the first of controlled ones, None where the method chooses it.
     Make = Callable[
-        [ModeSystem, tuple[float, float], float, Mapping[str, Event], Mapping[str, Array]], Solution
+        [
+            ModeSystem,
+            tuple[float, float],
+            float | None,
+            Mapping[str, Event],
+            Mapping[str, Array],
+        ],
+        Solution,
     ]
 
 TINY = float(np.finfo(float).tiny)
@@ -33,12 +42,16 @@ TINY = float(np.finfo(float).tiny)
 SHORT, PARTS = 3.0, 3
 #: A start of a stretch is moved onto its constraints by at most this part of its size.
 MOVED = 1e-7
+#: Where a method chooses its first step, sizes are those of this part of the whole time.
+FIRST = 0.01
+#: So many stretches in turn that do not move the time are said to be without end.
+MOST_AT_ONCE = 100
 
 
-def integrate(system: Mechanics, request: Request, h: float, make: Make) -> Solution:
-    """Integrate a system with contacts from a checked request, with steps of size h."""
+def integrate(system: Mechanics, request: Request, steps: Steps, make: Make) -> Solution:
+    """Integrate a system with contacts from a checked request, with these steps."""
     assert system.contacts is not None
-    course = Course(system.contacts, make, request, h)
+    course = Course(system.contacts, make, request, steps)
     y, z = system.start(request.start)
     system.check(course.now.t, y, z, course.now.params)
     course.check(y, z)
@@ -65,15 +78,26 @@ class Course:
     make : callable
         ``make(system, t, h, events, start)``, which makes a stretch to the end or to an event.
     request : Request
-        What is asked for, its times checked.
-    h : float
-        The step size.
+        What is asked for.
+    steps : Steps
+        The steps asked for.
     """
 
-    def __init__(self, contacts: Contacts, make: Make, request: Request, h: float) -> None:
+    def __init__(self, contacts: Contacts, make: Make, request: Request, steps: Steps) -> None:
         self.contacts, self.make, self.request = contacts, make, request
-        start, self.end = request.t
+        start, self.end = steps.t0, steps.t1
+        self.steps, self.is_controlled = steps, steps.control is not None
+        #: The longest step that a stretch begins with: a time scale of accelerations knows no rest.
+        self.longest = np.inf
+        #: The step that the next stretch begins with, None where the method chooses it.
+        self.step: float | None = (self.end - start) / steps.count
+        if steps.control is not None:
+            self.step = steps.control[-2] or None
+            if steps.control[0] == "reversible" and request.control.monitor is None:
+                self.longest = steps.control[-2]
+        h = self.step or FIRST * (self.end - start)
         self.now = Switching(contacts, start, h, contacts.system.values(request.params))
+        self._at_once = 0
         self.events = named(request.events)
         self.stretches: list[Stretch] = []
         self.status, self.ending = "done", ""
@@ -98,7 +122,7 @@ class Course:
         system = self.contacts.mode(now.modes, self.contacts.independent(now.modes, at))
         start = self._moved(system, at, y, z)
         events = {name: Event(_recorded, "down", terminal=True) for name in system.own_events}
-        until, h = self._limits(at)
+        begin, (until, h) = now.t, self._limits(at)
         try:
             run = self.make(
                 system, (now.t, until), h, {**events, **of_own(self.events, system)}, start
@@ -112,6 +136,7 @@ class Course:
         if system.is_shared:
             count, now.t, (y, z) = self._torn(run, (y, z))
         self.stretches.append(Stretch(run, system, count))
+        self._go_on(run, begin, h)
         if run.status != "done":
             self.status, self.ending = run.status, run.message
         ends = [name for name, event in self.events.items() if event.terminal]
@@ -128,7 +153,8 @@ class Course:
         """Join all stretches."""
         found = joined(self.stretches, self.now, self.request.every)
         message = "; ".join(filter(None, [self.ending, found.message]))
-        return replace(found, status=self.status, message=message)
+        tolerances = self.steps.tolerances
+        return replace(found, status=self.status, message=message, tolerances=tolerances)
 
     def _moved(self, system: ModeSystem, at: Matrices, y: Array, z: Array) -> dict[str, Array]:
         """Return the start of a stretch on the constraints of its mode."""
@@ -141,16 +167,32 @@ class Course:
             raise IntegrationError(sentence, t=t)
         return start
 
-    def _limits(self, at: Matrices) -> tuple[float, float]:
+    def _limits(self, at: Matrices) -> tuple[float, float | None]:
         """Return where the stretch ends at most, and its step, which short flights shorten."""
         now, shortest = self.now, np.inf
         for k, mode in enumerate(now.modes):
             rate, fall = at.rate[k], now.lifts[k]
             if mode is Mode.OPEN and at.gap[k] <= CLOSED * at.size[k] and rate > 0 > fall:
                 shortest = min(shortest, 2 * rate / -fall)
-        if shortest < SHORT * now.h:
-            return min(self.end, now.t + 2 * shortest), shortest / PARTS
-        return self.end, now.h
+        left = self.end - now.t
+        if not shortest < SHORT * now.h:
+            return self.end, self.step and min(self.step, left)
+        until = self.end if self.is_controlled else min(self.end, now.t + 2 * shortest)
+        return until, min(shortest / PARTS, until - now.t)
+
+    def _go_on(self, run: Solution, begin: float, h: float | None) -> None:
+        """Take the step to go on with, and end where the time does not go on."""
+        now = self.now
+        goes_on = now.t - begin > ROUNDINGS * EPS * max(abs(begin), abs(self.end))
+        self._at_once = 0 if goes_on else self._at_once + 1
+        if self._at_once > MOST_AT_ONCE:
+            sentence = f"at t = {now.t:g} contacts change without end"
+            raise IntegrationError(f"{sentence}: {quoted(self.contacts.names)}", t=now.t)
+        if self.is_controlled and run.stats["steps"]:
+            sizes: Any = run.stats
+            was_shortened = self.step is not None and h is not None and h < self.step
+            own = max(sizes["h_next"], self.step or 0.0 if was_shortened else 0.0)
+            self.step = now.h = min(own, self.longest)
 
     def _torn(
         self, run: Solution, end: tuple[Array, Array]

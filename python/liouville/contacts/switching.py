@@ -19,6 +19,8 @@ EPS = float(np.finfo(float).eps)
 CLOSED, ROUNDINGS = 1e-12, 4
 #: Rates and slips are zero within this part of the sizes of their terms.
 AT_REST = 1e-9
+#: Rates before an impact are known to this part of the sizes of their terms.
+ROUNDED = 1e-14
 #: Accelerations and forces are zero within this part of the largest, ahead within the second.
 ZERO, ZERO_AHEAD = 1e-9, 1e-12
 #: A look ahead goes this part of a step.
@@ -70,11 +72,11 @@ class Switching:
             still = AT_REST * sizes[: self.c]
             touching = at.gap <= CLOSED * at.size + ROUNDINGS * EPS * np.abs(at.rate) * abs(self.t)
             if (touching & (at.rate < -still)).any():
-                z = self._hit(at, z, touching)
+                z, stopped = self._hit(at, z, touching, sizes, closing), set()
                 continue
             low = self._low(at, touching, still, closing)
             if low is not None:
-                z = z + at.moves[:, low] * (-at.rate[low] / at.A[low, low])
+                z, stopped = z + at.moves[:, low] * (-at.rate[low] / at.A[low, low]), set()
                 continue
             closed = touching & (np.abs(at.rate) <= still)
             self.modes = self._modes(at, y, z, closed, stopped, sizes[self.c :])
@@ -83,21 +85,30 @@ class Switching:
         sentence = f"at t = {self.t:g} contacts hit one another without end"
         raise IntegrationError(f"{sentence}: {quoted(self.contacts.names)}", t=self.t)
 
-    def _hit(self, at: Matrices, z: Array, touching: Array) -> Array:
+    def _hit(
+        self,
+        at: Matrices,
+        z: Array,
+        touching: Array,
+        sizes: Array,
+        closing: dict[int, float | None],
+    ) -> Array:
         """Return z after the impact of all contacts that touch."""
         own = self.contacts
-        found = law.impact(at.A, at.rate, at.slip, touching, own.restitution, own.static, own.law)
+        restitution = self._restitution(at, touching, sizes, closing)
+        rates = np.concatenate([at.rate, at.slip])
+        before = law.without_contradictions(at.A, rates, touching)
+        before[np.abs(before) <= ROUNDED * sizes] = 0.0
+        found = law.impact(at.A, before, touching, restitution, own.static, own.law)
         if found is None:
-            found = law.impact(
-                at.A, at.rate, at.slip, touching, 0 * own.restitution, own.static, "poisson"
-            )
+            found = law.impact(at.A, before, touching, 0 * own.restitution, own.static, "poisson")
             names = quoted([own.names[k] for k in np.flatnonzero(touching)])
             if found is None:
                 sentence = f"at t = {self.t:g} the impact of contacts {names} has no solution"
                 raise IntegrationError(sentence, t=self.t)
             self.messages.append(f"the impact of {names} at t = {self.t:g} was made plastic")
         impulses = np.concatenate([found.normal, found.friction])
-        rates = np.concatenate([at.rate + found.across, at.slip + found.along])
+        rates = before + np.concatenate([found.across, found.along])
         if impulses @ rates > GAINED * np.abs(impulses) @ np.abs(rates):
             gained = float(impulses @ rates) / 2
             self.messages.append(f"the impact at t = {self.t:g} gained energy, {gained:.3g}")
@@ -106,6 +117,27 @@ class Switching:
             self.changes[k].append(change)
         after: Array = z + at.moves @ impulses
         return after
+
+    def _restitution(
+        self, at: Matrices, touching: Array, sizes: Array, closing: dict[int, float | None]
+    ) -> Array:
+        """Return the restitutions of an impact: none where the flight after it would be low."""
+        found, still = self.contacts.restitution.copy(), AT_REST * sizes[: self.c]
+        rates = -found * at.rate
+        near = touching & (rates > 0) & (rates**2 < self._low_square(at, np.abs(at.b[: self.c])))
+        if not near.any():
+            return found
+        held = touching & (np.abs(at.rate) <= still)
+        falls = -self._forces(at, held, np.zeros(self.c, dtype=int)).across
+        for k in np.flatnonzero(near):
+            if falls[k] > 0 and found[k] < 1:
+                closing[int(k)] = self.t + 2 * rates[k] / falls[k] / (1 - found[k])
+            found[k] = 0.0
+        return found
+
+    def _low_square(self, at: Matrices, falls: Array) -> Array:
+        """Return the squares of the rates whose flights are low."""
+        return 2 * falls * LOW * EPS * at.size
 
     def _low(
         self, at: Matrices, touching: Array, still: Array, closing: dict[int, float | None]
@@ -117,7 +149,7 @@ class Switching:
                 continue
             held = touching & (np.abs(at.rate) <= still)
             fall = self._forces(at, held, np.zeros(self.c, dtype=int)).across[k]
-            if fall < 0 and at.rate[k] ** 2 < 2 * -fall * LOW * EPS * at.size[k]:
+            if fall < 0 and at.rate[k] ** 2 < self._low_square(at, -fall)[k]:
                 closing[int(k)] = None
                 has_hit = bool(self.changes[k]) and self.changes[k][-1].t == self.t
                 if has_hit and 0 < own.restitution[k] < 1:

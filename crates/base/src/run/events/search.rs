@@ -308,7 +308,11 @@ fn interpolated_zero(
         bracket.tighten(x, in_step.interpolated(x)?);
     }
     let slope = (bracket.b.1 - bracket.a.1) / bracket.width();
-    Ok((bracket.a.0 - bracket.a.1 / slope, slope))
+    let x = bracket.a.0 - bracket.a.1 / slope;
+    // both ends may be the same roundoff
+    let is_between = (bracket.a.0..=bracket.b.0).contains(&x);
+    let middle = f64::midpoint(bracket.a.0, bracket.b.0);
+    Ok((if is_between { x } else { middle }, slope))
 }
 
 /// How many halvings lead from a width to twice a tolerance.
