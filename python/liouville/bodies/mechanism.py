@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from liouville import _casadi as ca
 from liouville import _core
 from liouville.bodies import turns
-from liouville.bodies.body import Body, Layout, Value, check_numbers, check_size
+from liouville.bodies.body import Body, Layout, Value, check_numbers, check_size, numbers
 from liouville.bodies.chaining import Coupling
 from liouville.bodies.elements import Element, check_matrix, matrix_functions
-from liouville.bodies.joints import Joint
+from liouville.bodies.joints import RATES, Joint
 from liouville.bodies.model import Model, Place
 from liouville.bodies.normal_forces import Rubs
+from liouville.bodies.poses import Poses
 from liouville.errors import Description, hinted, quoted
 from liouville.systems import Lagrangian, members
 from liouville.systems._expressions import Expressions
@@ -26,6 +28,9 @@ if TYPE_CHECKING:
     from liouville.bodies.chaining import Gear
 
 Array = NDArray[np.float64]
+
+#: A function of (t, q, v, params).
+Function = Callable[..., Any]
 
 
 class Mechanism(Lagrangian):
@@ -122,6 +127,95 @@ class Mechanism(Lagrangian):
             self._output_tapes[name] = record(name, s.inputs(z=s.z), self._outputs.columns[name])
         rows = [np.ascontiguousarray(np.reshape(x, (np.size(at[0]), -1)), float) for x in at]
         return self._output_tapes[name].map(params, rows)
+
+    def coordinate(self, name: str) -> Function:
+        """Return a coordinate of a joint as a function of (t, q, v, params), such as "A.angle".
+
+        It is for ``observe=`` of :func:`liouville.integrate` and of :func:`liouville.fit`, for
+        events and for costs: ``lv.Event(system.coordinate("A.angle"))`` where the angle is zero.
+        Angles are those of ``solution.joint("A").values``.
+
+        Parameters
+        ----------
+        name : str
+            The joint and its coordinate; the coordinate alone may be left out where there is one.
+
+        Returns
+        -------
+        callable
+            A scalar of expressions.
+
+        Raises
+        ------
+        ValueError
+            There is no such joint, or it has no such coordinate.
+        """
+        return self._measured("values", name)
+
+    def rate(self, name: str) -> Function:
+        """Return the rate of a coordinate of a joint, as :meth:`coordinate` returns its value.
+
+        Ball joints have rates alone: ``system.rate("A.spin_x")`` about the world's axes.
+        """
+        return self._measured("rates", name)
+
+    def point(self, body: str, at: ArrayLike = (0.0, 0.0, 0.0)) -> Function:
+        """Return the place of a point of a body in the world as a function of (t, q, v, params).
+
+        Parameters
+        ----------
+        body : str
+            Its name.
+        at : array_like, shape (3,)
+            The point from the centre of mass, in the axes of the body.
+
+        Returns
+        -------
+        callable
+            A column of three expressions: ``lambda t, q, v, params: tip(t, q, v)[2]`` is the height
+            of one.
+
+        Raises
+        ------
+        ValueError
+            There is no such body.
+        """
+        k, own = self.body(body), numbers(f"a point of body '{body}'", at, (3,))
+
+        def place(t: ca.SX, q: ca.SX, v: ca.SX, *more: Any) -> ca.SX:
+            del t, more
+            poses = Poses(self._body_layout, q, v)
+            directors = poses.directors  # columns of the rotation, by component
+            found: ca.SX = ca.vertcat(*(
+                poses.x[i][k] + sum(directors[j][i][k] * own[j] for j in range(3))
+                for i in range(3)
+            ))  # fmt: skip
+            return found
+
+        return place
+
+    def _measured(self, what: str, name: str) -> Function:
+        joint, _, coordinate = name.rpartition(".")
+        if joint not in self._places:
+            joint, coordinate = name, ""
+        place = self.place(joint)
+        known = [x for x in place.coordinates if what == "rates" or x not in RATES]
+        if not coordinate and len(known) == 1:
+            coordinate = known[0]
+        if coordinate not in known:
+            of = "rate" if what == "rates" else "coordinate"
+            own = " or ".join(f"'{joint}.{x}'" for x in known)
+            hint = f"write {own}" if known else f"it leaves no {of} free"
+            raise ValueError(hinted(f"joint '{joint}' has no {of} '{coordinate}'", hint))
+        k = place.first + place.coordinates.index(coordinate)
+
+        def measured(t: ca.SX, q: ca.SX, v: ca.SX, *more: Any) -> ca.SX:
+            del more  # multipliers, and parameters, which are those of the system
+            s, expression = self._symbols, self._outputs.columns[what][k]
+            found: ca.SX = ca.substitute([expression], [s.t, s.y, s.z], [t, q, v])[0]
+            return found
+
+        return measured
 
     def rubs(self, params: Array, t: Array, q: Array, v: Array) -> list[Rubs] | None:
         """Return what determines normal forces at k states, or None without friction.
