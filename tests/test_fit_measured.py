@@ -3,7 +3,7 @@
 import casadi as ca
 import numpy as np
 import pytest
-from scipy.stats import chi2
+from scipy.stats import chi2, f
 
 import liouville as lv
 
@@ -175,6 +175,49 @@ def test_a_poor_fit_is_tried_again_from_shorter_times(sigma):
     found = lv.fit(system, METHOD, data, h=0.05, params=["k"], sigma=sigma, q=[1.0], v=[0.0])
     assert found.params["k"] == pytest.approx(9.0, abs=0.02)
     assert "growing parts of the time led to a lower minimum" in found.message
+
+
+def test_an_interval_of_a_linear_model_is_that_of_its_deviation():
+    """The place of a falling mass is linear in gravity, whatever else is fitted."""
+    t = np.linspace(0.1, 1, 10)
+    data = {"t": t, "x": -9.81 * t**2 / 2 + 0.01 * noise(10)}
+    call = {"h": 0.1, "t0": 0.0, "params": ["g"], "q": [0.0], "v": [0.0]}
+    for free, factor in (((), chi2.ppf(0.95, 1)), (("q", "v"), chi2.ppf(0.95, 1))):
+        found = lv.fit(FALL, METHOD, data, sigma=0.01, free=free, **call)
+        width = np.sqrt(factor) * found.errors["params.g"]
+        low, high = found.interval("params.g")
+        assert (low, high) == pytest.approx(
+            (found.params["g"] - width, found.params["g"] + width), rel=1e-3
+        )
+    own = lv.fit(FALL, METHOD, data, **call)
+    width = np.sqrt(f.ppf(0.9, 1, 9)) * own.errors["params.g"]
+    assert own.interval("params.g", 0.9)[1] == pytest.approx(own.params["g"] + width, rel=1e-3)
+    prior = lv.fit(FALL, METHOD, data, sigma=0.01, priors={"g": (9.9, 0.02)}, **call)
+    width = np.sqrt(factor) * prior.errors["params.g"]
+    assert prior.interval("params.g")[0] == pytest.approx(prior.params["g"] - width, rel=1e-3)
+
+
+def test_an_interval_of_a_bent_model_is_not_symmetric():
+    """At its ends the sum of squares is above the best by chi square of the level."""
+    t = np.array([0.4, 0.8])
+    data = {"t": t, "x": np.exp(-3 * t) + np.array([0.05, -0.03])}
+    system = lv.Mechanical(
+        velocity=lambda t, y, z, params: -params.k * y, momentum=lambda t, y, z, params: z,
+        force=lambda t, y, z, params: 0 * z, y=("x",), params={"k": 3.0},
+    )  # fmt: skip
+    call = {"h": 0.1, "t0": 0.0, "params": ["k"], "sigma": 0.05, "y": [1.0], "z": [0.0]}
+    found = lv.fit(system, METHOD, data, **call)
+    low, high = found.interval("params.k", 0.9)
+    for k in (low, high):
+        squares = np.sum((np.exp(-k * t) - data["x"]) ** 2) / 0.05**2
+        assert squares - found.chi2 == pytest.approx(chi2.ppf(0.9, 1), rel=2e-2)
+    assert high - found.params["k"] > 1.2 * (found.params["k"] - low)
+    for name, level, says in (
+        ("k", 0.9, "'k' is no number that was fitted"),
+        ("params.k", 2.0, "level must be between 0 and 1, not 2"),
+    ):
+        with pytest.raises(ValueError, match=says):
+            found.interval(name, level)
 
 
 DATA = {"t": [0.0, 1.0], "x": [1.0, 0.5]}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 from numpy.typing import ArrayLike
@@ -14,6 +15,7 @@ from liouville.events import Event
 from liouville.fitting.motions import Model, Motion, Trial
 from liouville.fitting.observed import Observed
 from liouville.fitting.problem import Problem
+from liouville.fitting.profile import Held
 from liouville.fitting.result import Fit
 from liouville.fitting.robust import loss_of
 from liouville.fitting.unknowns import Unknowns
@@ -158,11 +160,22 @@ def fit(
         sentence = "some trials have sigma, and others have none"
         raise ValueError(hinted(sentence, "give the fit sigma=, that of all other trials"))
     motions = [Motion(model, *each) for each in zip(trials, sigmas, strict=True)]
+
     rho, is_absolute = loss_of(loss, sigmas[0]), sigmas[0] is not None
     if priors and not is_absolute:
         sentence = "priors are weighed against measurements by their deviations"
         raise ValueError(hinted(sentence, "give sigma=, the deviation of the measurements"))
-    return Problem(model, motions, rho, is_absolute=is_absolute).solve()
+    found = Problem(model, motions, rho, is_absolute=is_absolute).solve()
+    if loss != "linear":
+        return found
+
+    def held(params: Mapping[str, Any], starts: Sequence[Any], name: str, value: float) -> Held:
+        own = replace(model, unknowns=replace(unknowns, params=dict(params)).without(name, value))
+        near = [replace(trial, start=x) for trial, x in zip(trials, starts, strict=True)]
+        each = [Motion(own, *x) for x in zip(near, sigmas, strict=True)]
+        return Problem(own, each, rho, is_absolute=is_absolute).least(unknowns.known(name, value))
+
+    return replace(found, _hold=held)
 
 
 def _steps(h: Any, rtol: Any) -> dict[str, float]:

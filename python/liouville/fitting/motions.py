@@ -127,11 +127,12 @@ class Motion:
             PARAMS + name: 1.0 if np.ndim(params[name]) == 0 else np.eye(np.size(params[name]))
             for name in fitted
         }
-        tangents |= self.place.tangents(along, params, fitted, start)
+        if fitted or along.size:
+            tangents |= self.place.tangents(along, params, fitted, start)
+        times = {**self.data.run, **self.model.options}
+        times |= {"tangents": tangents} if tangents else {}
         with hints_without_events() if "events" not in self.model.options else nullcontext():
-            run = self.model.run(
-                params, {**self.data.run, **self.model.options, "tangents": tangents}, start
-            )
+            run = self.model.run(params, times, start)
         self.solution, self.params, self.start, self.tangents = run, params, start, tangents
         if self.guessed is None:
             self.guessed = np.abs(self.model.columns(run, params)[0])

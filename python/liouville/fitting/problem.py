@@ -12,6 +12,7 @@ from liouville.analysis.point import Array
 from liouville.errors import IntegrationError, hinted, quoted
 from liouville.fitting.measurements import shared_unit
 from liouville.fitting.motions import Model, Motion
+from liouville.fitting.profile import Held
 from liouville.fitting.result import Fit, Fitted, of_size, of_step
 from liouville.fitting.robust import LOSSES, Loss, spread
 
@@ -90,6 +91,24 @@ class Problem:
                 self._take(kept)
                 found = self._settled()
         return self._fit(found, said)
+
+    def least(self, known: float) -> Held:
+        """Return the least sum of squares from here, in units of the deviations, and where it is.
+
+        What a prior of a value that is held adds is `known`.
+        """
+        if len(self.bounds) or self.unknowns.free:
+            size = self._settled().size
+        else:
+            self._cuts = np.zeros(len(self.motions) + 1, dtype=int)
+            for motion in self.motions:
+                motion.settle(self.params)
+            self._run(np.empty(0))
+            residuals = self._residuals(np.empty(0))
+            size = float(residuals @ residuals)
+        params, starts = self._place()
+        unit = self.unit if self.is_absolute else float(self.motions[0].data.weights[0, 0])
+        return Held(size * unit**2 + known, params, starts)
 
     def _tried(self) -> _Least | None:
         try:

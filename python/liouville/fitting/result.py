@@ -11,6 +11,7 @@ import numpy as np
 from liouville.analysis.point import Array
 from liouville.errors import hinted
 from liouville.fitting.freedoms import values_of
+from liouville.fitting.profile import Hold, interval
 from liouville.solution import Solution
 
 #: Sums of squares so many standard deviations from what is expected are not by chance.
@@ -88,6 +89,40 @@ class Fit:
     dof: int
     evaluations: int
     message: str
+    _hold: Hold | None = None
+
+    def interval(self, name: str, level: float = 0.95) -> tuple[float, float]:
+        r"""Return the interval of a parameter by profile likelihood.
+
+        At its ends the sum of squares, least over all other unknowns, is above the best by
+        :math:`\chi^2_1` of the level, without `sigma` by :math:`F_{1, N - K}` of it and the mean
+        square. It is not the symmetric one of `errors` where the model bends.
+
+        Parameters
+        ----------
+        name : str
+            A number that was fitted, such as ``"params.l"``.
+        level : float
+            How often it holds the truth.
+
+        Returns
+        -------
+        tuple of two floats
+            Infinite on a side where no value is refuted.
+
+        Raises
+        ------
+        ValueError
+            There is no such parameter, or the loss is a robust one.
+        """
+        if self._hold is None:
+            sentence = "a fit by a robust loss, or one that was pickled, has no interval"
+            raise ValueError(hinted(sentence, "errors has standard deviations"))
+        return interval(self, self._hold, name, level)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Leave out what fits again, whose functions may be the user's."""
+        return {**self.__dict__, "_hold": None}
 
     @property
     def start(self) -> dict[str, Array]:

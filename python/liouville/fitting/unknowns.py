@@ -92,6 +92,20 @@ class Unknowns:
             for k in range(np.size(self.params[name])):
                 yield first + k, float(np.ravel(mean)[k]), float(np.ravel(deviation)[k])
 
+    def without(self, name: str, value: float) -> Unknowns:
+        """Return the same with a number held at a value, and no longer fitted."""
+        place = self.names.index(f"params.{name}")
+        moved = [(k - (k > place), x, size) for k, x, size in self.priors if k != place]
+        return replace(
+            self, params={**self.params, name: value}, bounds=np.delete(self.bounds, place, axis=0),
+            fitted=tuple(x for x in self.fitted if x != name), priors=tuple(moved),
+        )  # fmt: skip
+
+    def known(self, name: str, value: float) -> float:
+        """Return the square that a prior of a number adds at a value, in its deviations."""
+        place = self.names.index(f"params.{name}")
+        return sum(((value - x) / size) ** 2 for k, x, size in self.priors if k == place)
+
     def off(self, theta: Array) -> Array:
         """Return values less those of the priors, in units of their deviations."""
         return np.array([(theta[k] - mean) / deviation for k, mean, deviation in self.priors])
