@@ -84,6 +84,7 @@ if _typing.TYPE_CHECKING:
     from liouville.systems._sympy_mechanics import from_sympy as from_sympy
     from liouville.systems._table import table as table
     from liouville.systems.gridded import GriddedField as GriddedField
+    from liouville.systems.particles import ChargedParticles as ChargedParticles
     from liouville.systems.vector_potential import PotentialField as PotentialField
 
 #: Names that few runs need, by the modules that are imported when they are first used.
@@ -114,6 +115,7 @@ _LATER = {
     "Store": "stored",
     "resume": "stored",
     "GriddedField": "systems.gridded",
+    "ChargedParticles": "systems.particles",
     "PotentialField": "systems.vector_potential",
     "from_sympy": "systems._sympy_mechanics",
     "table": "systems._table",

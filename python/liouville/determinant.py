@@ -75,11 +75,20 @@ def determinant(
             f"determinants must be those of a field without divergence, not of {system!r}"
         )
     from liouville.planner import FieldPlan
-    from liouville.runners.determinant import DeterminantRunner, PlaneDeterminantRunner
+    from liouville.runners.determinant import (
+        DeterminantRunner,
+        Determinants,
+        ParticleDeterminantRunner,
+        PlaneDeterminantRunner,
+    )
+    from liouville.systems.particles import ChargedParticles
 
     if not isinstance(method, VolumeSplitting | FieldPlan):
         raise no_runner(method, "field", "polynomial fields")
-    is_polynomial = isinstance(system, PolynomialField)
-    kind = DeterminantRunner if is_polynomial else PlaneDeterminantRunner
     request = Request(t=t, h=h, steps=steps, every=every, params=params, start={"x": x})
+    kind: type[Determinants] = PlaneDeterminantRunner
+    if isinstance(system, ChargedParticles):
+        kind = ParticleDeterminantRunner
+    elif isinstance(system, PolynomialField):
+        kind = DeterminantRunner
     return execute(kind(system, method, request), progress)

@@ -61,7 +61,7 @@ def ensemble(
     ----------
     system : System
         A Lagrangian, Hamiltonian, Mechanical, Structure, SemiExplicit, PolynomialField,
-        GriddedField, PotentialField or Schrodinger: what is integrated.
+        GriddedField, PotentialField, ChargedParticles or Schrodinger: what is integrated.
     method : Method, Plan or str, default "auto"
         How: any method for the system, with steps of equal size; names as for :func:`integrate`.
     t, h, steps, every, t_eval, events, observe, states

@@ -55,7 +55,7 @@ def integrate(
     ----------
     system : System
         The system: a Lagrangian, Hamiltonian, Mechanical, Structure, SemiExplicit, PolynomialField,
-        GriddedField, PotentialField or Schrodinger.
+        GriddedField, PotentialField, ChargedParticles or Schrodinger.
     method : Method, Plan or str, default "auto"
         The method, or its name on the command line, such as ``"spark"``; see :doc:`/choose`.
         ``"auto"`` takes ``Spark`` for mechanics, with the stages that `rtol` wants,

@@ -34,6 +34,9 @@ pub trait Number:
     /// x^(-1/q) for x > 0 and q = 1, 2, 3.
     #[must_use]
     fn inverse_root(self, q: u32) -> Self;
+    /// `yes` where this is less than `other`, `no` elsewhere.
+    #[must_use]
+    fn if_less(self, other: Self, yes: Self, no: Self) -> Self;
     /// Whether all values are below a bound; what is not a number is not.
     fn is_below(self, bound: f64) -> bool;
     /// Whether all values are finite.
@@ -74,6 +77,10 @@ macro_rules! number {
         #[inline(always)]
         fn sin_and_cos(self) -> (Self, Self) {
             $crate::elementary::sin_and_cos(self)
+        }
+        #[inline(always)]
+        fn if_less(self, other: Self, yes: Self, no: Self) -> Self {
+            $crate::elementary::Register::if_less(self, other, yes, no)
         }
         #[inline(always)]
         fn inverse_root(self, q: u32) -> Self {

@@ -23,11 +23,12 @@ type Index<'py> = PyReadonlyArray1<'py, i64>;
 enum Factor<'py> {
     /// cos(k · x + phase)
     Cosine(Index<'py>, Values<'py>, f64),
-    /// A tape, and another of its partial derivatives.
+    /// A tape, another of its partial derivatives, and the number of its output.
     Tape(
         Index<'py>,
         PyRef<'py, convert::Tape>,
         PyRef<'py, convert::Tape>,
+        usize,
     ),
 }
 
@@ -45,10 +46,11 @@ impl Split {
     ///     ("exponential", rows, rates, monomial, functions)
     ///     ("triangular", order, term_rows, coefficients, factors, a, b)
     ///     ("affine", matrix, vector)
+    ///     ("turn", rows, term_rows, coefficients, factors, functions, is_cayley)
     ///     ("plane", plane, variables)
     ///
     /// `factors` has a row for each term, −1 where there are fewer; functions are cosines (places, k, phase), or tapes
-    /// (places, value, slopes).
+    /// (places, value, slopes, output).
     #[new]
     fn new(n: usize, pieces: Vec<Bound<'_, PyTuple>>) -> PyResult<Self> {
         let pieces = pieces
@@ -136,6 +138,7 @@ fn parsed(n: usize, piece: &Bound<'_, PyTuple>) -> PyResult<Piece> {
                 vector: vector.as_slice()?.to_vec(),
             })
         }
+        "turn" => turn_of(n, &rest),
         "plane" => {
             let (plane, variables): (PyRef<'_, Plane>, Index<'_>) = rest.extract()?;
             Ok(Piece::Plane {
@@ -147,6 +150,24 @@ fn parsed(n: usize, piece: &Bound<'_, PyTuple>) -> PyResult<Piece> {
             "there is no piece {other:?}"
         ))),
     }
+}
+
+/// A turn of three variables.
+fn turn_of(n: usize, piece: &Bound<'_, PyTuple>) -> PyResult<Piece> {
+    let (rows, terms, c, factors, functions, is_cayley): (
+        Index<'_>,
+        Index<'_>,
+        Values<'_>,
+        PyReadonlyArray2<'_, i64>,
+        Vec<Factor<'_>>,
+        bool,
+    ) = piece.extract()?;
+    Ok(Piece::Turn {
+        rows: convert::indices(&rows)?,
+        change: terms_of(6, n + functions.len(), &terms, &c, &factors)?,
+        functions: functions_of(&functions)?,
+        is_cayley,
+    })
 }
 
 /// Rows, what is of each, and the functions among the factors.
@@ -186,9 +207,15 @@ fn functions_of(functions: &[Factor<'_>]) -> PyResult<Vec<Function>> {
                 let (k, phase) = (k.as_slice()?.to_vec(), *phase);
                 (places, Formula::Cosine { k, phase })
             }
-            Factor::Tape(places, value, slopes) => {
+            Factor::Tape(places, value, slopes, output) => {
                 let [value, slopes] = [value, slopes].map(|tape| Arc::clone(&tape.0));
-                (places, Formula::Tape { value, slopes })
+                let output = *output;
+                let formula = Formula::Tape {
+                    value,
+                    slopes,
+                    output,
+                };
+                (places, formula)
             }
         };
         let places = convert::indices(places)?;

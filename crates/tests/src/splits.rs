@@ -125,6 +125,7 @@ pub fn growth(places: [usize; 2]) -> Function {
         formula: Formula::Tape {
             value: tape(1, &lines),
             slopes: tape(2, &[&lines[..], &[output(1, 2)]].concat()),
+            output: 0,
         },
     }
 }
@@ -269,6 +270,24 @@ pub fn affine(draw: &mut Draw, n: usize) -> Piece {
     }
 }
 
+/// w and e of other variables, and of a wave of these where there are any.
+pub fn turn(draw: &mut Draw, n: usize) -> Piece {
+    let mut rows = draw.permutation(n);
+    let others = rows.split_off(3);
+    let mut change = terms(draw, 6, &others);
+    let mut functions = Vec::new();
+    if !others.is_empty() {
+        functions.push(wave(draw, &others, None));
+        change.push((draw.below(6), draw.real(), vec![n]));
+    }
+    Piece::Turn {
+        change: polynomials(6, n + functions.len(), &change),
+        rows,
+        functions,
+        is_cayley: false,
+    }
+}
+
 /// A piece of each kind.
 pub fn every_kind(draw: &mut Draw, n: usize) -> Vec<Piece> {
     vec![
@@ -282,6 +301,7 @@ pub fn every_kind(draw: &mut Draw, n: usize) -> Vec<Piece> {
         triangular(draw, n, 2),
         triangular(draw, n, 4),
         affine(draw, n),
+        turn(draw, n),
     ]
 }
 
@@ -327,9 +347,9 @@ fn factor_at(factor: usize, functions: &[Function], x: &[f64]) -> f64 {
             let argument: f64 = arguments.zip(k).map(|(x, k)| k * x).sum();
             (argument + phase).cos()
         }
-        Formula::Tape { value, .. } => {
+        Formula::Tape { value, output, .. } => {
             let arguments: Vec<f64> = arguments.collect();
-            value.eval(&mut value.bind(&[]), [&arguments])[0]
+            value.eval(&mut value.bind(&[]), [&arguments])[*output]
         }
     }
 }
@@ -441,6 +461,19 @@ pub fn plain(piece: &Piece, is_adjoint: bool, h: f64, x: &mut [f64]) {
             }
         }
         Piece::Affine { matrix, vector } => affine_flow(matrix, vector, h, x),
+        Piece::Turn {
+            rows,
+            change,
+            functions,
+            ..
+        } => {
+            let rates = values(change, functions, x);
+            let (w, e) = rates.split_at(3);
+            let matrix = [0.0, -w[2], w[1], w[2], 0.0, -w[0], -w[1], w[0], 0.0];
+            let mut v: Vec<f64> = rows.iter().map(|row| x[*row]).collect();
+            affine_flow(&matrix, e, h, &mut v);
+            rows.iter().zip(v).for_each(|(row, v)| x[*row] = v);
+        }
         Piece::Plane { .. } => unreachable!("random splits have no planes"),
     }
 }

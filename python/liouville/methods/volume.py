@@ -11,6 +11,7 @@ from liouville.methods.composition import SCHEMES, scheme_name
 DIAGONAL = ("auto", "shears", "exponentials", "pairs", "regular", "n+d")
 OFF_DIAGONAL = ("auto", "natural", "triangular")
 LINEAR = ("auto", "split", "exact")
+TURN = ("exact", "boris")
 RUNGE_KUTTA = ("euler", "midpoint", "heun", "kutta3", "rk4")
 
 
@@ -53,6 +54,8 @@ class VolumeSplitting(Brief):
         Whether constant and linear terms are split too, or integrated exactly as one piece.
     runge_kutta : {"euler", "midpoint", "heun", "kutta3", "rk4"}
         The method of triangular pieces; any keeps volume.
+    turn : {"exact", "boris"}
+        Of charged particles: the exact kick, or Boris's turn, with schemes of symmetric steps.
     compensated : bool, default False
         Carry the rounding errors of sums along: less noise in runs of many steps, for some cost.
 
@@ -87,6 +90,9 @@ class VolumeSplitting(Brief):
     runge_kutta: str = field(
         default="euler", metadata={"help": "of triangular pieces: " + ", ".join(RUNGE_KUTTA)}
     )
+    turn: str = field(
+        default="exact", metadata={"help": "of charged particles: " + ", ".join(TURN)}
+    )
     compensated: bool = field(default=False, metadata={"help": "carry rounding errors along"})
 
     def __post_init__(self) -> None:
@@ -95,6 +101,7 @@ class VolumeSplitting(Brief):
         _one_of("off_diagonal", self.off_diagonal, OFF_DIAGONAL)
         _one_of("linear", self.linear, LINEAR)
         _one_of("runge_kutta", self.runge_kutta, RUNGE_KUTTA)
+        _one_of("turn", self.turn, TURN)
         if self.composition != "auto":
             scheme_name(self.composition, tuple(SCHEMES))
         if not isinstance(self.compensated, bool):

@@ -154,6 +154,11 @@ def _of_field(
 
         assert isinstance(system, PlaneField)
         return plan_planes(system, method or VolumeSplitting(), step, rows)[0]
+    from liouville.planner.fields.particles import plan_particles
+    from liouville.systems.particles import ChargedParticles
+
+    if isinstance(system, ChargedParticles):
+        return plan_particles(system, method or VolumeSplitting(), step, rows)[0]
     found, _ = plan_field(
         system.terms, method or VolumeSplitting(), step, rows, steps, seed,
         count("trials", trials), system.variables,

@@ -101,7 +101,8 @@ def check_system(system: Any) -> None:
         return
     sentence = (
         "system must be a Lagrangian, Hamiltonian, Mechanical, Structure, SemiExplicit, "
-        f"PolynomialField, GriddedField, PotentialField or Schrodinger, not {system!r}"
+        "PolynomialField, GriddedField, PotentialField, ChargedParticles or Schrodinger, "
+        f"not {system!r}"
     )
     is_assembly = hasattr(system, "system")
     raise TypeError(hinted(sentence, "take its system()") if is_assembly else sentence)
@@ -189,10 +190,15 @@ def _of_fields(system: Field, method: Any, request: Request) -> Runner:
     from liouville.planner import FieldPlan
     from liouville.runners.field import FieldRunner
     from liouville.systems._plane_field import PlaneField
+    from liouville.systems.particles import ChargedParticles
 
-    kind = system.kind if isinstance(system, PlaneField) else "polynomial"
     if not isinstance(method, VolumeSplitting | FieldPlan):
+        kind = system.kind if isinstance(system, PlaneField) else "polynomial"
         raise no_runner(method, "field", f"{kind} fields")
+    if isinstance(system, ChargedParticles):
+        from liouville.runners.particles import ParticleRunner
+
+        return ParticleRunner(system, method, request)
     if not isinstance(system, PlaneField):
         return FieldRunner(system, method, request)
     from liouville.runners.planes import PlaneRunner

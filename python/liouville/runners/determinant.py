@@ -11,6 +11,7 @@ from liouville.errors import Description
 from liouville.methods import VolumeSplitting
 from liouville.planner import FieldPlan
 from liouville.runners.field import FieldRunner
+from liouville.runners.particles import ParticleRunner
 from liouville.runners.planes import PlaneRunner
 from liouville.runners.runner import Request
 from liouville.splitting import to_core
@@ -51,3 +52,7 @@ class DeterminantRunner(Determinants):
 
 class PlaneDeterminantRunner(Determinants, PlaneRunner):
     """Runs a field by planes with tangents."""
+
+
+class ParticleDeterminantRunner(Determinants, ParticleRunner):
+    """Runs charged particles with tangents."""

@@ -14,5 +14,6 @@ from liouville.splitting.pieces import Scaling as Scaling
 from liouville.splitting.pieces import Shear as Shear
 from liouville.splitting.pieces import Split as Split
 from liouville.splitting.pieces import Triangular as Triangular
+from liouville.splitting.pieces import Turn as Turn
 from liouville.splitting.planes import Plane as Plane
 from liouville.splitting.planes import PlaneSplit as PlaneSplit

@@ -8,7 +8,16 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from liouville import _core
-from liouville.splitting.pieces import Affine, Exponential, Natural, Piece, Scaling, Shear, Split
+from liouville.splitting.pieces import (
+    Affine,
+    Exponential,
+    Natural,
+    Piece,
+    Scaling,
+    Shear,
+    Split,
+    Turn,
+)
 from liouville.splitting.planes import Plane, PlaneSplit
 from liouville.terms import Function, Terms, Wave
 
@@ -44,6 +53,10 @@ def packed(piece: Piece | Plane) -> tuple[Any, ...]:
             return ("exponential", piece.places, rates, m.variables[0], _functions(m))
         case Affine():
             return ("affine", _floats(piece.matrix), _floats(piece.vector))
+        case Turn():
+            r = piece.rates.compact()
+            terms = _terms(r, np.arange(6))
+            return ("turn", piece.places, *terms, _functions(r), piece.is_cayley)
         case Plane():
             return ("plane", piece.plane, np.array(piece.variables, dtype=np.int64))
         case _:
@@ -77,4 +90,4 @@ def _function(function: Wave | Function) -> tuple[Any, ...]:
     places = np.array(function.places, dtype=np.int64)
     if isinstance(function, Wave):
         return places, np.array(function.k, dtype=float), function.phase
-    return places, function.value, function.slopes
+    return places, function.value, function.slopes, function.output

@@ -96,6 +96,9 @@ def _parted(piece: tuple[Any, ...]) -> tuple[np.ndarray, tuple[Any, ...]]:
         case ("natural" | "scaling", rows, number, c, factors, _):
             order = np.argsort(number, kind="stable")
             return c[order], (piece[0], rows, number[order], factors[order])
+        case ("turn", places, number, c, factors, _, is_cayley):
+            order = np.argsort(number, kind="stable")
+            return c[order], ("turn", places, number[order], factors[order], is_cayley)
         case ("shear", places, direction, _, c, factors, _):
             return c, ("shear", places, direction, factors)
         case ("exponential", rows, rates, monomial, _):

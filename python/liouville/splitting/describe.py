@@ -6,7 +6,16 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from liouville.splitting.pieces import Affine, Exponential, Natural, Piece, Scaling, Shear, Split
+from liouville.splitting.pieces import (
+    Affine,
+    Exponential,
+    Natural,
+    Piece,
+    Scaling,
+    Shear,
+    Split,
+    Turn,
+)
 from liouville.splitting.trigonometric import numbered
 from liouville.terms import Terms
 
@@ -30,6 +39,10 @@ def described(piece: Piece, names: Sequence[str] | None = None) -> str:
             by = piece.field().written(piece.monomial, names or numbered(piece.n))
             what = f"exponential of {_listed(piece.places, piece.n, names)}"
             return f"{what} by {by}" if piece.monomial else what
+        case Turn():
+            what = "turn by Cayley's map" if piece.is_cayley else "turn"
+            pushed = " and push" if (piece.rates.component >= 3).any() else ""
+            return f"{what}{pushed} of {_listed(piece.places, piece.rates.n, names)}"
         case Affine():
             terms = piece.field()
             changed = terms.component

@@ -18,6 +18,9 @@ LARGEST_ROOT, LARGEST_POWER = 3, 12
 #: Powers are multiples of 1 / q if they are so near to one, relatively.
 NEAR = 4 * np.finfo(float).eps
 
+#: The operations of a turn beside those of its axis.
+TURNED = 90
+
 #: The cost of a division, in multiplications.
 DIVISION = 5
 
@@ -185,7 +188,50 @@ class Affine:
         return 2 * self.matrix.size
 
 
-Piece = Natural | Shear | Scaling | Exponential | Triangular | Affine
+@dataclass(frozen=True, eq=False)
+class Turn:
+    """v' = w x v + e of three variables v, with w and e that stand still.
+
+    Attributes
+    ----------
+    places : ndarray
+        The variables v.
+    rates : Terms
+        Components 0 to 2 are w, and 3 to 5 are e. Without e, a function in w may be one of |v|.
+    is_cayley : bool
+        Whether angles are those of Boris's turn, of the second order.
+    """
+
+    places: np.ndarray
+    rates: Terms
+    is_cayley: bool = False
+    is_exact: ClassVar[bool] = True
+    functions: ClassVar[int] = 0
+
+    def field(self) -> Terms:
+        """Return the piece as a vector field."""
+        rates, found = self.rates, []
+        for k, place in enumerate(self.places):
+            for sign, row, factor in (
+                (1, (k + 1) % 3, (k + 2) % 3),
+                (-1, (k + 2) % 3, (k + 1) % 3),
+            ):
+                part = rates.selected(rates.component == row)
+                by = np.full((len(part), 1), self.places[factor])
+                variables = np.hstack([part.variables, by])
+                own = np.full(len(part), place)
+                found.append(replace(part, component=own, variables=variables).scaled(sign))
+            push = rates.selected(rates.component == 3 + k)
+            found.append(replace(push, component=np.full(len(push), place)))
+        return found[0].joined(*found[1:])
+
+    @property
+    def operations(self) -> int:
+        """Return about how many additions and multiplications a step takes."""
+        return _operations(self.rates) + TURNED
+
+
+Piece = Natural | Shear | Scaling | Exponential | Triangular | Affine | Turn
 
 
 @dataclass(frozen=True, eq=False)

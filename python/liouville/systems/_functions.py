@@ -74,13 +74,13 @@ class Opaque:
             return ca.SX(node[1]) if node[0] == "const" else tape.applied(node[0], *operands)
 
         guarded = {id(guard): guard for node in _each(self.node) for guard in _guards(node)}
-        value = _folded(self.node, made)
-        guards = ca.vertcat(ca.SX(0, 1), *(_folded(guard, made) for guard in guarded.values()))
+        own = _folded(self.node, made)
+        vanishing = ca.vertcat(ca.SX(0, 1), *(_folded(guard, made) for guard in guarded.values()))
         inputs = {"x": x, "params": ca.SX(0, 1)}
         text = self.written(names)
-        columns = (value, ca.densify(ca.jacobian(value, x)), guards)
-        tapes = (tape.record(text, inputs, column) for column in columns)
-        return Function(self.places, self.key, text, *tapes)
+        columns = (own, ca.densify(ca.jacobian(own, x)), vanishing)
+        value, slopes, guards = (tape.record(text, inputs, column) for column in columns)
+        return Function(self.places, self.key, text, value, slopes, guards)
 
 
 def _folded(root: Node, made: Callable[[Node, list[Found]], Found]) -> Found:

@@ -24,9 +24,11 @@ class Function:
     text : str
         The function in the user's names.
     value, slopes : Tape
-        Its value, and its partial derivatives.
+        Its value, or several of which it is one, and the partial derivatives of all, by rows.
     guards : Tape
         Numbers that change their sign only where it is singular.
+    output : int
+        Which of the values it is.
     """
 
     places: tuple[int, ...]
@@ -35,10 +37,11 @@ class Function:
     value: Tape = field(compare=False, repr=False)
     slopes: Tape = field(compare=False, repr=False)
     guards: Tape = field(compare=False, repr=False)
+    output: int = 0
 
     def evaluate(self, x: np.ndarray) -> np.ndarray:
         """Return the values at x of shape (..., n)."""
-        return self._mapped(self.value, x[..., list(self.places)])[..., 0]
+        return self._mapped(self.value, x[..., list(self.places)])[..., self.output]
 
     def written(self, names: Sequence[str]) -> str:
         """Write the function in the user's names."""
@@ -50,7 +53,7 @@ class Function:
         They are the same where the function is not finite there. Of functions of one variable.
         """
         column = x[:, None]
-        bad = np.flatnonzero(~np.isfinite(self._mapped(self.value, column)[:, 0]))
+        bad = np.flatnonzero(~np.isfinite(self._mapped(self.value, column)[:, self.output]))
         signs = np.sign(self._mapped(self.guards, column))
         turns = np.flatnonzero((signs[1:] * signs[:-1] < 0).any(axis=1))
         found = [(int(k), int(k)) for k in bad[:1]] + [(int(k), int(k) + 1) for k in turns[:1]]

@@ -5,6 +5,7 @@
 //! Each [`Piece`] is divergence-free, and has an explicit flow or an explicit method with a unit determinant. The checks
 //! here are of each piece; the front end has made the pieces so that their sum is the field.
 
+mod check;
 mod split;
 mod terms;
 

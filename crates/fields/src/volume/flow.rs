@@ -7,6 +7,7 @@ use super::order::Order;
 use super::plane::PlanePiece;
 use super::rows::{PolynomialRows, narrow};
 use super::triangular::Triangular;
+use super::turn::Turn;
 use crate::problem::{Piece, Polynomials, Split};
 use liouville_gridded::Memory;
 use std::slice;
@@ -26,6 +27,8 @@ pub(super) enum PieceFlow {
     Triangular(Triangular),
     /// x = exp(h A) x + ...
     Affine(Affine),
+    /// A rotation and a push.
+    Turn(Turn),
     /// Symplectic Euler, one member after another.
     Plane(PlanePiece),
 }
@@ -77,6 +80,7 @@ impl PieceFlow {
             | Self::Exponential(_)
             | Self::Triangular(_)
             | Self::Affine(_)
+            | Self::Turn(_)
             | Self::Plane(_) => return None,
         };
         Some(Levels {
@@ -138,6 +142,12 @@ impl SplitLayout<'_> {
             Piece::Affine { matrix, vector } => {
                 PieceFlow::Affine(Affine::new(self.order, self.split.n(), matrix, vector))
             }
+            Piece::Turn {
+                rows,
+                change,
+                is_cayley,
+                ..
+            } => PieceFlow::Turn(Turn::new(self, rows, change, *is_cayley)),
             Piece::Plane { plane, variables } => {
                 let places = variables.iter().map(|v| self.order.place_of(*v));
                 PieceFlow::Plane(PlanePiece::new(

@@ -10,6 +10,7 @@ use super::kernel::value;
 use super::order::Order;
 use super::rows::{PolynomialRows, narrow};
 use crate::problem::{Formula, Function, Piece};
+use liouville_base::real::{Lanes, Scalar};
 use liouville_base::simd::{ForEach, Kernel, Number, SimdView, SimdViews, Stored};
 use liouville_base::tape::{Registers, Tape};
 use std::f64::consts::FRAC_PI_2;
@@ -34,17 +35,17 @@ struct Wanted {
 }
 
 #[derive(Debug)]
-struct FunctionAt {
+pub(super) struct FunctionAt {
     variables: Vec<usize>,
     /// The places of these variables.
-    from: Vec<u32>,
-    formula: FormulaAt,
+    pub(super) from: Vec<u32>,
+    pub(super) formula: FormulaAt,
 }
 
 #[derive(Debug)]
-enum FormulaAt {
+pub(super) enum FormulaAt {
     Wave(Wave),
-    /// A tape, and the number of its memory.
+    /// A tape, the number of its memory, and the place of its first value.
     Tape {
         tape: Arc<Tape>,
         number: usize,
@@ -54,7 +55,7 @@ enum FormulaAt {
 
 /// The sine and the cosine of an argument.
 #[derive(Debug)]
-struct Wave {
+pub(super) struct Wave {
     k: Vec<f64>,
     phase: f64,
     /// The place of a variable that is the argument by itself.
@@ -123,13 +124,14 @@ impl Functions {
                     *wave.cosine.get_or_insert(next)
                 }
             }
-            (FormulaAt::Tape { place, .. }, _) => {
+            (FormulaAt::Tape { tape, place, .. }, Formula::Tape { output, .. }) => {
                 if found.is_none() {
                     *place = next;
+                    self.places += tape.outputs();
                 }
-                *place
+                return (number, *place + output);
             }
-            (FormulaAt::Wave(_), Formula::Tape { .. }) => unreachable!("a wave is no tape"),
+            _ => unreachable!("a wave is no tape"),
         };
         self.places += usize::from(place == next);
         (number, place)
@@ -225,13 +227,15 @@ impl FunctionAt {
 #[derive(Clone, Debug, Default)]
 pub(super) struct FunctionScratch {
     is_known: Vec<bool>,
-    /// Of each tape.
-    registers: Vec<Registers<f64>>,
-    arguments: Vec<f64>,
+    /// Of each tape, for one trajectory and for several in lanes.
+    pub(super) registers: Vec<Registers<f64>>,
+    pub(super) in_lanes: Vec<Registers<Lanes>>,
+    pub(super) arguments: Vec<f64>,
+    pub(super) wide: Vec<Lanes>,
 }
 
 impl FunctionScratch {
-    pub(super) fn new(functions: &Functions) -> Self {
+    pub(super) fn new<S: Scalar>(functions: &Functions) -> Self {
         let mut scratch = Self {
             is_known: vec![false; functions.all.len()],
             ..Self::default()
@@ -240,10 +244,14 @@ impl FunctionScratch {
         for function in &functions.all {
             if let FormulaAt::Tape { tape, .. } = &function.formula {
                 scratch.registers.push(tape.bind(&[]));
+                if !S::IS_SINGLE {
+                    scratch.in_lanes.push(tape.bind(&[]));
+                }
                 most = most.max(function.from.len());
             }
         }
         scratch.arguments = vec![0.0; most];
+        scratch.wide = vec![Lanes::splat(0.0); most];
         scratch
     }
 
@@ -342,43 +350,5 @@ impl<S> ForEach<S> for SetWave<'_, S> {
             view.store(self.x, place, cosine);
         }
         true
-    }
-}
-
-impl FunctionAt {
-    /// Computes a tape, trajectory by trajectory; on failure the first where it is not finite.
-    fn set_tape<S: Stored>(
-        &self,
-        is_shared: bool,
-        x: &mut [S],
-        scratch: &mut FunctionScratch,
-    ) -> Result<(), usize> {
-        let FormulaAt::Tape {
-            tape,
-            number,
-            place,
-        } = &self.formula
-        else {
-            return Ok(());
-        };
-        let arguments = &mut scratch.arguments[..self.from.len()];
-        let registers = &mut scratch.registers[*number];
-        let mut result = x[*place];
-        for member in 0..if is_shared { 1 } else { S::MEMBERS } {
-            for (argument, place) in arguments.iter_mut().zip(&self.from) {
-                *argument = x[*place as usize].member(member);
-            }
-            let value = tape.eval(registers, [arguments])[0];
-            if !value.is_finite() {
-                return Err(member);
-            }
-            if is_shared {
-                result = S::splat(value);
-            } else {
-                result.set_member(member, value);
-            }
-        }
-        x[*place] = result;
-        Ok(())
     }
 }

@@ -89,6 +89,7 @@ impl<S: Stored> Kernel<S> for FlowKernel<'_, S> {
                 PieceFlow::Triangular(piece) => {
                     views.call(flow_of(RungeKutta(piece), h, state, scratch));
                 }
+                PieceFlow::Turn(piece) => views.call(flow_of(piece, h, state, scratch)),
                 PieceFlow::Plane(_) => unreachable!("made one member after another"),
                 PieceFlow::Affine(_) => {
                     let change = AffineChange(self.changes.find(flow.part, h));

@@ -18,6 +18,7 @@ mod linear;
 mod observe;
 mod order;
 mod plane;
+mod programs;
 mod rows;
 mod section;
 mod shared;
@@ -25,6 +26,7 @@ mod short;
 mod stages;
 mod tangents;
 mod triangular;
+mod turn;
 
 pub use determinant::{Determinant, Determined};
 pub use observe::{Observer, UserVariables};
@@ -95,7 +97,7 @@ impl<S: Stored> Volume<S> {
         let scratch = FlowScratch {
             change: zeros(if compiled.has_affine { n } else { 0 }),
             stages: stages.collect(),
-            functions: FunctionScratch::new(&compiled.functions),
+            functions: FunctionScratch::new::<S>(&compiled.functions),
         };
         let planes = compiled.piece_flows.iter().map(PieceFlow::memory);
         Self {

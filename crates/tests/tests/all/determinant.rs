@@ -63,6 +63,19 @@ fn triangular(a: &[f64], b: &[f64]) -> Piece {
     }
 }
 
+/// About this axis, with a push.
+fn turn(axis: [f64; 3], is_cayley: bool) -> Piece {
+    let axis = axis.iter().enumerate().map(|(row, w)| (row, *w, [-1; 2]));
+    let push = [(3, 0.2, [-1; 2]), (5, -0.7, [-1; 2])].into_iter();
+    let terms: Vec<_> = axis.chain(push.filter(|_| !is_cayley)).collect();
+    Piece::Turn {
+        rows: vec![0, 1, 2],
+        change: polynomials(6, 3, &terms),
+        functions: vec![],
+        is_cayley,
+    }
+}
+
 /// One piece of each kind, and of each way to make its flow, of three variables.
 fn kinds() -> Vec<(&'static str, Piece)> {
     let wave = |k: &[f64]| vec![cosine(vec![1, 2], k.to_vec(), 0.3)];
@@ -122,6 +135,9 @@ fn kinds() -> Vec<(&'static str, Piece)> {
             "Runge-Kutta",
             triangular(&rk4, &[1.0 / 6.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 6.0]),
         ),
+        ("turn", turn([0.3, -1.1, 0.8], false)),
+        ("far turn", turn([20.0, 31.0, -17.0], false)),
+        ("Cayley", turn([0.3, -1.1, 0.8], true)),
         (
             "affine",
             Piece::Affine {

@@ -86,6 +86,22 @@ fn pieces_that_change_what_they_read_are_refused() {
         }),
         coupled
     );
+    let turn = |terms: &[Term]| Piece::Turn {
+        rows: vec![0, 1, 2],
+        change: polynomials(6, 4, terms),
+        functions: vec![cosine(vec![0, 1, 2], vec![1.0; 3], 0.0)],
+        is_cayley: false,
+    };
+    let own = Malformed::Coupled {
+        row: 0,
+        variable: 2,
+    };
+    assert_eq!(defect(turn(&[(4, 1.0, vec![2])])), own);
+    let own = Malformed::Coupled {
+        row: 0,
+        variable: 0,
+    };
+    assert_eq!(defect(turn(&[(0, 1.0, vec![3]), (4, 1.0, vec![])])), own);
     let late = Piece::Triangular {
         order: vec![0, 1, 2],
         change: polynomials(3, 3, &[(1, 1.0, vec![2])]),

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from liouville.errors import hinted
 from liouville.methods import VolumeSplitting
 from liouville.planner.fields.plan import FieldPlan, Trial, ordered, parted
 from liouville.planner.fields.structure import affine_part, candidates_of
@@ -50,6 +51,9 @@ def plan_field(
     the variables as in `names`.
     """
     names = names or numbered(terms.n)
+    if method.turn != "exact":
+        hint = "lv.ChargedParticles has turns"
+        raise TypeError(hinted("turn= is for charged particles, not for polynomial fields", hint))
     if not method.is_open:
         parts = parted(terms, method, names=names)
         reasons = ["everything is as asked for"]

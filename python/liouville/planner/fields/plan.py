@@ -75,6 +75,8 @@ class FieldPlan(Plan):
         The candidates of the trial run, the best one first.
     has_planes : bool
         Whether the pieces are planes.
+    has_turns : bool
+        Whether the pieces are those of charged particles.
     counted : str
         What is counted as terms: "coefficients" of a gridded field, "operations" of a potential.
     """
@@ -92,6 +94,7 @@ class FieldPlan(Plan):
     pieces: tuple[str, ...] = ()
     trials: tuple[Trial, ...] = field(default=(), repr=False)
     has_planes: bool = False
+    has_turns: bool = False
     counted: str = "terms"
 
     def split(self, terms: Terms, names: Sequence[str] | None = None) -> Split:
@@ -102,7 +105,7 @@ class FieldPlan(Plan):
         ValueError
             The plan was made for another field.
         """
-        if self.has_planes or (terms.n, len(terms)) != (self.n, self.terms):
+        if self.has_planes or self.has_turns or (terms.n, len(terms)) != (self.n, self.terms):
             raise ValueError(
                 hinted(
                     f"the plan must be for a field of {self.n} variables and {self.terms} terms, "
@@ -128,6 +131,7 @@ class FieldPlan(Plan):
     def _lines(self) -> list[str]:
         m = self.method
         words = "planes by symplectic Euler" if self.has_planes else _words(m)
+        words = "drifts and kicks" if self.has_turns else words
         lines = [
             f"{m.composition} of {len(self.order)} pieces: {words}",
             f"  {self.n} variables, {self.terms} {self.counted}, h = {self.h:g}; "

@@ -117,7 +117,8 @@ def longest_stage(scheme: str) -> float:
 
 def _check_method(method: VolumeSplitting) -> None:
     usual = VolumeSplitting()
-    for name in ("diagonal", "off_diagonal", "linear", "runge_kutta"):
+    for name in ("diagonal", "off_diagonal", "linear", "runge_kutta", "turn"):
         if getattr(method, name) != getattr(usual, name):
-            sentence = f"{name}= is for polynomial fields: this field is split into planes"
+            kind = "charged particles" if name == "turn" else "polynomial fields"
+            sentence = f"{name}= is for {kind}: this field is split into planes"
             raise TypeError(hinted(sentence, "VolumeSplitting(composition='BM4') has all there is"))

@@ -12,6 +12,7 @@ mod map;
 mod pieces;
 mod steps;
 mod triangular;
+mod turn;
 
 use crate::problem::{Formula, Function, Piece, Polynomials, Split};
 use affine::AffineFlows;
@@ -77,6 +78,7 @@ fn coefficients(piece: &Piece, n: usize) -> usize {
         Piece::Natural { change, .. }
         | Piece::Shear { change, .. }
         | Piece::Scaling { rate: change, .. }
+        | Piece::Turn { change, .. }
         | Piece::Triangular { change, .. } => change.terms(),
         Piece::Exponential { rates, .. } => rates.len(),
         Piece::Affine { .. } => n * n + n,
@@ -108,7 +110,7 @@ impl LinearFlows {
         let results = functions + most_functions;
         let width = results + most(&|piece| pieces::results(piece, n)).unwrap_or(0);
         let bound = |function: &Function| match &function.formula {
-            Formula::Tape { value, slopes } => Some([value.bind(&[]), slopes.bind(&[])]),
+            Formula::Tape { value, slopes, .. } => Some([value.bind(&[]), slopes.bind(&[])]),
             Formula::Cosine { .. } => None,
         };
         let registers = split.pieces().iter();
@@ -189,6 +191,12 @@ impl LinearFlows {
                     self.runge_kutta((order, change), method, flow, map);
                 }
             }
+            Piece::Turn {
+                rows,
+                change,
+                is_cayley,
+                ..
+            } => self.turn((rows, change, *is_cayley), flow, map),
             Piece::Affine { matrix, vector } => self.affine((matrix, vector), flow, map),
             Piece::Plane { plane, variables } => {
                 return self.plane((plane, variables), flow, map);
@@ -222,12 +230,20 @@ impl LinearFlows {
                     }
                     cosine
                 }
-                (Formula::Tape { value, slopes }, Some([own, of_slopes])) => {
+                (
+                    Formula::Tape {
+                        value,
+                        slopes,
+                        output,
+                    },
+                    Some([own, of_slopes]),
+                ) => {
                     let slopes = slopes.eval(of_slopes, [&scratch.arguments]);
+                    let slopes = &slopes[output * function.places.len()..];
                     for (place, slope) in function.places.iter().zip(slopes) {
                         map.add(at, *place, *slope);
                     }
-                    value.eval(own, [&scratch.arguments])[0]
+                    value.eval(own, [&scratch.arguments])[*output]
                 }
                 (Formula::Tape { .. }, None) => unreachable!("each tape has its memory"),
             };

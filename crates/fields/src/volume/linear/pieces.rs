@@ -15,6 +15,7 @@ pub(super) fn results(piece: &Piece, n: usize) -> usize {
         Piece::Exponential { .. } | Piece::Plane { .. } => 2,
         Piece::Triangular { order, b, .. } => 2 * order.len() * b.len(),
         Piece::Affine { .. } => 2 * n,
+        Piece::Turn { .. } => 9,
     }
 }
 
