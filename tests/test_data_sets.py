@@ -234,13 +234,14 @@ def test_longitude_latitude_and_depth_are_no_metres(unit, degrees):
     one = (("lon", "lat", "depth"), np.ones((9, 9, 7)), {"units": unit})
     axes = {"lon": ("lon", lon, degrees), "lat": ("lat", lat, degrees), "depth": d}
     data = xarray.Dataset({"u": one, "v": one, "w": one}, axes).assign(w=lambda x: 0 * x.w)
+    deep = lv.GriddedField.from_xarray(data, most_divergence=1)
+    assert deep.coordinates == ("lon", "mu", "depth")
+    rates = deep.velocity(deep.states_of([5.0, 35.0, 500.0]))
+    assert rates[0] == pytest.approx(1 / (EARTH * np.cos(np.radians(35))), rel=1e-2)
+    pressures = data.rename(depth="level")
     with pytest.raises(
-        ValueError, match=r"'u' has levels along 'depth'.*\nhint: .*isel\(depth=0\)"
+        ValueError, match=r"levels along 'level' without.*\nhint: .*isel\(level=0\)"
     ):
-        lv.GriddedField.from_xarray(data)
-    pressures = data.assign(w=data.w + 1).rename(depth="level")
-    pressures["level"].attrs["positive"] = "down"
-    with pytest.raises(ValueError, match=r"levels along 'level'.*\nhint: .*isel\(level=0\)"):
         lv.GriddedField.from_xarray(pressures)
     level = lv.GriddedField.from_xarray(data.isel(depth=0), most_divergence=1)
     assert level.coordinates == ("lon", "mu")

@@ -63,17 +63,15 @@ def arguments(
     axes = _axes(variables, first)
     if "Z" not in axes:
         components.pop("w", None)
-    elif "w" not in components:
-        sentence = (
-            f"'{first.name}' has levels along '{axes['Z'].name}', and there is no component w"
-        )
-        raise ValueError(hinted(sentence, f"choose one: dataset.isel({axes['Z'].name}=0)"))
     order = [key for key in "TXYZ" if key in axes]
     arrays = [_ordered(x, axes, order) for x in components.values()]
     space = [axes[key] for key in order if key != "T"]
     is_sphere = _is_sphere(space, first, options)
     _check_units(components, space, is_sphere)
-    if "Z" in axes and _is_against(axes["Z"], components["w"], arrays[-1]):
+    if "Z" in axes and "w" not in components:
+        _check_without_w(first, axes["Z"], is_sphere, options)
+        arrays.append(np.zeros_like(arrays[0]))
+    elif "Z" in axes and _is_against(axes["Z"], components["w"], arrays[-1]):
         arrays[-1] = -arrays[-1]
     made: dict[str, Any] = {
         "xyz": [np.asarray(axis.values) for axis in space],
@@ -82,10 +80,11 @@ def arguments(
     if "T" in axes:
         made["t"] = _times(axes["T"], first)
     if is_sphere:
-        per_metre = 1 / units.needed(first.name, first.units)[0]
-        made |= {"coordinates": "spherical", "radius": sphere.EARTH * per_metre}
-        made["xyz"] = [_degrees(axis) for axis in space]
-        made["names"] = ("lon", "lat")
+        metres = units.needed(first.name, first.units)[0]
+        made |= {"coordinates": "spherical", "radius": sphere.EARTH / metres}
+        made["xyz"] = [_degrees(axis) for axis in space[:2]]
+        made["xyz"] += [_heights(axis, first, metres) for axis in space[2:]]
+        made["names"] = ("lon", "lat", *(axis.name for axis in space[2:]))
     else:
         made["names"] = tuple(axis.name for axis in space)
     names = dict(zip((axis.name for axis in space), made["names"], strict=True))
@@ -195,15 +194,43 @@ def _is_sphere(space: Sequence[Variable], first: Variable, options: Mapping[str,
         other = next(axis.name for axis in space[:2] if axis.name not in angles)
         sentence = f"'{angles[0]}' is an angle, and '{other}' is none"
         raise ValueError(hinted(sentence, f"say its unit: dataset['{other}'].attrs['units']"))
-    if len(space) == 3:
-        level = space[2].name
-        sentence = (
-            f"'{first.name}' has levels along '{level}', and coordinates on a sphere are two: "
-            f"'{angles[0]}' and '{angles[1]}'"
-        )
-        hint = f"choose one: dataset.isel({level}=0), or interpolate to axes in metres"
-        raise ValueError(hinted(sentence, hint))
     return True
+
+
+def _heights(axis: Variable, first: Variable, metres: float) -> Array:
+    """Return heights or depths in the velocity's unit of length, by metres.
+
+    Raises
+    ------
+    ValueError
+        They are no lengths: pressures, densities, or the numbers of levels.
+    """
+    values, own = np.asarray(axis.values), units.length(axis.units)
+    if own is None and axis.units.lower() in units.NONE and _is_named(axis, (*DOWNWARD, *UPWARD)):
+        own = 1.0
+    if own is None:
+        what = f"in {axis.units!r}" if axis.units else "without a unit"
+        sentence = f"'{first.name}' has levels along '{axis.name}' {what}, which are no lengths"
+        hint = f"choose one: dataset.isel({axis.name}=0), or interpolate to depths in metres"
+        raise ValueError(hinted(sentence, hint))
+    return values if own == metres else values * (own / metres)
+
+
+def _check_without_w(
+    first: Variable, level: Variable, is_sphere: bool, options: Mapping[str, Any]
+) -> None:
+    """Refuse levels without a vertical velocity, but between walls on a sphere.
+
+    There the divergence of the others, which the field cannot have, is what it follows from.
+    """
+    walls = options.get("walls", ())
+    if is_sphere and level.name in ((walls,) if isinstance(walls, str) else walls):
+        return
+    sentence = f"'{first.name}' has levels along '{level.name}', and there is no component w"
+    hint = f"choose one: dataset.isel({level.name}=0)"
+    if is_sphere:
+        hint += f"; or give walls=('{level.name}', ...), between which w follows from u and v"
+    raise ValueError(hinted(sentence, hint))
 
 
 def _is_against(axis: Variable, w: Variable, values: Array) -> bool:

@@ -4,9 +4,11 @@ With q = R^2 / 2 a field without divergence in space has none in (q, phi, Z):
 
     q' = R v_R,   phi' = v_phi / R,   Z' = v_Z;   A_q = A_R / R,   A_phi -> R A_phi
 
-and on a sphere of radius a, with mu = sin(latitude), none in (longitude, mu):
+and on a sphere of radius a, with mu = sin(latitude), none in (longitude, mu), or in (longitude,
+mu, z) of a thin shell, z being a height or a depth:
 
-    lon' = u / (a cos lat),   mu' = v cos(lat) / a
+    lon' = u / (a cos lat),   mu' = v cos(lat) / a,   z' = w
+    A_lon -> A_east cos(lat) / a,   A_mu -> A_north / (a cos lat),   A_z -> A_up / a^2
 """
 
 from __future__ import annotations
@@ -61,7 +63,7 @@ class Coordinates:
         """Return the names of the coordinates that are stepped."""
         if self.kind == "cylindrical":
             return ("q", "phi", "Z")
-        return ("lon", "mu") if self.kind == "spherical" else given
+        return ("lon", "mu", *given[2:]) if self.kind == "spherical" else given
 
     def inward(self, x: Array, span: tuple[float, float] | None = None) -> Array:
         """Return states of points, the coordinate last.
@@ -72,7 +74,7 @@ class Coordinates:
         if self.kind == "cylindrical":
             x[..., 0] = x[..., 0] ** 2 / 2
         elif self.kind == "spherical":
-            x = np.radians(x)
+            x[..., :2] = np.radians(x[..., :2])
             x[..., 1] = np.sin(x[..., 1])
             if span is not None:
                 lon, turn = x[..., 0], 2 * np.pi
@@ -88,7 +90,7 @@ class Coordinates:
             x[..., 0] = np.sqrt(2 * x[..., 0])
         elif self.kind == "spherical":
             x[..., 1] = np.arcsin(np.clip(x[..., 1], -1, 1))
-            x = np.degrees(x)
+            x[..., :2] = np.degrees(x[..., :2])
         return x
 
     def positions(self, x: Array) -> dict[str, tuple[Array, str]]:
@@ -104,8 +106,9 @@ class Coordinates:
             r = first[:, None, None]
             return [r * components[0], components[1] / r, components[2]]
         if self.kind == "spherical":
-            cosine = np.cos(np.radians(second))
-            return [components[0] / (self.radius * cosine), components[1] * cosine / self.radius]
+            cosine = _along_second(np.cos(np.radians(second)), components)
+            u, v, *w = components
+            return [u / (self.radius * cosine), v * cosine / self.radius, *w]
         return list(components)
 
     def fluxes(self, components: Sequence[Array]) -> list[Array]:
@@ -114,11 +117,20 @@ class Coordinates:
             return [each / self.radius**2 for each in components]
         return list(components)
 
-    def potential(self, components: Sequence[Array], first: Array) -> list[Array]:
+    def potential(self, components: Sequence[Array], first: Array, second: Array) -> list[Array]:
         """Return the potential in the coordinates of the states."""
         if self.kind == "cylindrical":
             r = first[:, None, None]
             return [components[0] / r, r * components[1], components[2]]
         if self.kind == "spherical":
-            return [components[0] / self.radius**2]
+            *level, up = components
+            cosine = _along_second(np.cos(np.radians(second)), components)
+            factors = (cosine / self.radius, 1 / (self.radius * cosine))
+            level = [x * factor for x, factor in zip(level, factors, strict=False)]
+            return [*level, up / self.radius**2]
         return list(components)
+
+
+def _along_second(values: Array, components: Sequence[Array]) -> Array:
+    """Return values along the second axis of components, two or three of them."""
+    return values[:, None] if len(components) == 3 else values

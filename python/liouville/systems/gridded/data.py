@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -22,6 +22,9 @@ from liouville.systems.gridded.potential import (
     of_potential,
     solved,
 )
+
+#: The unit of height on a sphere where heights do not change, of a sphere of the earth's radius.
+HEIGHT = 6.371
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,7 +126,7 @@ class Given:
                 raise ValueError(hinted(sentence, "cut the data at 89 degrees or before"))
             mu = np.sin(np.radians(second.edges))
             lon = Axis(first.name, np.radians(first.edges), first.p, first.bounds)
-            return [lon, Axis(second.name, mu, second.p, second.bounds)]
+            return [lon, Axis(second.name, mu, second.p, second.bounds), *axes[2:]]
         return axes
 
     def potential(self, arrays: list[Array], dry: Any, axes: list[Axis], gauge: str) -> Potential:
@@ -132,16 +135,43 @@ class Given:
         Nothing moves at nodes that are `dry`. Some times are taken together, for what is made on
         the way is many times as large as they are.
         """
-        if not self.lead:
-            return self._potential_at(arrays, dry, axes, gauge)
-        found = [
-            self._potential_at([x[times] for x in arrays], dry, axes, gauge)
-            for times in blocks(arrays[0])
-        ]
-        return joined(found)
+        unit = self._unit_of_height(arrays)
+        if unit != 1.0:
+            axes = [*axes[:2], replace(axes[2], edges=axes[2].edges * unit)]
+        parts = blocks(arrays[0]) if self.lead else (slice(None),)
+        found = joined(
+            [
+                self._potential_at([x[times] for x in arrays], dry, axes, gauge, unit)
+                for times in parts
+            ]
+        )
+        if unit == 1.0:
+            return found
+        mean = found.mean.copy()
+        mean[..., 2] /= unit
+        return replace(found, a=tuple(a / unit for a in found.a), mean=mean)
+
+    def _unit_of_height(self, arrays: list[Array]) -> float:
+        """Return the unit of heights on a sphere in which a divergence is weighed; 1 elsewhere.
+
+        Rates of angles and of heights have the same root of their mean square in it. Where heights
+        do not change, a thousand kilometres on the earth are one: then they are what is corrected.
+        """
+        if self.kind.kind != "spherical" or len(self.axes) < 3 or self.what == "potential":
+            return 1.0
+        sizes = [float(np.nanmean(np.square(x, dtype=float))) for x in arrays]
+        if self.what == "fluxes":  # through faces: about cells of the mean size
+            turned = [np.radians(float(np.mean(np.diff(axis.edges)))) for axis in self.axes[:2]]
+            deep = float(np.mean(np.diff(self.axes[2].edges)))
+            across = (turned[1] * deep, turned[0] * deep, turned[0] * turned[1] * self.kind.radius)
+            sizes = [
+                x / (self.kind.radius * part) ** 2 for x, part in zip(sizes, across, strict=True)
+            ]
+        level, up = np.sqrt(sizes[0] + sizes[1]) / self.kind.radius, np.sqrt(sizes[2])
+        return float(level / up) if up else HEIGHT / self.kind.radius
 
     def _potential_at(
-        self, arrays: list[Array], dry: Any, axes: list[Axis], gauge: str
+        self, arrays: list[Array], dry: Any, axes: list[Axis], gauge: str, unit: float
     ) -> Potential:
         arrays = [np.asarray(array, dtype=float) for array in arrays]
         if dry is not None:
@@ -149,11 +179,14 @@ class Given:
         what, lead, kind = self.what, self.lead, self.kind
         nodes = [axis.edges[: axis.nodes] for axis in self.axes]
         if what == "fluxes":
-            return solved(fluxes_of_faces(kind.fluxes(arrays), axes, lead), axes, lead)
+            faces = kind.fluxes(arrays)
+            faces = faces if unit == 1.0 else [unit * each for each in faces]
+            return solved(fluxes_of_faces(faces, axes, lead), axes, lead)
         if what == "velocity":
             rates = kind.velocity(arrays, nodes[0], nodes[1])
+            rates[2:] = [unit * rate for rate in rates[2:]]
             return solved(fluxes_of_nodes(rates, axes, lead), axes, lead)
-        a = of_potential(kind.potential(arrays, nodes[0]), axes, lead)
+        a = of_potential(kind.potential(arrays, nodes[0], nodes[1]), axes, lead)
         if gauge == "coulomb":
             return solved(curl(a, axes, lead), axes, lead)
         return Potential(a, np.zeros((*a[0].shape[:lead], len(axes))), 0.0, 0.0)

@@ -68,7 +68,8 @@ class GriddedField(PlaneField):
     coordinates : {"cartesian", "cylindrical", "spherical"}
         Cylindrical: x, y, z are R, phi, Z, and states are (q, phi, Z) with :math:`q = R^2/2`.
         Spherical: x, y are longitude and latitude in degrees, and states are the longitude in
-        radians and mu, the sine of the latitude. :meth:`states_of` and :meth:`points_of` translate.
+        radians and mu, the sine of the latitude; z is a height or a depth, in the unit of the
+        radius, of a shell that is thin. :meth:`states_of` and :meth:`points_of` translate.
     radius : float, default 1
         Radius of the sphere.
     mask : array_like of bool, shape (nx, ny) or that of cells, optional
@@ -158,15 +159,15 @@ class GriddedField(PlaneField):
         n = 2 if z is None else 3
         if coordinates not in KINDS:
             raise ValueError(f"coordinates must be one of {', '.join(KINDS)}, not {coordinates!r}")
-        if n != {"cylindrical": 3, "spherical": 2}.get(coordinates, n):
-            raise ValueError(f"{coordinates} coordinates are {5 - n}")
+        if coordinates == "cylindrical" and n == 2:
+            raise ValueError("cylindrical coordinates are three, not 2")
         ways = {"velocity": velocity, "potential": potential, "fluxes": fluxes}
         ways = {name: value for name, value in ways.items() if value is not None}
         if len(ways) != 1:
             raise TypeError("a gridded field is given by velocity=, potential= or fluxes=, by one")
         (what, data), self._kind = ways.popitem(), Coordinates(coordinates, radius)
-        usual = {"cylindrical": ("R", "phi", "Z"), "spherical": ("lon", "lat")}
-        named = usual.get(coordinates, ("x", "y", "z")[:n])
+        usual = {"cylindrical": ("R", "phi", "Z"), "spherical": ("lon", "lat", "z")}
+        named = usual.get(coordinates, ("x", "y", "z"))[:n]
         if names is not None:
             named = _trace.names(names, "names")
             if len(named) != n:
@@ -208,12 +209,14 @@ class GriddedField(PlaneField):
             velocity is turned where levels count downwards, by the attribute ``positive`` or by
             names such as "depth".
         u, v, w : str, optional
-            Names of the components, if they are to be others. Without levels there is no w.
+            Names of the components, if they are to be others. Without levels there is no w; with
+            levels on the earth that have walls w may be missing, and follows from u and v.
         **options
             As for :class:`GriddedField`: ``walls``, ``periodic``, ``degree`` and so on, with the
             names of axes as the data set has them or as the field has them. Of longitudes and
-            latitudes the coordinates are spherical, on the earth, and periodic where longitudes go
-            round, in any numbering, with the last meridian given or not.
+            latitudes, with or without levels, the coordinates are spherical, on the earth, and
+            periodic where longitudes go round, in any numbering, with the last meridian given or
+            not.
 
         Returns
         -------

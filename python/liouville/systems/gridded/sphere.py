@@ -35,12 +35,12 @@ def closed(made: Mapping[str, Any]) -> dict[str, Any]:
     is left out, with its data. Latitudes end before the poles.
     """
     made = dict(made)
-    lon, lat = made["xyz"]
-    lon, keep = in_order(lon), [slice(None), slice(None)]
+    lon, lat, *levels = made["xyz"]
+    lon, keep = in_order(lon), [slice(None)] * len(made["xyz"])
     step, whole = _steps(lon)
     has_walls = "lon" in _names(made.get("walls", ()))
     if abs(whole - ROUND) < MEETS * step and not has_walls:
-        _check_one(made["velocity"], lon)
+        _check_one(made["velocity"], lon, -len(keep))
         keep[0], whole = slice(-1), whole - step
     if abs(whole + step - ROUND) < MEETS * step and not has_walls:
         made.setdefault("periodic", ("lon",))
@@ -53,9 +53,9 @@ def closed(made: Mapping[str, Any]) -> dict[str, Any]:
             "poles",
             stacklevel=5,
         )
-    made["xyz"] = [lon[keep[0]], lat[keep[1]]]
+    made["xyz"] = [lon[keep[0]], lat[keep[1]], *levels]
     made["velocity"] = [x[(..., *keep)] for x in made["velocity"]]
-    if made.get("mask") is not None and np.shape(made["mask"]) == (lon.size, lat.size):
+    if made.get("mask") is not None and np.shape(made["mask"])[:2] == (lon.size, lat.size):
         made["mask"] = np.asarray(made["mask"])[tuple(keep)]
     return made
 
@@ -77,10 +77,10 @@ def _steps(longitudes: Array) -> tuple[float, float]:
     return whole / (longitudes.size - 1), whole
 
 
-def _check_one(arrays: list[Array], longitudes: Array) -> None:
+def _check_one(arrays: list[Array], longitudes: Array, axis: int) -> None:
     """Refuse other values at the last longitude, which is the first one."""
     for values in arrays:
-        first, last = np.nan_to_num(values[..., 0, :]), np.nan_to_num(values[..., -1, :])
+        first, last = (np.nan_to_num(np.take(values, end, axis)) for end in (0, -1))
         if np.abs(first - last).max() > SAME * np.abs(np.nan_to_num(values)).max():
             sentence = (
                 f"longitudes {longitudes[0]:g} and {longitudes[-1]:g} are one, and the velocities "
