@@ -79,8 +79,10 @@ if _typing.TYPE_CHECKING:
     from liouville.planner import Plan as Plan
     from liouville.planner import WavePlan as WavePlan
     from liouville.planner import plan as plan
+    from liouville.rotation import rotation_numbers as rotation_numbers
     from liouville.stored import Store as Store
     from liouville.stored import resume as resume
+    from liouville.stretching import ftle as ftle
     from liouville.systems._sympy_mechanics import from_sympy as from_sympy
     from liouville.systems._table import table as table
     from liouville.systems.gridded import GriddedField as GriddedField
@@ -112,8 +114,10 @@ _LATER = {
     "Plan": "planner",
     "WavePlan": "planner",
     "plan": "planner",
+    "rotation_numbers": "rotation",
     "Store": "stored",
     "resume": "stored",
+    "ftle": "stretching",
     "GriddedField": "systems.gridded",
     "ChargedParticles": "systems.particles",
     "PotentialField": "systems.vector_potential",

@@ -117,6 +117,10 @@ class Field(Pickled, ABC):
         del x
         return {}
 
+    def lengths(self, x: np.ndarray) -> np.ndarray:
+        """Return the lengths of unit changes of each coordinate at states x, shape (..., n)."""
+        return np.ones_like(x)
+
     def extended(self, x: np.ndarray, t: float) -> np.ndarray:
         """Return states (P, n) with all further variables: the time, and parameters held."""
         more = [t] if self.is_driven else []

@@ -100,6 +100,17 @@ class Coordinates:
             return {"lon": (points[0], "degrees_east"), "lat": (points[1], "degrees_north")}
         return {"R": (points[0], "")} if self.kind == "cylindrical" else {}
 
+    def lengths(self, x: Array) -> Array:
+        """Return the lengths of unit changes of the coordinates of states x, shape (..., n)."""
+        found = np.ones_like(x)
+        if self.kind == "cylindrical":
+            r = np.sqrt(2 * x[..., 0])
+            found[..., 0], found[..., 1] = 1 / r, r
+        elif self.kind == "spherical":
+            cosine = np.sqrt(1 - x[..., 1] ** 2)
+            found[..., 0], found[..., 1] = self.radius * cosine, self.radius / cosine
+        return found
+
     def velocity(self, components: Sequence[Array], first: Array, second: Array) -> list[Array]:
         """Return the rates of the states, given the nodes along the first and the second axis."""
         if self.kind == "cylindrical":

@@ -397,6 +397,10 @@ class GriddedField(PlaneField):
         """Return longitudes and latitudes in degrees, or R of a cylinder; see :class:`Field`."""
         return self._kind.positions(x)
 
+    def lengths(self, x: np.ndarray) -> np.ndarray:
+        """Return the lengths of unit changes of each coordinate; see :class:`Field`."""
+        return self._kind.lengths(x)
+
     def points_of(self, x: ArrayLike) -> Array:
         """Return points in the user's coordinates of states x, shape (..., n)."""
         return self._kind.outward(np.asarray(x))
