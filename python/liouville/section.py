@@ -191,6 +191,7 @@ def section(
         raise TypeError(f"sections must be those of a field without divergence, not of {system!r}")
     if (h is None) == (steps is None):
         raise TypeError("a section takes either h or steps")
+    t, h = system.in_time(t), system.in_time(h)
     interval(t)
     from liouville.runners.field import FieldRunner
     from liouville.splitting import to_core

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from liouville.export.layout import Layout, laid_out, unit_attribute
+from liouville.export.layout import Layout, laid_out, time_attributes
 from liouville.export.reading import read
 from liouville.solution import Solution
 
@@ -33,7 +33,8 @@ def to_xarray(solution: Solution) -> xarray.Dataset:
     -------
     xarray.Dataset
         See :mod:`liouville.export`. Of an ensemble the members have numbers, and the parameters
-        that differ are coordinates along them: ``data.swap_dims(member="g").sel(g=9.81)``.
+        that differ are coordinates along them: ``data.swap_dims(member="g").sel(g=9.81)``. Times of
+        a field with dates are dates.
 
     Raises
     ------
@@ -41,6 +42,8 @@ def to_xarray(solution: Solution) -> xarray.Dataset:
         xarray is not installed.
     """
     found = dataset_of(solution)
+    if "calendar" in found["time"].attrs:
+        found = found.assign_coords(time=_decoded(found["time"]))
     if solution.members is None:
         return found
     taken = {*found.variables, *found.dims}
@@ -53,6 +56,12 @@ def to_xarray(solution: Solution) -> xarray.Dataset:
     return found.assign_coords(coordinates)
 
 
+def _decoded(times: xarray.DataArray) -> xarray.DataArray:
+    """Return times as dates."""
+    decoded: xarray.Dataset = needed("xarray").decode_cf(times.to_dataset(name="found"))
+    return decoded["time"]
+
+
 def dataset_of(solution: Solution) -> xarray.Dataset:
     """Give a solution as the dataset that files hold."""
     layout = laid_out(solution)
@@ -60,7 +69,7 @@ def dataset_of(solution: Solution) -> xarray.Dataset:
     del names["time"]
     dataset: xarray.Dataset = needed("xarray").Dataset(
         layout.variables,
-        coords={"time": ("time", times, unit_attribute(solution, "t"))}
+        coords={"time": ("time", times, time_attributes(solution))}
         | {dim: np.array(labels, dtype=object) for dim, labels in names.items()},
         attrs=layout.attributes,
     )

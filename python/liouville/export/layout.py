@@ -141,6 +141,12 @@ def unit_attribute(solution: Solution, name: str) -> dict[str, str]:
     return {"units": unit} if unit and not has_others else {}
 
 
+def time_attributes(solution: Solution) -> dict[str, str]:
+    """Return the attributes of the time: the date that it is counted from, or else its unit."""
+    dates = solution.system.dates if isinstance(solution.system, Field) else None
+    return (dates.attributes if dates else {}) or unit_attribute(solution, "t")
+
+
 def positions(solution: Solution) -> dict[str, tuple[Array, str]]:
     """Return points by coordinates that the states of a field do not have, with their units."""
     if not isinstance(solution.system, Field) or "x" not in solution.states:

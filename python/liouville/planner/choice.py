@@ -135,6 +135,7 @@ def _of_field(
     for name, value in (("h", h), ("x", x)):
         if value is None:
             raise TypeError(f"{name} is missing: a plan for a field takes h= and x=")
+    t, h = system.in_time(t), system.in_time(h)
     if np.ndim(t) == 0:
         step, time, steps = number("h must be a number", h), number("t must be a number", t), None
         if not (np.isfinite(step) and step > 0):

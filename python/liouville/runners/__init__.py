@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -92,7 +93,8 @@ def _made(system: System, method: Method | Plan | str, request: Request) -> Runn
             raise TypeError(hinted(f"{name} is not for {system!r}", hint))
     if isinstance(system, Schrodinger):
         return _of_waves(system, method, request)
-    return _of_fields(system, method, request)
+    times = {name: system.in_time(getattr(request, name)) for name in ("t", "h", "t_eval")}
+    return _of_fields(system, method, replace(request, **times))
 
 
 def check_system(system: Any) -> None:

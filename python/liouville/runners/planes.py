@@ -163,5 +163,6 @@ def _check_times(system: PlaneField, steps: Steps) -> None:
     slack = ROUNDOFF * (last - first)
     for t in (steps.t0, steps.t1):
         if not first - slack <= t <= last + slack:
-            sentence = f"t = {t:g} is outside the samples, which are from {first:g} to {last:g}"
+            own, *ends = (system.written(x) for x in (t, first, last))
+            sentence = f"t = {own} is outside the samples, which are from {ends[0]} to {ends[1]}"
             raise ValueError(hinted(sentence, "integrate within them, or give samples beyond"))

@@ -14,6 +14,7 @@ from liouville._arguments import read_only
 from liouville.errors import hinted
 from liouville.events import Event
 from liouville.systems import _trace
+from liouville.systems._dates import Dates, in_numbers
 from liouville.systems._expressions import Expressions, Pickled, Symbols
 from liouville.systems._observer import Observer
 
@@ -29,6 +30,8 @@ class Field(Pickled, ABC):
     _observer: Observer
     #: Parameters that are variables at rest, by number, with their names.
     held: Mapping[int, str] = {}
+    #: What times are counted from, None where they are mere numbers.
+    dates: Dates | None = None
     #: What is recorded when it is first wanted, of all values of the parameters.
     _recorded: dict[str, Any]
 
@@ -116,6 +119,20 @@ class Field(Pickled, ABC):
         """
         del x
         return {}
+
+    def in_time(self, t: Any) -> Any:
+        """Return a time, or several, with numbers for dates and spans of time.
+
+        Raises
+        ------
+        TypeError
+            There is a date, and times have none.
+        """
+        return in_numbers(self, self.dates, t)
+
+    def written(self, t: float) -> str:
+        """Write a time, as a date where there are dates."""
+        return f"{t:g}" if self.dates is None else self.dates.written(t)
 
     def lengths(self, x: np.ndarray) -> np.ndarray:
         """Return the lengths of unit changes of each coordinate at states x, shape (..., n)."""

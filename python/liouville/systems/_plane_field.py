@@ -90,7 +90,7 @@ class PlaneField(Field):
 
         These are rates of states in unit time. Of a grid on a sphere of radius a these are
         dlon/dt = u / (a cos lat), in radians, and dmu/dt = v cos(lat) / a; of one on a cylinder
-        dq/dt = R v_R and dphi/dt = v_phi / R.
+        dq/dt = R v_R and dphi/dt = v_phi / R. The time may be a date, where the field has dates.
         """
         return self._sampled(x, t)[1]
 
@@ -103,7 +103,7 @@ class PlaneField(Field):
 
     def _sampled(self, x: ArrayLike, t: float) -> tuple[np.ndarray, np.ndarray]:
         x = np.asarray(x, dtype=float)
-        n = len(self.coordinates)
+        n, t = len(self.coordinates), self.in_time(t)
         if x.ndim == 0 or x.shape[-1] != n:
             raise ValueError(f"x has shape {x.shape}, wanted (..., {n})")
         rows = self.extended(x.reshape(-1, n), t)

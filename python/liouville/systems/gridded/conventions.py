@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from liouville.errors import hinted
+from liouville.systems._dates import Dates
 from liouville.systems.gridded import sphere, units
 from liouville.systems.gridded.axis import Array
 from liouville.systems.gridded.reading import Variable, Variables
@@ -79,6 +80,7 @@ def arguments(
     }
     if "T" in axes:
         made["t"] = _times(axes["T"], first)
+        made["dates"] = _dates(axes["T"], first)
     if is_sphere:
         metres = units.needed(first.name, first.units)[0]
         made |= {"coordinates": "spherical", "radius": sphere.EARTH / metres}
@@ -354,3 +356,10 @@ def _times(axis: Variable, velocity: Variable) -> Array:
     if found is None:
         return np.asarray(values, dtype=float)
     return found / units.needed(velocity.name, velocity.units)[1]
+
+
+def _dates(axis: Variable, velocity: Variable) -> Dates | None:
+    """Return the date of the first time, None where times are no dates."""
+    known = units.velocity(velocity.units)
+    calendar = str(axis.attrs.get("calendar", "")).lower()
+    return units.dates(np.asarray(axis.values), axis.units, calendar, known[1] if known else 1.0)

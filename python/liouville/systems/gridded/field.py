@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from liouville.errors import hinted
 from liouville.systems import _trace
+from liouville.systems._dates import Dates
 from liouville.systems._expressions import Symbols
 from liouville.systems._observer import Observer
 from liouville.systems._plane_field import PlaneField, Planes, planes_of
@@ -45,7 +46,8 @@ class GriddedField(PlaneField):
         axis leaves its last node out, which is the first again.
     t : array_like of shape (T,), optional
         Times of the samples of a field that depends on time, with cubic splines between them: two
-        samples are joined by a line, three by a parabola.
+        samples are joined by a line, three by a parabola. Dates, of ``datetime64``, become seconds
+        from the first one on, and runs take dates as well.
     velocity : sequence of array_like, optional
         The components at the nodes, each of shape ([T,] nx, ny[, nz]). In the plane, nodes where
         they are NaN, at all times, are land.
@@ -103,6 +105,8 @@ class GriddedField(PlaneField):
         :math:`|\alpha h|` times this is below 1, with the largest stage :math:`\alpha`.
     is_driven : bool
         Whether the field depends on time.
+    dates : Dates or None
+        The date of the time 0 and the unit of times, where the samples have dates.
 
     Raises
     ------
@@ -174,6 +178,9 @@ class GriddedField(PlaneField):
                 raise ValueError(f"names has {len(named)} names, wanted {n}")
         nodes = dict(zip(named, (x, y, z), strict=False))
         axes, turned = checks.axes_of(nodes, periodic, walls, degree, what == "fluxes", coordinates)
+        if t is not None and np.asarray(t).dtype.kind == "M":
+            dates = np.asarray(t).astype("datetime64[ns]")
+            self.dates, t = Dates(dates[0]), (dates - dates[0]) / np.timedelta64(1, "s")
         time = None if t is None else checks.time_axis(t)
         given = Given(what, self._kind, axes, time)
         arrays = given.arrays(data, turned)
@@ -222,7 +229,7 @@ class GriddedField(PlaneField):
         -------
         GriddedField
             Its times are counted from the first sample on where a date is, in the velocity's unit,
-            which is m/s where it has none.
+            which is m/s where it has none, and ``dates`` has that date: runs take dates.
 
         Raises
         ------
@@ -283,7 +290,10 @@ class GriddedField(PlaneField):
         options: Mapping[str, Any],
     ) -> Self:
         made = conventions.arguments(variables, given, options)
-        return cls(*made.pop("xyz"), **made)
+        dates = made.pop("dates", None)
+        found = cls(*made.pop("xyz"), **made)
+        found.dates = dates
+        return found
 
     def _finish(self, found: Potential, land: Any, most: float) -> None:
         """Check what was taken off, and make the planes."""

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from liouville.errors import hinted
+from liouville.systems._dates import ORDINARY, Dates
 
 #: Lengths in metres and times in seconds, without the s of a plural.
 LENGTHS = {"m": 1.0, "metre": 1.0, "meter": 1.0, "km": 1e3, "kilometre": 1e3, "kilometer": 1e3,
@@ -74,7 +75,7 @@ def seconds(name: str, unit: str, values: NDArray[Any]) -> NDArray[np.float64] |
         Their unit is not known.
     """
     if values.dtype.kind in "mM":
-        return np.asarray((values - values[0]) / np.timedelta64(1, "ns") * 1e-9, dtype=float)
+        return np.asarray((values - values[0]) / np.timedelta64(1, "s"), dtype=float)
     if values.dtype.kind == "O":  # dates of a calendar without leap years, and other dates
         return np.array([(value - values[0]).total_seconds() for value in values])
     word, _, since = unit.partition(" since ")
@@ -85,6 +86,27 @@ def seconds(name: str, unit: str, values: NDArray[Any]) -> NDArray[np.float64] |
         sentence = f"'{name}' is in {unit!r}, which is no unit of time of a fixed length"
         raise ValueError(hinted(sentence, "give dates, or times in the unit of the velocity"))
     return np.asarray(values - values[0] * bool(since), dtype=float) * factor
+
+
+def dates(values: NDArray[Any], unit: str, calendar: str, per_unit: float) -> Dates | None:
+    """Return what times are counted from, the first one, None where there are no dates.
+
+    Times are then in a unit of so many seconds.
+    """
+    if values.dtype.kind == "M":
+        return Dates(values[0].astype("datetime64[ns]"), per_unit)
+    if values.dtype.kind == "O":
+        return Dates(values[0], per_unit, str(getattr(values[0], "calendar", calendar)))
+    word, _, since = unit.partition(" since ")
+    factor = time(word)
+    if not since or factor is None or calendar not in ("", "standard", "gregorian", ORDINARY):
+        return None
+    day, _, clock = since.strip().partition("T" if "T" in since else " ")
+    try:
+        first = np.datetime64(f"{day}T{clock.strip() or '00:00'}".rstrip("Z"), "ns")
+    except ValueError:  # of a zone, or written in another way
+        return None
+    return Dates(first + np.timedelta64(round(float(values[0]) * factor * 1e9), "ns"), per_unit)
 
 
 def _known(unit: str, known: dict[str, float]) -> float | None:
