@@ -227,16 +227,18 @@ pub(crate) struct Hamiltonian {
 impl Hamiltonian {
     /// A sum of terms, with weights that depend on time if there is a `drive`, (tape of t and parameters, the
     /// parameters), and a diagonal that does if there is a `potential`, (tape of t, x and parameters, the
-    /// parameters, the coordinates x of all points), and a potential of the density if there is a `nonlinearity`. A doubled one is [[A, -B], [B, A]] of a complex H = A + iB,
+    /// parameters, the coordinates x of all points), a potential of the density if there is a `nonlinearity`, and −i times a diagonal if there is an
+    /// `absorber`. A doubled one is [[A, -B], [B, A]] of a complex H = A + iB,
     /// and acts on (q, p).
     #[new]
-    #[pyo3(signature = (terms, is_doubled = false, drive = None, potential = None, nonlinearity = None))]
+    #[pyo3(signature = (terms, is_doubled = false, drive = None, potential = None, nonlinearity = None, absorber = None))]
     fn new(
         terms: Vec<PyRef<'_, Operator>>,
         is_doubled: bool,
         drive: Option<Driven<'_>>,
         potential: Option<Moving<'_>>,
         nonlinearity: Option<OfDensity<'_>>,
+        absorber: Option<PyReadonlyArray1<'_, f64>>,
     ) -> PyResult<Self> {
         let is_uniform = terms
             .windows(2)
@@ -273,6 +275,13 @@ impl Hamiltonian {
             let (potential, energy) = (potential.0.clone(), energy.0.clone());
             let nonlinearity = Nonlinearity::new(potential, energy, params.as_slice()?, cell);
             inner = inner.with_nonlinearity(nonlinearity.ok_or_else(unfit)?);
+        }
+        if let Some(absorber) = absorber {
+            let absorber = absorber.as_slice()?;
+            if absorber.len() != inner.size() || !absorber.iter().all(|w| *w >= 0.0) {
+                return Err(unfit());
+            }
+            inner = inner.with_absorber(absorber.into());
         }
         let inner = Arc::new(inner);
         Ok(Self { inner, caught })

@@ -139,6 +139,8 @@ def ground_state(
     check_sampled(system.drives, at, at)
     if not 1e-14 <= wanted < 1:
         raise ValueError(f"tol = {wanted:g}: it is a number from 1e-14 to below 1")
+    if system.absorber is not None:
+        system.check_plain("a ground state", "leave it out")
     if system.nonlinearity is not None:
         if system.drives:
             hint = "give the drive as a potential of t and x"

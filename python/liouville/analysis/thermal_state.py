@@ -147,7 +147,7 @@ def thermal_state(
     warmth = number("temperature must be a number", temperature)
     if not warmth > 0:
         raise ValueError(f"temperature must be positive, not {warmth:g}")
-    system.check_linear("a thermal state", "leave the nonlinearity out")
+    system.check_plain("a thermal state", "leave it out")
     rows, at = count("states", states), number("t must be a number", t)
     size = system.hamiltonian.size
     what = f"{rows} thermal states of {system!r}"

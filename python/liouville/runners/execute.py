@@ -123,6 +123,7 @@ def execute(
         outcome = advance(run, runner, progress, checkpoints)
         reached = run.t
         (times, rows), stats = run.take(), runner.stats(run)
+        stats |= runner.totals(rows)
         events, endings = runner.events(run)
         if isinstance(outcome, dict):
             runner.add_cause(outcome, times, rows)

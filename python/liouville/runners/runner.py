@@ -194,6 +194,10 @@ class Runner(ABC):
         """Return the message of a run that was interrupted after so many steps."""
         return f"interrupted after {done}{self.steps.total} steps"
 
+    def totals(self, rows: np.ndarray) -> dict[str, Any]:
+        """Return statistics that come from the records."""
+        return {}
+
     def remark(self, run: _core.Run, t: np.ndarray, rows: np.ndarray) -> str:
         """Return sentences on a run that cannot be right; empty where there is none."""
         said = sentence_of(run.found(), is_ensemble=bool(self.members))

@@ -68,8 +68,10 @@ class WaveRunner(Runner):
         self._observe = system.portable(request.observe)
         self._observed = system.observables(self._observe)
         self.columns = {"psi": 2 * system.size} if request.states else {}
-        energy = "observed energy" if system.is_driven else "invariant energy"
-        self.columns |= {"invariant norm": 1, energy: 1, "observed autocorrelation": 2}
+        is_moved = system.is_driven or system.absorber is not None
+        energy = "observed energy" if is_moved else "invariant energy"
+        norm = "invariant norm" if system.absorber is None else "observed norm"
+        self.columns |= {norm: 1, energy: 1, "observed autocorrelation": 2}
         for name, width, _ in self._observed:
             if f"observed {name}" in self.columns:
                 sentence = f"'{name}' is recorded of every run of this equation"
@@ -312,6 +314,14 @@ class WaveRunner(Runner):
             self._widened = int(run.stats["cold_starts"])
             stats["widened"] = self._widened
         return stats if self.plan.bound is None else {**stats, "bound": self.plan.bound}
+
+    def totals(self, rows: np.ndarray) -> dict[str, Any]:
+        """Return the share of psi that was absorbed, of each member."""
+        if self.system.absorber is None or not len(rows):
+            return {}
+        norm = rows[..., 2 * self.system.size if self._states else 0]
+        share = 1 - (norm[-1] / norm[0]) ** 2
+        return {"absorbed": share if self.members else float(share)}
 
     @property
     def control_taken(self) -> str:

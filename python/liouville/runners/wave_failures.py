@@ -45,6 +45,12 @@ def described(
             "look for a jump, or a division by zero, in a function of time",
             "norm",
         )
+    if error["kind"] == "norm" and system.absorber is not None:
+        return (
+            f"the norm is {size:.6g}, beyond {error['norm_at_start']:.6g} at the start",
+            "flows back in time make psi grow in the absorber: give a smaller h, or take S2",
+            "norm",
+        )
     if error["kind"] == "norm":
         norm, before = _told_apart(error["norm"], error["norm_at_start"])
         low, high = _told_apart(*bounds)

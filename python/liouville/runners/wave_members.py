@@ -86,6 +86,11 @@ class WaveMembersRunner(Runner):
         stats.pop("bound", None)
         return stats | ({"bound": max(bounds)} if len(bounds) == len(self._each) else {})
 
+    def totals(self, rows: np.ndarray) -> dict[str, Any]:
+        """Return the share of psi that was absorbed, of each member."""
+        found = [each.totals(rows[:, k]) for k, each in enumerate(self._each)]
+        return {"absorbed": np.array([x["absorbed"] for x in found])} if all(found) else {}
+
     @property
     def control_taken(self) -> str:
         """A sentence on bounds of the spectrum that were wrong."""

@@ -153,4 +153,15 @@ pub(super) fn check_norm<S: Scalar>(
     guard(squares(&state.q, &state.p), state.start, tolerance, t)
 }
 
+/// Refuses a norm that has grown by more than `tolerance`, relatively.
+pub(super) fn check_growth<S: Scalar>(
+    t: f64,
+    tolerance: f64,
+    state: &Wave<S>,
+) -> Result<(), StepError> {
+    refuse(squares(&state.q, &state.p), state.start, t, |now, start| {
+        now <= (1.0 + tolerance) * start
+    })
+}
+
 liouville_base::checkpoint!([S: Scalar] Wave<S> { q, p, phase, start });

@@ -6,6 +6,7 @@ use liouville_base::error::StepError;
 use liouville_base::run::resize;
 use liouville_base::simd::{InstructionSet, Stored};
 use liouville_fourier::FourierScratch;
+use std::sync::Arc;
 
 /// The terms H_k, read-only, and their dependence on time: H(t) = Σ f_k(t) H_k + V(t).
 #[derive(Clone)]
@@ -14,6 +15,8 @@ pub struct Hamiltonian {
     pub(super) drive: Option<Drive>,
     pub(super) potential: Option<Potential>,
     nonlinearity: Option<Nonlinearity>,
+    /// W of V − iW, empty if there is none.
+    absorber: Arc<[f64]>,
     is_doubled: bool,
     /// Windows of series in time.
     windows: Kept,
@@ -34,6 +37,7 @@ impl Hamiltonian {
             drive: None,
             potential: None,
             nonlinearity: None,
+            absorber: Arc::default(),
             is_doubled: false,
             windows: Kept::default(),
             scan: Kept::default(),
@@ -113,6 +117,17 @@ impl Hamiltonian {
         }
     }
 
+    /// The same less i times a diagonal that absorbs, of which the split operator alone knows.
+    ///
+    /// # Panics
+    /// When it has another size, or grows.
+    #[must_use]
+    pub fn with_absorber(self, absorber: Arc<[f64]>) -> Self {
+        assert_eq!(absorber.len(), self.size(), "size of an absorber");
+        assert!(absorber.iter().all(|w| *w >= 0.0), "sign of an absorber");
+        Self { absorber, ..self }
+    }
+
     /// Number of rows.
     pub fn size(&self) -> usize {
         self.terms[0].size()
@@ -136,6 +151,11 @@ impl Hamiltonian {
     /// The potential that depends on the density.
     pub(crate) fn nonlinearity(&self) -> Option<&Nonlinearity> {
         self.nonlinearity.as_ref()
+    }
+
+    /// The diagonal that absorbs, empty if there is none.
+    pub(crate) fn absorber(&self) -> &[f64] {
+        &self.absorber
     }
 
     /// Where windows of series in time are kept.

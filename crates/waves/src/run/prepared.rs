@@ -82,8 +82,11 @@ impl Prepared {
         times: Vec<f64>,
         is_back: bool,
     ) -> Result<Self, StartError> {
-        if hamiltonian.nonlinearity().is_some() && !matches!(method, Method::Splitting { .. }) {
-            return Err(StartError::invalid("a method for a linear equation"));
+        let is_plain = hamiltonian.nonlinearity().is_none() && hamiltonian.absorber().is_empty();
+        if !is_plain && !matches!(method, Method::Splitting { .. }) {
+            return Err(StartError::invalid(
+                "a method for a linear equation that keeps the norm",
+            ));
         }
         Ok(match method {
             Method::Shears {

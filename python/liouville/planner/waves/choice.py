@@ -137,7 +137,7 @@ def _automatic(
 
 def _check_system(system: Schrodinger, method: Planned) -> None:
     """Refuse an H that depends on time, or on the density, for what takes none."""
-    system.check_linear(name_of(method))
+    system.check_plain(name_of(method))
     takes_time = isinstance(method, Chebyshev | Magnus) or getattr(method, "mode", "") == "auto"
     if system.is_driven and not takes_time:
         hint = "take 'auto' or Magnus(), or with h or steps SplitOperator() on a grid"

@@ -41,6 +41,11 @@ NORM, TIMES = 1e-6, 10.0
 #: ... and by so many times it where a step is not close to unitary but only its powers are bounded.
 LOOSE = 10.0
 
+#: Splittings whose steps damp in all although they have kicks back in time, ...
+DAMPED = ("BM4", "M4s5", "RKN4s6", "BM6", "SS6s11", "SS6s13", "RKN6s11")
+#: ... up to this step in units of hbar over the absorber, as measured.
+MOST_DAMPED = 8.0
+
 #: The longest step taken, in units of the longest stable one.
 LONGEST = 0.99
 
@@ -52,7 +57,7 @@ def plan_steps(system: Schrodinger, method: Stepped, t0: float, stops: Stops) ->
     check_sampled(system.drives, t0, stops[-1][0])
     if isinstance(method, SplitOperator):
         return _split_operator(system, method, t0, stops)
-    system.check_linear(type(method).__name__)
+    system.check_plain(type(method).__name__)
     if isinstance(method, Magnus):
         return _magnus(system, method, t0, stops)
     return _shears(system, method, t0, stops)
@@ -75,6 +80,9 @@ def _split_operator(
     why = ["asked for, with steps of this size; a product is a pair of FFTs"]
     if system.nonlinearity is not None:
         why.append("the spectrum is that of T + V, without the nonlinearity")
+    if system.absorber is not None:
+        _check_damped(system.absorber / system.hbar, method.scheme, (t0, stops[-1][0]), h)
+        why.append("psi is absorbed, and the spectrum is that of H without absorber")
     drifts = sum(not is_kick for is_kick, _, _ in _core.split_program(method.scheme))
     low, high = system.bounds_at(t0)
     return WavePlan(
@@ -90,6 +98,23 @@ def _split_operator(
         reasons=tuple(why),
         core=Split(method.scheme, NORM),
     )
+
+
+def _check_damped(absorber: np.ndarray, scheme: str, span: tuple[float, float], h: float) -> None:
+    """Refuse kicks back in time that an absorber makes grow by more than others damp."""
+    if span[1] < span[0]:
+        hint = "run forwards in time"
+        raise ValueError(hinted("an absorber cannot be undone: psi would grow back in time", hint))
+    kicks = [weight for is_kick, weight, _ in _core.split_program(scheme) if is_kick]
+    if min(kicks) >= 0:
+        return
+    if scheme not in DAMPED:
+        sentence = f"{scheme} has flows back in time in which an absorber makes psi grow"
+        raise ValueError(hinted(sentence, f"take one of S2, {', '.join(DAMPED)}"))
+    if h * (largest := float(absorber.max())) > MOST_DAMPED:
+        sentence = f"steps of {h:g} are too long for an absorber of {largest:g} hbar: {scheme} has "
+        sentence += "flows back in time, in which psi would grow"
+        raise ValueError(hinted(sentence, f"give h of {MOST_DAMPED / largest:.3g} or less, or S2"))
 
 
 def _magnus(system: Schrodinger, method: Magnus, t0: float, stops: Stops) -> WavePlan:

@@ -68,6 +68,10 @@ class Schrodinger(OnGrid):
         :math:`i \hbar \psi' = (H + W(t, |\psi(x)|^2)) \psi`: ``W(t, rho, params)``, called once
         with CasADi symbols; rho is :math:`|\psi|^2`, a squared component over ``grid.cell``.
 
+    absorber : array_like or callable, optional
+        On a grid W >= 0 of :math:`H - i W`, which absorbs what comes to the ends of the grid: an
+        array of its shape, or flat, or ``W(t, x, params)`` that does not depend on time.
+
     Attributes
     ----------
     states : tuple of str
@@ -155,14 +159,15 @@ class Schrodinger(OnGrid):
         times: ArrayLike | None = None,
         params: Mapping[str, ArrayLike] | None = None,
         nonlinearity: Callable[..., Any] | None = None,
+        absorber: Callable[..., Any] | ArrayLike | None = None,
     ) -> None:
         self.source, self._drive = foreign.parted(hamiltonian, drive, times)
         self.hbar = positive("hbar", hbar)
         self._params = _trace.Parameters(params)
         self._given, self._way = interval(bounds, self.hbar), way(bounds)
-        self._make(None, nonlinearity)
+        self._make(None, nonlinearity, absorber)
 
-    def _make(self, frame: Frame | None, nonlinearity: Callable[..., Any] | None) -> None:
+    def _make(self, frame: Frame | None, nonlinearity: Any, absorber: Any) -> None:
         """Make the core's form of H, in a frame if it is known."""
         hamiltonian, drive = self.source, self._drive
         self.grid = hamiltonian if isinstance(hamiltonian, Grid) else None
@@ -175,6 +180,7 @@ class Schrodinger(OnGrid):
         if isinstance(source, Exchange) and not all(matrix.is_real for matrix in driven):
             source = source.entries()
         self.nonlinearity = self._read_nonlinearity(nonlinearity)
+        self._absorbing = self._read_absorber(absorber)
         self.frame = self._framed([source, *driven]) if frame is None else frame
         self._build(source, driven)
 
@@ -191,11 +197,12 @@ class Schrodinger(OnGrid):
         cached = ("bounds", "_spectrum", "_closer")
         found = {name: x for name, x in self.__dict__.items() if name in cached}
         density = None if self.nonlinearity is None else self.nonlinearity.potential
-        return {**own, **found, "term_bounds": self.term_bounds, "nonlinearity": density}
+        more = {"nonlinearity": density, "_absorbing": self._absorbing}
+        return {**own, **found, **more, "term_bounds": self.term_bounds}
 
     def _restore(self, state: dict[str, Any]) -> None:
         super()._restore(state)
-        self._make(state["frame"], state["nonlinearity"])
+        self._make(state["frame"], state["nonlinearity"], state["_absorbing"])
 
     def _framed(self, parts: Sequence[Any]) -> Frame:
         matrices = [part for part in parts if isinstance(part, Entries)]
@@ -291,6 +298,9 @@ class Schrodinger(OnGrid):
                 other.__dict__["potential_sensitivity"] = own
         if self.nonlinearity is not None:
             other.nonlinearity = self.nonlinearity.with_params(params)
+        if isinstance(self._absorbing, TimeFunction):
+            other._absorbing = self._absorbing.with_params(params)
+            other.__dict__.pop("absorber", None)
         if self._potential is not None and self.grid is not None:
             first = other._of_grid(self.grid, self._potential.with_params(params))
             other._terms = [first, *self._terms[1:]]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -14,8 +15,9 @@ from liouville.systems.schrodinger.bounded import Bounded
 from liouville.systems.schrodinger.entries import check_size
 from liouville.systems.schrodinger.forms import Term, twice
 from liouville.systems.schrodinger.grid import Grid
+from liouville.systems.schrodinger.lattice import on_sites
 from liouville.systems.schrodinger.nonlinearity import Nonlinearity
-from liouville.systems.schrodinger.time_functions import TimeFunction
+from liouville.systems.schrodinger.time_functions import TimeFunction, point
 
 
 class OnGrid(Bounded):
@@ -24,6 +26,7 @@ class OnGrid(Bounded):
     potential: np.ndarray | None
     nonlinearity: Nonlinearity | None
     _potential: TimeFunction | None
+    _absorbing: TimeFunction | np.ndarray | None
 
     def _read_nonlinearity(self, function: Callable[..., Any] | None) -> Nonlinearity | None:
         """Return a function of the density, on a grid alone."""
@@ -36,10 +39,53 @@ class OnGrid(Bounded):
             )
         return Nonlinearity(function, self._params)
 
-    def check_linear(self, what: str, hint: str = "take SplitOperator() with h= or steps=") -> None:
-        """Refuse a potential of the density for what takes none: TypeError names it."""
+    def _read_absorber(self, given: Any) -> TimeFunction | np.ndarray | None:
+        """Return a part of the potential that absorbs, as a function or as values at all points."""
+        if given is None:
+            return None
+        if self.grid is None:
+            sentence = "an absorber is a part of the potential of a Grid, and H is none"
+            raise TypeError(hinted(sentence, "write lv.Schrodinger(lv.Grid(...), absorber=...)"))
+        if self.nonlinearity is not None:
+            sentence = "an absorber changes the density within the flow of a nonlinearity"
+            raise TypeError(hinted(sentence, "leave one of them out"))
+        if not callable(given):
+            return on_sites("absorber", given, self.grid.shape).ravel()
+        found = TimeFunction("absorber", given, self._params, len(self.grid.shape))
+        if found.is_driven:
+            raise ValueError("the absorber depends on time, which none may")
+        return found
+
+    @cached_property
+    def absorber(self) -> np.ndarray | None:
+        """W of an H - iW on a grid, one value for each point, None where nothing absorbs.
+
+        Raises
+        ------
+        ValueError
+            A value is negative, or not finite; the message has the place.
+        """
+        if self._absorbing is None:
+            return None
+        assert self.grid is not None, "an absorber is one on a grid"
+        values, points = self._absorbing, self.grid.points
+        if isinstance(values, TimeFunction):
+            values = values.at(0.0, points)
+        least = int(np.argmin(values))
+        if values[least] < 0:
+            sentence = (
+                f"absorber is {values[least]:g} at x = {point(points[least])}, where psi grows"
+            )
+            raise ValueError(hinted(sentence, "H - iW absorbs where W is positive"))
+        return values if values.any() else None
+
+    def check_plain(self, what: str, hint: str = "take SplitOperator() with h= or steps=") -> None:
+        """Refuse a potential of the density, or one that absorbs, for what takes none."""
         if self.nonlinearity is not None:
             sentence = f"{what} is for a linear equation, and this one has a nonlinearity"
+            raise TypeError(hinted(sentence, hint))
+        if self.absorber is not None:
+            sentence = f"{what} is for a Hermitian H, and this one has an absorber"
             raise TypeError(hinted(sentence, hint))
 
     def _join(self) -> None:
@@ -56,6 +102,8 @@ class OnGrid(Bounded):
         if self.nonlinearity is not None and self.grid is not None:
             tapes = self.nonlinearity.tapes(1 / self.hbar)
             more["nonlinearity"] = (*tapes, params, self.grid.cell)
+        if self.absorber is not None:
+            more["absorber"] = self.absorber / self.hbar
         self.hamiltonian = _core.Hamiltonian(flat, self.frame.is_doubled, **more)
 
     def _of_grid(self, grid: Grid, found: TimeFunction | np.ndarray) -> Term:

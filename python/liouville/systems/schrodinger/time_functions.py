@@ -129,7 +129,7 @@ class TimeFunction:
         bad = np.flatnonzero(~np.isfinite(values))
         if bad.size:
             k = bad[0]
-            place = "" if points is None else f" and {self._vector} = {_point(points[k])}"
+            place = "" if points is None else f" and {self._vector} = {point(points[k])}"
             raise ValueError(
                 hinted(
                     f"{self.what} is {values[k]} at t = {t[k]:g}{place}",
@@ -138,7 +138,7 @@ class TimeFunction:
             )
 
 
-def _point(x: np.ndarray) -> str:
+def point(x: np.ndarray) -> str:
     """Write a point for a message."""
     inner = ", ".join(f"{each:g}" for each in x)
     return inner if x.size == 1 else f"({inner})"

@@ -3,6 +3,7 @@
 //! A potential W(t, ρ) of the density ρ = |ψ|² turns phases alone, so that ρ stays as it is and the flow is exact.
 
 use crate::problem::{Hamiltonian, HamiltonianAt, Nonlinearity, Operator, RowBlock, Update};
+use liouville_base::elementary;
 use liouville_base::error::StepError;
 use liouville_base::real::Lanes;
 use liouville_base::simd::{ForEach, InstructionSet, Kernel, Number, SimdView, SimdViews, Stored};
@@ -74,6 +75,11 @@ impl Kicks {
         self.of_density.is_some()
     }
 
+    /// Whether a part of the potential absorbs.
+    pub(super) fn is_absorbing(&self) -> bool {
+        !self.hamiltonian.absorber().is_empty()
+    }
+
     /// Prepares a flow of length s at `t`.
     pub(super) fn begin(&mut self, t: f64, s: f64) -> Result<Kick, StepError> {
         if let Some(current) = &mut self.current {
@@ -102,6 +108,7 @@ impl Kicks {
             }
             let mut cos_sin = [0, 1].map(|_| vec![0.0; self.potential.len()]);
             turn(self.machine, &self.potential, s, &mut cos_sin);
+            damp(self.hamiltonian.absorber(), s, &mut cos_sin);
             self.tables.push(PotentialPhases { s, cos_sin });
             Some(self.tables.len() - 1)
         })
@@ -114,7 +121,7 @@ impl Kicks {
             multiply(plane, &cos[within.clone()], &sin[within]);
             return;
         }
-        let mut values = &self.potential[within];
+        let mut values = &self.potential[within.clone()];
         let nonlinearity = self.hamiltonian.nonlinearity();
         if let (Some(nonlinearity), Some((registers, all))) = (nonlinearity, &mut self.of_density) {
             all.copy_from_slice(values);
@@ -122,6 +129,8 @@ impl Kicks {
             values = all;
         }
         turn(self.machine, values, kick.s, &mut self.cos_sin);
+        let absorber = self.hamiltonian.absorber().get(within).unwrap_or(&[]);
+        damp(absorber, kick.s, &mut self.cos_sin);
         multiply(plane, &self.cos_sin[0], &self.cos_sin[1]);
     }
 }
@@ -159,6 +168,15 @@ fn multiply(psi: &mut [Complex], cos: &[f64], sin: &[f64]) {
     for ((psi, cos), sin) in psi.iter_mut().zip(cos).zip(sin) {
         let Complex { re, im } = *psi;
         *psi = Complex::new(re * cos + im * sin, im * cos - re * sin);
+    }
+}
+
+/// Multiplies by e^{−ws}, if there are any w.
+fn damp(w: &[f64], s: f64, [cos, sin]: &mut [Vec<f64>; 2]) {
+    for ((cos, sin), w) in cos.iter_mut().zip(sin).zip(w) {
+        let factor = elementary::exp(-w * s);
+        *cos *= factor;
+        *sin *= factor;
     }
 }
 

@@ -8,7 +8,7 @@
 mod kicks;
 mod resolution;
 
-use super::{Wave, check_norm};
+use super::{Wave, check_growth, check_norm};
 use crate::problem::{Hamiltonian, Kinetic, Operator};
 use kicks::{Kick, Kicks};
 use liouville_base::cancel::CancelToken;
@@ -220,6 +220,9 @@ impl Parts for Phases {
     }
 
     fn check(&self, t: f64, state: &Wave<f64>) -> Result<(), StepError> {
+        if self.kicks.is_absorbing() {
+            return check_growth(t, self.tolerance, state);
+        }
         check_norm(t, self.tolerance, state)
     }
 

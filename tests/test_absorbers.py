@@ -1,0 +1,170 @@
+"""Absorbing potentials on grids, against dense matrices."""
+
+import pickle
+
+import casadi as ca
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+import liouville as lv
+
+LOW, HIGH, POINTS = -12.0, 12.0, 64
+
+
+def barrier(t, x, params):
+    return 2 / (1 + x**2)
+
+
+def ramp(t, x, params):
+    """Rise as a square from |x| = 6 on, without a jump."""
+    return params.w * ((abs(x) - 6 + abs(abs(x) - 6)) / 12) ** 2
+
+
+def absorbing(w=2.0, potential=barrier, **more):
+    grid = lv.Grid(LOW, HIGH, POINTS, potential=potential)
+    return lv.Schrodinger(grid, absorber=ramp, params={"w": w}, **more)
+
+
+def packet(grid, v=2.0):
+    x = grid.points[:, 0]
+    psi = np.exp(-((x + 3) ** 2) / 2 + 1j * v * x)
+    return psi / np.linalg.norm(psi)
+
+
+def dense(system, t):
+    """Return exp(-iHt) of the whole matrix."""
+    grid, n = system.grid, system.grid.size
+    (k,) = grid.k
+    kinetic = np.fft.ifft(k[:, None] ** 2 / 2 * np.fft.fft(np.eye(n), axis=0), axis=0)
+    x = grid.points[:, 0]
+    return expm(-1j * t * (kinetic + np.diag(barrier(0, x, None) - 1j * system.absorber)))
+
+
+@pytest.mark.parametrize("scheme", ["S2", "BM4", "RKN4s6", "RKN6s11"])
+def test_runs_are_those_of_the_dense_matrix(scheme):
+    system = absorbing()
+    psi = packet(system.grid)
+    exact = dense(system, 5.0) @ psi
+    steps = 20_000 if scheme == "S2" else 1000
+    run = lv.integrate(
+        system, lv.SplitOperator(scheme), t=(0, 5), steps=steps, every=steps, psi=psi
+    )
+    assert np.linalg.norm(run.psi[-1] - exact) < 1e-7
+    assert abs(run.stats["absorbed"] - (1 - np.linalg.norm(exact) ** 2)) < 1e-7
+    assert 0.1 < run.stats["absorbed"] < 0.99
+    assert "norm" not in run.invariants
+    assert (np.diff(run.observed["norm"]) < 0).all()
+
+
+@pytest.mark.parametrize(
+    ("scheme", "order", "steps"), [("S2", 2, 30), ("BM4", 4, 30), ("RKN6s11", 6, 18)]
+)
+def test_orders_are_those_without_an_absorber(scheme, order, steps):
+    """By a smooth absorber, as a kink in it has an order of its own."""
+    grid = lv.Grid(LOW, HIGH, POINTS, potential=barrier)
+    system = lv.Schrodinger(grid, absorber=np.cosh(grid.points[:, 0] / 4) / 20)
+    psi = packet(grid)
+    exact = dense(system, 2.0) @ psi
+    errors = [
+        np.linalg.norm(
+            lv.integrate(system, lv.SplitOperator(scheme), t=(0, 2), steps=n, psi=psi).psi[-1]
+            - exact
+        )
+        for n in (steps, 2 * steps)
+    ]
+    assert order - 0.4 < np.log2(errors[0] / errors[1]) < order + 1.5
+
+
+def test_a_resonance_decays_with_its_published_width():
+    """The s-wave of 7.5 r^2 exp(-r), as odd states of a line: E = 3.42639, width 0.025549."""
+    grid = lv.Grid(-30, 30, 384, potential=lambda t, r, params: 7.5 * r**2 * ca.exp(-ca.fabs(r)))
+    system = lv.Schrodinger(
+        grid, absorber=lambda t, r, params: 4 * (ca.fmax(ca.fabs(r) - 15, 0) / 15) ** 3
+    )
+    r = grid.points[:, 0]
+    psi = r * np.exp(-1.9 * r**2)
+    run = lv.integrate(
+        system, lv.SplitOperator(), t=(0, 40), h=0.05, every=40, psi=psi / np.linalg.norm(psi),
+        observe={"inside": (np.abs(r) < 5).astype(float)}, states=False,
+    )  # fmt: skip
+    late = run.t > 25
+    width = -np.polyfit(run.t[late], np.log(run.observed["inside"][late]), 1)[0]
+    assert abs(width - 0.025549) < 5e-6
+
+
+def test_a_uniform_absorber_is_a_decay():
+    system = lv.Schrodinger(lv.Grid(LOW, HIGH, POINTS), absorber=0.3, hbar=2.0)
+    run = lv.integrate(system, lv.SplitOperator(), t=(0, 4), steps=8, psi=packet(system.grid))
+    assert np.abs(run.observed["norm"] - np.exp(-0.15 * run.t)).max() < 1e-13
+    assert abs(run.stats["absorbed"] - (1 - np.exp(-1.2))) < 1e-13
+
+
+@pytest.mark.parametrize("absorber", [0.0, np.zeros(POINTS), lambda t, x, params: 0 * x])
+def test_nothing_that_absorbs_has_the_bits_of_a_hermitian_equation(absorber):
+    grid = lv.Grid(LOW, HIGH, POINTS, potential=barrier)
+    options = {"t": (0, 1), "steps": 10, "psi": packet(grid)}
+    one = lv.integrate(lv.Schrodinger(grid), lv.SplitOperator(), **options)
+    other = lv.integrate(lv.Schrodinger(grid, absorber=absorber), lv.SplitOperator(), **options)
+    assert np.array_equal(one.psi, other.psi)
+    assert "absorbed" not in other.stats
+    assert "norm" in other.invariants
+
+
+def test_a_potential_that_moves_is_absorbed_by_the_same_flows():
+    """Two forms of one H: a table of phases, and a potential with a time that it does not use."""
+    still = absorbing()
+    moving = absorbing(potential=lambda t, x, params: barrier(t, x, params) + 1e-300 * t)
+    assert moving.is_driven
+    options = {"t": (0, 2), "steps": 50, "psi": packet(still.grid), "observe": {}}
+    one, other = (lv.integrate(s, lv.SplitOperator(), **options) for s in (still, moving))
+    assert np.abs(one.psi - other.psi).max() < 1e-14
+    assert abs(one.stats["absorbed"] - other.stats["absorbed"]) < 1e-14
+
+
+def test_members_and_pickles_absorb_alike():
+    system = absorbing()
+    psi = packet(system.grid)
+    options = {"t": (0, 2), "steps": 40}
+    many = lv.ensemble(system, lv.SplitOperator(), params={"w": [0.5, 2.0]}, psi=psi, **options)
+    for k, w in enumerate([0.5, 2.0]):
+        alone = lv.integrate(absorbing(w), lv.SplitOperator(), psi=psi, **options)
+        assert np.array_equal(many.psi[:, k], alone.psi)
+        assert many.stats["absorbed"][k] == alone.stats["absorbed"]
+    starts = lv.ensemble(system, lv.SplitOperator(), psi=[psi, psi.conj()], states=False, **options)
+    assert starts.stats["absorbed"].shape == (2,)
+    other = lv.integrate(pickle.loads(pickle.dumps(system)), lv.SplitOperator(), psi=psi, **options)
+    assert np.array_equal(other.psi, many.psi[:, 1])
+
+
+def test_what_grows_is_refused():
+    grid = lv.Grid(LOW, HIGH, POINTS)
+    with pytest.raises(ValueError, match=r"absorber is -0.5 at x = -12, where psi grows"):
+        lv.Schrodinger(grid, absorber=np.where(grid.points[:, 0] < -11.9, -0.5, 0.0))
+    with pytest.raises(ValueError, match="depends on time, which none may"):
+        lv.Schrodinger(grid, absorber=lambda t, x, params: t * x**2)
+    with pytest.raises(TypeError, match="and H is none"):
+        lv.Schrodinger(np.eye(3), absorber=np.ones(3))
+    with pytest.raises(TypeError, match="leave one of them out"):
+        lv.Schrodinger(grid, absorber=1.0, nonlinearity=lambda t, rho, params: rho)
+    with pytest.raises(ValueError, match=r"wanted \(64,\)"):
+        lv.Schrodinger(grid, absorber=np.ones(3))
+    system, psi = absorbing(), packet(grid)
+    with pytest.raises(ValueError, match="psi would grow back in time"):
+        lv.integrate(system, lv.SplitOperator(), t=(1, 0), steps=10, psi=psi)
+    with pytest.raises(ValueError, match="Y4 has flows back in time") as found:
+        lv.integrate(system, lv.SplitOperator("Y4"), t=(0, 1), steps=10, psi=psi)
+    assert "take one of S2, BM4" in str(found.value)
+    with pytest.raises(ValueError, match="too long for an absorber of 2000"):
+        lv.integrate(absorbing(2000.0), lv.SplitOperator(), t=(0, 1), steps=10, psi=psi)
+    far = lv.integrate(absorbing(2000.0), lv.SplitOperator("S2"), t=(0, 9), steps=90, psi=psi)
+    assert 0 < far.stats["absorbed"] < 1
+
+
+@pytest.mark.parametrize("method", ["auto", lv.Chebyshev(), lv.Lanczos(), lv.Magnus()])
+def test_methods_that_keep_the_norm_refuse_one(method):
+    system = absorbing()
+    with pytest.raises(TypeError, match="is for a Hermitian H, and this one has an absorber"):
+        lv.integrate(system, method, t=(0, 1), psi=packet(system.grid))
+    with pytest.raises(TypeError, match="a ground state is for a Hermitian H"):
+        lv.ground_state(system)
