@@ -303,3 +303,30 @@ def test_a_drive_without_time_has_its_derivatives():
     slope = (last[1] - last[0]) / 2e-4
     run = lv.integrate(system, "auto", t=(0, 3), psi=[1, 0], tangents={"params.a": 1.0})
     assert np.linalg.norm(run.tangents["params.a"].psi[-1] - slope) < 1e-6
+
+
+def test_the_split_operator_takes_diagonal_drives():
+    """As a potential of t and x, by a function and by samples, and as series in time have it."""
+    x = lv.Grid(-8, 8, 64).points[:, 0]
+    well, psi = x**2 / 2, np.exp(-(x**2) / 2)
+    at = np.linspace(-0.5, 2.5, 400)
+    field = [(lambda t, params: params.a * ca.cos(3 * t), x)]
+    by_potential = lv.Grid(
+        -8, 8, 64, potential=lambda t, x, params: x**2 / 2 + params.a * ca.cos(3 * t) * x
+    )
+    options = {"t": (0, 2), "steps": 40, "psi": psi}
+    driven = lv.Schrodinger(lv.Grid(-8, 8, 64, well), drive=field, params={"a": 0.5})
+    sampled = lv.Schrodinger(lv.Grid(-8, 8, 64, well), drive=[(0.5 * np.cos(3 * at), x)], times=at)
+    whole = lv.Schrodinger(by_potential, params={"a": 0.5})
+    one, other, third = (
+        lv.integrate(s, lv.SplitOperator(), **options) for s in (driven, whole, sampled)
+    )
+    assert np.abs(one.psi - other.psi).max() < 1e-13
+    assert np.abs(one.observed["energy"] - other.observed["energy"]).max() < 1e-12
+    assert np.abs(one.psi - third.psi).max() < 1e-7
+    series = lv.integrate(driven, "auto", t=(0, 2), psi=psi)
+    assert np.abs(one.psi[-1] - series.psi[-1]).max() < 1e-7
+    hop = np.diag(np.ones(63), 1)
+    mixed = lv.Schrodinger(lv.Grid(-8, 8, 64, well), drive=[(lambda t, params: t, hop + hop.T)])
+    with pytest.raises(TypeError, match="drives by diagonal matrices alone"):
+        lv.integrate(mixed, lv.SplitOperator(), **options)

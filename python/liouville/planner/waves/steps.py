@@ -73,9 +73,11 @@ def _split_operator(
                 "take SchrodingerSplitting, or Magnus for H(t)",
             )
         )
-    if len(system.term_bounds) > 1:
-        hint = "take Magnus, or give the drive as a potential of t and x"
-        raise TypeError(hinted("SplitOperator takes no drive by matrices", hint))
+    if not system.has_diagonal_drive:
+        sentence = "SplitOperator takes drives by diagonal matrices alone, which add to V"
+        raise TypeError(
+            hinted(sentence, "take Magnus, or give the drive as a potential of t and x")
+        )
     steps, h = _sizes(t0, stops)
     why = ["asked for, with steps of this size; a product is a pair of FFTs"]
     if system.nonlinearity is not None:

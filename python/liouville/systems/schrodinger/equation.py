@@ -86,6 +86,8 @@ class Schrodinger(OnGrid):
         The potential of the density, if there is one; bounds are those of H without it.
     is_driven : bool
         Whether H has a drive, or depends on time.
+    has_diagonal_drive : bool
+        Whether the matrices of the drive are diagonal, or there are none.
     is_real : bool
         Whether H is real, after its phases are taken away where that can be done.
     is_foreign : bool
@@ -177,6 +179,7 @@ class Schrodinger(OnGrid):
         if self.moving_product is not None:
             self.moving_product.check_alone(drive)
         self._functions, driven = time_functions.read(drive, self._params, self.size)
+        self.has_diagonal_drive = all(matrix.is_diagonal for matrix in driven)
         if isinstance(source, Exchange) and not all(matrix.is_real for matrix in driven):
             source = source.entries()
         self.nonlinearity = self._read_nonlinearity(nonlinearity)
