@@ -78,6 +78,7 @@ PACKAGE_FLOORS = (
         "fitting",
         "gradients",
         "optimal",
+        "periods",
         "section",
         "stretching",
     ),

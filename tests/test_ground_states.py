@@ -214,3 +214,44 @@ def test_states_of_infinite_temperature_are_random_alone():
     same = lv.thermal_state(lv.Schrodinger(chain), 1e300, states=3, seed=2)
     assert np.abs(hot.psi - same.psi).max() < 1e-14
     assert hot.log_partition == pytest.approx(np.log(64), abs=0.5)
+
+
+def test_imaginary_time_of_a_state_is_the_exponential():
+    parts = np.random.default_rng(3).normal(size=(2, 40, 40))
+    real = parts[0] + parts[0].T
+    for h, hbar in ((real, 1.0), (real + 1j * (parts[1] - parts[1].T), 0.5)):
+        system = lv.Schrodinger(h, hbar=hbar)
+        psi = np.random.default_rng(4).normal(size=40) + 0.5j
+        levels, vectors = np.linalg.eigh(h)
+        for tau in (0.0, 0.03, 1.0, 40.0):
+            cool = lv.imaginary_time(system, tau, psi=3 * psi)
+            weights = np.exp(-tau / hbar * (levels - levels[0])) * (vectors.conj().T @ psi)
+            exact, size = vectors @ weights, np.linalg.norm(weights)
+            assert np.linalg.norm(cool.psi - exact / size) < 1e-9
+            log_norm = np.log(size / np.linalg.norm(psi)) - tau / hbar * levels[0]
+            assert abs(cool.log_norm - log_norm) < 1e-9 * max(1, abs(log_norm))
+            assert abs(cool.energy - np.vdot(exact, h @ exact).real / size**2) < 1e-8
+
+
+def test_imaginary_time_ends_in_the_ground_state_however_long_it_is():
+    system = lv.Schrodinger(lv.Grid(-8, 8, 64, potential=lambda t, x, params: x**2 / 2))
+    psi = np.exp(-((system.grid.points[:, 0] - 1) ** 2))
+    cool = lv.imaginary_time(system, 1e6, psi=psi)
+    assert abs(cool.energy - 0.5) < 1e-10
+    assert cool.psi.dtype == float
+    assert abs(cool.log_norm + 0.5e6) < 10
+    still = lv.imaginary_time(system, 1.0, **cool.start)
+    assert np.linalg.norm(still.psi - cool.psi) < 1e-11
+    again = lv.integrate(system, "auto", t=(0, 1), **cool.start)
+    assert abs(again.observed["autocorrelation"][-1] - np.exp(-0.5j)) < 1e-8
+
+
+def test_imaginary_time_refuses_bad_input():
+    system = lv.Schrodinger(np.eye(2))
+    with pytest.raises(ValueError, match="tau must be finite and not negative, not -1"):
+        lv.imaginary_time(system, -1.0, psi=[1, 0])
+    with pytest.raises(ValueError, match="psi has shape"):
+        lv.imaginary_time(system, 1.0, psi=[1, 0, 0])
+    one = lv.imaginary_time(lv.Schrodinger([[2.0]]), 3.0, psi=[1.0])
+    assert abs(one.log_norm + 6) < 1e-13
+    assert one.psi[0] == 1

@@ -55,6 +55,7 @@ if _typing.TYPE_CHECKING:
     from liouville import bodies as bodies
     from liouville.analysis.equilibrium import equilibrium as equilibrium
     from liouville.analysis.ground_state import ground_state as ground_state
+    from liouville.analysis.imaginary_time import imaginary_time as imaginary_time
     from liouville.analysis.inverse_dynamics import inverse_dynamics as inverse_dynamics
     from liouville.analysis.linearization import linearize as linearize
     from liouville.analysis.modes import modes as modes
@@ -75,6 +76,9 @@ if _typing.TYPE_CHECKING:
     from liouville.gradients import vjp as vjp
     from liouville.optimal.control import optimal_control as optimal_control
     from liouville.optimal.result import OptimalControl as OptimalControl
+    from liouville.periods import Floquet as Floquet
+    from liouville.periods import floquet as floquet
+    from liouville.periods import propagator as propagator
     from liouville.planner import FieldPlan as FieldPlan
     from liouville.planner import Plan as Plan
     from liouville.planner import WavePlan as WavePlan
@@ -93,6 +97,7 @@ if _typing.TYPE_CHECKING:
 _LATER = {
     "equilibrium": "analysis",
     "ground_state": "analysis",
+    "imaginary_time": "analysis",
     "inverse_dynamics": "analysis",
     "linearize": "analysis",
     "modes": "analysis",
@@ -110,6 +115,9 @@ _LATER = {
     "vjp": "gradients",
     "OptimalControl": "optimal",
     "optimal_control": "optimal",
+    "Floquet": "periods",
+    "floquet": "periods",
+    "propagator": "periods",
     "FieldPlan": "planner",
     "Plan": "planner",
     "WavePlan": "planner",

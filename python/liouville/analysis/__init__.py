@@ -3,6 +3,7 @@
 from liouville.analysis.condensate import Condensate
 from liouville.analysis.equilibrium import Equilibrium, equilibrium
 from liouville.analysis.ground_state import GroundState, ground_state
+from liouville.analysis.imaginary_time import Cooled, imaginary_time
 from liouville.analysis.inverse_dynamics import InverseDynamics, inverse_dynamics
 from liouville.analysis.linearization import Linearization, linearize
 from liouville.analysis.modes import Modes, modes
@@ -11,6 +12,7 @@ from liouville.analysis.thermal_state import ThermalState, thermal_state
 
 __all__ = [
     "Condensate",
+    "Cooled",
     "Equilibrium",
     "GroundState",
     "InverseDynamics",
@@ -20,6 +22,7 @@ __all__ = [
     "ThermalState",
     "equilibrium",
     "ground_state",
+    "imaginary_time",
     "inverse_dynamics",
     "linearize",
     "modes",

@@ -170,7 +170,7 @@ def thermal_state(
     weights, energies, off = np.empty(rows), np.empty(rows), np.empty(rows)
     for k in range(rows):
         start = rng.normal(size=size)
-        found = _cooled(counted, start, factors, (low + high) / 2, half)
+        found = cooled(counted, start, factors, (low + high) / 2, half)
         weights[k] = found @ found
         off[k] = tail * float(np.linalg.norm(start) / np.sqrt(weights[k]))
         found /= np.sqrt(weights[k])
@@ -205,8 +205,8 @@ def coefficients(x: float) -> tuple[Array, float]:
     return factors, float(max(left[last], TAIL))
 
 
-def _cooled(counted: Counted, v: Array, factors: Array, middle: float, half: float) -> Array:
-    """Return the series of a vector."""
+def cooled(counted: Counted, v: Array, factors: Array, middle: float, half: float) -> Array:
+    """Return the series of a vector by these coefficients."""
     size = float(np.linalg.norm(v))
     before, now = v, (counted(v) - middle * v) / half
     found: Array = factors[0] * before

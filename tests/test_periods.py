@@ -1,0 +1,89 @@
+"""Propagators, and the modes of a period."""
+
+import casadi as ca
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+import liouville as lv
+
+X, Y, Z = np.array([[0, 1], [1, 0]]), np.array([[0, -1j], [1j, 0]]), np.diag([1, -1])
+
+
+def turning(b=0.4, w=1.3, e=0.8):
+    """Return a spin in a field that turns, its frequency, and H in the frame that turns with it."""
+    drive = [(lambda t, params: ca.cos(w * t), b * X), (lambda t, params: ca.sin(w * t), b * Y)]
+    return lv.Schrodinger(e * Z, drive=drive), w, (e - w / 2) * Z + b * X
+
+
+def chain(params):
+    drive = [(lambda t, params: params.a * ca.cos(2 * t), np.diag(np.arange(6.0)))]
+    return lv.Schrodinger(lv.Lattice(6), drive=drive, params=params)
+
+
+def test_the_propagator_of_a_static_matrix_is_its_exponential():
+    parts = np.random.default_rng(0).normal(size=(2, 7, 7))
+    h = parts[0] + parts[0].T + 1j * (parts[1] - parts[1].T)
+    system = lv.Schrodinger(h, hbar=0.5)
+    assert np.abs(lv.propagator(system, t=(0, 2)) - expm(-4j * h)).max() < 1e-8
+    assert np.abs(lv.propagator(system, t=(2, 0)) - expm(4j * h)).max() < 1e-8
+
+
+def test_the_propagator_of_one_component_is_a_phase():
+    assert np.abs(lv.propagator(lv.Schrodinger([[2.0]]), t=(1, 2)) - np.exp(-2j)).max() < 1e-8
+
+
+def test_a_turning_field_has_the_quasienergies_of_its_frame():
+    system, w, frame = turning()
+    period = 2 * np.pi / w
+    modes = lv.floquet(system, period, lv.Chebyshev(1e-10))
+    levels = np.linalg.eigvalsh(frame) + w / 2  # the frame turns once with half a phase each
+    wanted = np.sort((levels + w / 2) % w - w / 2)
+    assert np.abs(modes.quasienergies - wanted).max() < 1e-9
+    assert modes.error < 1e-9
+    start = np.array([0.6, 0.8j])
+    rotated = expm(-1j * frame * 1000 * period) @ start * (-1) ** 1000
+    assert np.abs(modes.after(start, 1000) - rotated).max() < 1e-6
+    assert np.abs(modes.after(start, 0) - start).max() < 1e-14
+
+
+def test_modes_are_orthonormal_states_that_return():
+    system = chain({"a": 1.0})
+    modes = lv.floquet(system, np.pi, params={"a": 0.7}, t0=0.3)
+    assert np.abs(modes.modes @ modes.modes.conj().T - np.eye(6)).max() < 1e-13
+    many = lv.ensemble(
+        system, lv.Chebyshev(1e-9), t=(0.3, 0.3 + np.pi), psi=modes.modes,
+        params={"a": np.full(6, 0.7)},
+    )  # fmt: skip
+    phases = np.exp(-1j * modes.quasienergies * np.pi)[:, None]
+    assert np.abs(many.psi[-1] - phases * modes.modes).max() < 1e-7
+    assert (np.diff(modes.quasienergies) >= 0).all()
+    assert (np.abs(modes.quasienergies) <= 1 + 1e-12).all()
+
+
+def test_modes_of_equal_quasienergies_are_orthonormal_too():
+    modes = lv.floquet(lv.Schrodinger(np.diag([1.0, 1.0, 1.0, 3.0])), 2 * np.pi)
+    assert np.abs(modes.modes @ modes.modes.conj().T - np.eye(4)).max() < 1e-13
+
+
+def test_a_half_of_a_period_is_no_period():
+    with pytest.raises(ValueError, match="H is not periodic: at t = "):
+        lv.floquet(chain({"a": 1.0}), np.pi / 2)
+
+
+def test_bad_input_is_refused():
+    system = chain({"a": 1.0})
+    for period in (0.0, -1.0, np.inf):
+        with pytest.raises(ValueError, match="period must be positive"):
+            lv.floquet(system, period)
+    with pytest.raises(TypeError, match="must be a Schrodinger equation"):
+        lv.propagator(lv.Lattice(3), t=(0, 1))
+    with pytest.raises(ValueError, match="at most 4096 components, not 5000"):
+        lv.propagator(lv.Schrodinger(lv.Lattice(5000)), t=(0, 1))
+    with pytest.raises(ValueError, match=r"must be a pair \(start, end\), not 3 times"):
+        lv.propagator(system, t=(0, 1, 2))
+    modes = lv.floquet(system, np.pi)
+    with pytest.raises(ValueError, match=r"psi has shape .2,., wanted .6,."):
+        modes.after([1, 0], 3)
+    with pytest.raises(TypeError, match="whole numbers"):
+        modes.after(np.ones(6), 0.5)
