@@ -475,3 +475,61 @@ def test_a_flight_within_roundoff_of_its_event_ends(t, height, rate):
     assert run.status == "done"
     assert run.t[-1] <= t + 2 * flight
     assert abs(run.q[-1, 0] - height) < 1e-13
+
+
+def slid(k, mu, t, x, v):
+    """Return where a block on a spring with dry friction is: half oscillations about centres."""
+    w = np.sqrt(k)
+    while True:
+        centre = -np.sign(v) * mu * 9.81 / k
+        size, phase = np.hypot(x - centre, v / w), np.arctan2(-v / w, x - centre)
+        turn = (np.ceil((phase + 1e-12) / np.pi) * np.pi - phase) / w
+        if turn > t:
+            return centre + size * np.cos(w * t + phase)
+        t, x = t - turn, centre + size * np.cos(w * turn + phase)
+        v = -np.sign(x)  # it slides back, from rest
+        v *= 1e-300
+
+
+def test_a_step_whose_force_turns_at_an_event_ends_there_though_it_cannot_be_made():
+    """Of 41 springs four to seven turned near the end of a step, which has no solution there."""
+    block = lv.Lagrangian(
+        lambda t, q, v, params: (v[0] ** 2 - params.k * q[0] ** 2) / 2, q=("x",),
+        force=lambda t, q, v, params: -params.mu * 9.81 * ca.sign(v[0]),
+        params={"k": 40.0, "mu": 0.11},
+    )  # fmt: skip
+    turn = lv.Event(lambda t, q, v, lam, params: v[0], reset=lambda t, q, v, lam, params: {})
+    run = {"t": (0, 1.6), "h": 0.04, "events": {"turn": turn}}
+    springs = np.linspace(35, 45, 41)
+    wanted = [slid(k, 0.11, 1.6, 0.6, -0.8) for k in springs]
+    for stages in (3, 4):
+        many = lv.ensemble(
+            block, lv.Spark(stages), params={"k": springs, "mu": 0.11}, **run,
+            q=np.full((41, 1), 0.6), v=np.full((41, 1), -0.8),
+        )  # fmt: skip
+        assert not many.failures
+        np.testing.assert_allclose(many.q[-1, :, 0], wanted, atol=10.0 ** (-2 * stages - 1))
+    for k in springs[::10]:
+        own = {**run, "params": {"k": k}, "q": [0.6], "v": [-0.8]}
+        found, pullback = lv.vjp(block, lv.Spark(4), wrt=["params.k"], **own)
+        assert len(found.events["turn"].t) == 3
+        last = np.zeros_like(found.q)
+        last[-1] = 1.0
+        slope = (slid(k + 1e-5, 0.11, 1.6, 0.6, -0.8) - slid(k - 1e-5, 0.11, 1.6, 0.6, -0.8)) / 2e-5
+        assert pullback(q=last)["params.k"] == pytest.approx(slope, abs=1e-8)
+
+
+def test_a_step_that_cannot_be_made_and_has_no_event_fails_as_before():
+    """A pole within the step is no event: the state is that before the step."""
+    pole = lv.Lagrangian(lambda t, q, v, params: v[0] ** 2 / 2 + ca.log(1 - q[0]), q=("x",))
+    never = lv.Event(lambda t, q, v, lam, params: q[0] + 9, reset=lambda t, q, v, lam, params: {})
+    call = {"t": (0, 1), "steps": 4, "q": [0.0], "v": [9.0]}
+    failed = []
+    for events in (None, {"never": never}):
+        with pytest.raises(lv.IntegrationError) as error:
+            lv.integrate(pole, lv.Spark(2), **call, events=events)
+        failed.append(error.value)
+    assert str(failed[0]) == str(failed[1])
+    for name in ("t", "q", "v"):
+        one, other = (getattr(each.solution, name) for each in failed)
+        np.testing.assert_array_equal(one, other)

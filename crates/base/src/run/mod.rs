@@ -4,6 +4,7 @@ mod advance;
 mod control;
 mod detector;
 mod events;
+mod parts;
 mod record;
 mod room;
 mod start;
@@ -125,7 +126,9 @@ impl<State: Checkpoint> Run<State> {
         if let Some(events) = &mut self.events {
             events.before(start, &mut self.state);
         }
-        self.control.step(&mut self.state)?;
+        if let Err(error) = self.control.step(&mut self.state) {
+            return self.step_to_event(start, error);
+        }
         self.n += 1;
         let records = self.records.len();
         self.finish_step(start).inspect_err(|_| {
@@ -150,11 +153,7 @@ impl<State: Checkpoint> Run<State> {
                     self.control.shorten(end);
                 }
                 Outcome::Restart(start) => {
-                    self.control.stepper_mut().forget();
-                    self.control.restart(start, &self.state);
-                    if let Some(watch) = &mut self.watch {
-                        watch.restart(start, &self.state);
-                    }
+                    self.restart(start);
                     if start.to_bits() != t.to_bits() {
                         self.replace_record(start, outcome)?;
                         // the rest of the step is still to be made
@@ -164,6 +163,20 @@ impl<State: Checkpoint> Run<State> {
                 }
             }
         }
+        self.look_and_record(start, outcome)
+    }
+
+    /// Goes on from a state that an event has led to.
+    fn restart(&mut self, t: f64) {
+        self.control.stepper_mut().forget();
+        self.control.restart(t, &self.state);
+        if let Some(watch) = &mut self.watch {
+            watch.restart(t, &self.state);
+        }
+    }
+
+    /// Looks at the state that a step from `start` has led to, and records it if it is due.
+    fn look_and_record(&mut self, start: f64, outcome: Outcome) -> Result<(), StepError> {
         self.look(start)?;
         match self.end {
             Some(end) if self.records.last() == Some(end) => self.replace_record(end, outcome),

@@ -66,9 +66,21 @@ impl<State: Checkpoint> StepControl<State> for Fixed<State> {
         Ok(())
     }
 
+    fn step_part(&mut self, state: &mut State, part: f64) -> Option<Result<(), StepError>> {
+        let (t, end) = (self.present(), self.end_of(self.n + 1));
+        let length = (part * self.h).abs().min((end - t).abs() / 2.0);
+        let h = length.copysign(self.h);
+        let made = self.stepper.step(t, h, state);
+        if made.is_ok() {
+            self.cut = Some(t + h);
+        }
+        Some(made)
+    }
+
     fn restart(&mut self, t: f64, _: &State) {
         if t.to_bits() != self.present().to_bits() {
-            self.n -= 1;
+            // after a part of a step the step is still the next one
+            self.n -= usize::from(self.cut.is_none());
             self.cut = Some(t);
         }
     }

@@ -50,6 +50,12 @@ pub trait StepControl<State: Checkpoint>: Checkpoint {
     /// Why it could not be made.
     fn step(&mut self, state: &mut State) -> Result<(), StepError>;
 
+    /// Makes this part of the next step, or of what is left of it; none where steps are not equal, and are shortened
+    /// already. On failure state and time are as they were.
+    fn step_part(&mut self, _state: &mut State, _part: f64) -> Option<Result<(), StepError>> {
+        None
+    }
+
     /// Goes on from this time within the last step, or at its end, with another state. Called in
     /// runs with events only.
     fn restart(&mut self, _t: f64, _state: &State) {}
