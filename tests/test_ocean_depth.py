@@ -179,3 +179,20 @@ def test_levels_that_are_no_lengths_are_refused(unit, words):
     levels["lev"].attrs["axis"] = "Z"
     with pytest.raises(ValueError, match=rf"levels along 'lev' {words}, which are no lengths"):
         read(levels, walls=("lat", "lev"))
+
+
+def test_the_velocity_at_points_has_the_components_and_units_of_the_data():
+    axes, parts = velocity(48)
+    field = lv.GriddedField(*axes, velocity=parts, **AROUND)
+    nodes_at = (2, 14, 6), (44, 4, 2)
+    places = [[axis[k] for axis, k in zip(axes, node, strict=True)] for node in nodes_at]
+    given = np.array([[part[node] for part in parts] for node in nodes_at])
+    assert field.velocity_at(places) == pytest.approx(given, rel=5e-3, abs=1e-9)
+    r, z = np.linspace(0.6, 1.4, 17), np.linspace(-0.4, 0.4, 17)
+    phi = np.linspace(0, 2 * np.pi, 12, endpoint=False)
+    radius, _, height = np.meshgrid(r, phi, z, indexing="ij")
+    swirl = 0 * radius, 1 / radius + height, 0 * radius
+    torus = lv.GriddedField(
+        r, phi, z, velocity=swirl, periodic=("phi",), coordinates="cylindrical"
+    )  # fmt: skip
+    assert torus.velocity_at([0.8, 1.0, 0.1]) == pytest.approx([0, 1.35, 0], abs=1e-3)

@@ -407,6 +407,17 @@ class GriddedField(PlaneField):
         """Return longitudes and latitudes in degrees, or R of a cylinder; see :class:`Field`."""
         return self._kind.positions(x)
 
+    def velocity_at(self, points: ArrayLike, t: float = 0.0) -> Array:
+        """Return the velocity at points in the user's coordinates, shape (..., n); NaN outside.
+
+        Its components are those of the data, in their unit: of longitudes and latitudes u, v and,
+        with levels, that along their axis, of a cylinder v_R, v_phi and v_Z. The time may be a
+        date, where the field has dates.
+        """
+        x = self.states_of(points)
+        found: Array = self.velocity(x, t) * self.lengths(x)
+        return found
+
     def lengths(self, x: np.ndarray) -> np.ndarray:
         """Return the lengths of unit changes of each coordinate; see :class:`Field`."""
         return self._kind.lengths(x)
