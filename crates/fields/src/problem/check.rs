@@ -191,7 +191,7 @@ fn turning(
     place: &[u32],
 ) -> Result<(), Malformed> {
     let n = place.len();
-    let is_pushed = (3..6).any(|row| !change.row_factors(row).is_empty());
+    let is_pushed = (3..6).any(|row| change.row(row).next().is_some());
     let is_of_size = |function: &Function| {
         let own = function.places.iter().filter(|v| place[**v] != NOWHERE);
         !is_pushed && own.count() == rows.len()

@@ -96,7 +96,7 @@ fn pieces_that_change_what_they_read_are_refused() {
         row: 0,
         variable: 2,
     };
-    assert_eq!(defect(turn(&[(4, 1.0, vec![2])])), own);
+    assert_eq!(defect(turn(&[(0, 1.0, vec![2])])), own);
     let own = Malformed::Coupled {
         row: 0,
         variable: 0,
