@@ -6,7 +6,7 @@ largest relative difference. ``--write pendulum`` and ``--check pendulum`` do so
 whose names contain "pendulum".
 ``golden_cases.py`` has the cases. The value of one is a hash of the bits of all end states, and for
 each state, as hexadecimal floats, its components or, of more than three, the first, the last and
-the correctly rounded sum, of an ensemble that alone.
+the correctly rounded sum, of an ensemble or a derivative that alone.
 
 The file begins with what is written by hand: ``resolved``, patterns of the cases whose solver was
 replaced, and ``machine``, patterns of those whose bits depend on the processor (Fourier transforms,
@@ -25,7 +25,9 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from golden_cases import DATA, NAMES, Case, cases, run
+from golden_cases import DATA, NAMES, Case, cases, differentiated, run
+
+import liouville as lv
 
 PLACE = DATA / "golden.json"
 
@@ -37,7 +39,9 @@ MULTIPLIERS = ("lam", "a")
 
 
 def ends(case: Case) -> dict[str, np.ndarray]:
-    """Return the end states of a run."""
+    """Return the end states of a run, or its derivatives."""
+    if case.how == "gradient":
+        return differentiated(case)
     return {name: values[-1] for name, values in run(case).states.items()}
 
 
@@ -48,7 +52,7 @@ def bits(states: Mapping[str, np.ndarray]) -> str:
 
 
 def numbers(values: np.ndarray) -> list[float]:
-    """Return what is kept of a state, of an ensemble the sum alone."""
+    """Return what is kept of a state, of several rows the sum alone."""
     flat = np.ravel(values)
     parts = flat.view(float) if np.iscomplexobj(flat) else flat
     if values.ndim == 1 and parts.size <= 3:
@@ -89,7 +93,7 @@ def outcome(case: Case) -> dict[str, np.ndarray] | str:
     """Return the end states of a case, or the kind of error with which it is refused."""
     try:
         return ends(case)
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, lv.IntegrationError) as error:
         return type(error).__name__
 
 

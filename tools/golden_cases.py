@@ -2,13 +2,15 @@
 
 Some problems are of this file: a Hamiltonian, a reaction and a momentum that are not linear, a
 structure, and a system of index 2. A case is named ``problem / method / how``, and how is
-``single``, ``ensemble``, ``rtol`` or ``reversible``.
+``single``, ``ensemble``, ``rtol`` or ``reversible``, or ``gradient``: the tangent of a shorter run,
+in one direction of all that it depends on, and the pullback of one cotangent of its end to that.
 
 A start that NumPy or LAPACK makes depends on the processor by roundings: where only the start does,
 it is read from ``tests/data/golden_starts.json``, as hexadecimal floats.
 """
 
 import json
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import MISSING, dataclass, fields, replace
 from functools import cache
@@ -26,6 +28,9 @@ DATA = Path(__file__).resolve().parent.parent / "tests" / "data"
 
 #: Steps of a run, and members of an ensemble: no multiple of any number of lanes.
 STEPS, MEMBERS = 12, 5
+
+#: Steps of a run that is differentiated.
+FEW = 4
 
 GENERAL = (
     *(lv.Spark(s) for s in (1, 2, 3, 4)),
@@ -216,14 +221,17 @@ def cases(problem: str) -> Iterator[Case]:
         yield from (Case(problem, method, "ensemble") for method in (*GENERAL, *ALPHA))
         yield from (Case(problem, method, "rtol") for method in CONTROLLED)
         yield from (Case(problem, method, "reversible") for method in REVERSIBLE)
+        yield from (Case(problem, method, "gradient") for method in (*GENERAL, *ALPHA))
     elif problem in problems.FIELDS:
         methods = [m for m in FIELD if m.diagonal != "n+d" or variables(problem) <= MOST_VARIABLES]
         yield from (Case(problem, m, how) for m in methods for how in ("single", "ensemble"))
+        yield from (Case(problem, m, "gradient") for m in methods[len(SCHEMES) :])
     elif problem in problems.QUANTUM:
         methods = (*WAVE, *WAVE_STEPPED)
         yield from (Case(problem, m, how) for how in ("single", "ensemble") for m in methods)
     else:
-        yield from (Case(problem, method, "single") for method in INDEX2)
+        hows = ("single", "gradient")
+        yield from (Case(problem, method, how) for method in INDEX2 for how in hows)
 
 
 def variables(problem: str) -> int:
@@ -288,3 +296,30 @@ def run(case: Case) -> Any:
     elif case.how == "reversible":
         until = {"t": (place.t0, place.t0 + STEPS * h), "h": h, "control": lv.Reversible()}
     return lv.integrate(place.system, planned(case), **until, **place.start)
+
+
+def differentiated(case: Case) -> dict[str, np.ndarray]:
+    """Return the tangent of a run at its end, and the pullback of a cotangent there."""
+    place, method, h = setting(case.problem), planned(case), length(case)
+    run = {"t": (place.t0, place.t0 + FEW * h), "steps": FEW, "every": FEW, **place.start}
+    params = place.system.params
+    sizes = {name: np.shape(place.start[name]) for name in place.start if name != "z"}
+    sizes |= {f"params.{name}": np.shape(value) for name, value in params.items()}
+    along = {name: waves(size, k) for k, (name, size) in enumerate(sizes.items())}
+    along["t1"] = np.array(h)
+    solution, pullback = lv.vjp(place.system, method, wrt=tuple(along), **run)
+    cotangents = {}
+    for k, name in enumerate(pullback.states):
+        cotangents[name] = np.zeros(solution.states[name].shape)
+        cotangents[name][-1] = waves(cotangents[name][-1].shape, k)
+    gradients = pullback(**cotangents)
+    # along the sum of all directions
+    found = lv.integrate(place.system, method, tangents=along, **run).tangents
+    names = found["t1"].states
+    summed = {f"d{x}": sum(each.states[x][-1:] for each in found.values()) for x in names}
+    return summed | {f"by {name}": np.atleast_1d(x)[None] for name, x in gradients.items()}
+
+
+def waves(shape: tuple[int, ...], k: int) -> np.ndarray:
+    """Return numbers none of which is zero, other ones for each k."""
+    return np.cos(np.arange(1, 1 + math.prod(shape)) + k).reshape(shape)
