@@ -1,6 +1,7 @@
 """Pullbacks of ensembles give each member the gradients that it has alone, bit for bit."""
 
 import _thread
+import time
 
 import casadi as ca
 import numpy as np
@@ -11,13 +12,17 @@ from test_wave_gradients import REGISTERED, ROWS
 
 import liouville as lv
 from liouville.problems import abc_flow, load
+from liouville.runners.constrained_adjoint import LockStep
+from liouville.runners.runner import processors
 
 RNG = np.random.default_rng(11)
 
 
-def alone(system, method, wrt, run, start, params=None):
+def alone(system, method, wrt, run, start, params=None, threads=None):
     """Compare with runs of each member alone, and return the ensemble's own gradients."""
-    solution, pullback = lv.vjp(system, method, wrt=wrt, **run, **start, params=params)
+    solution, pullback = lv.vjp(
+        system, method, wrt=wrt, **run, **start, params=params, threads=threads
+    )
     cotangents = {
         name: RNG.standard_normal(solution.states[name].shape) for name in pullback.states
     }
@@ -59,6 +64,86 @@ def test_members_of_a_mechanism_have_the_gradients_of_runs_alone(method, steps):
     run = {"t": (0, 1), "steps": steps, "every": 7}
     wrt = ["q", "v", "params.l1", "params.m2", "params.g", "t0", "t1"]
     alone(problem.system, method, wrt, run, start, {"m2": [1.0, 1.5, 2.0], "g": 0.9})
+
+
+def blocks(monkeypatch):
+    """Return a list that each block pulled back in lock-step is written to, with its outcome."""
+    seen, pulled = [], LockStep.pulled
+
+    def noted(self, members, *others):
+        found = pulled(self, members, *others)
+        seen.append((members, found is not None))
+        return found
+
+    monkeypatch.setattr(LockStep, "pulled", noted)
+    return seen
+
+
+@pytest.mark.parametrize("method", [lv.Spark(2), lv.Composition(lv.Spark(1), "Y4")], ids=str)
+def test_blocks_of_members_are_pulled_back_in_lock_step(method, monkeypatch):
+    """With a last block that is not full, and invariants among the functions."""
+    system, seen = load("double_pendulum").system, blocks(monkeypatch)
+    start = system.consistent(q=load("double_pendulum").start["q"], v=RNG.standard_normal((19, 4)))
+    run, params = {"t": (0.5, 1.5), "steps": 20, "every": 6}, {"m1": np.linspace(0.5, 2, 19)}
+    wrt = ["q", "v", "params.m1", "params.g", "t0", "t1"]
+    alone(system, method, wrt, run, start, params, threads=1)
+    assert seen == [(range(16), True), (range(16, 19), True)]
+    solution, pullback = lv.vjp(system, method, wrt=wrt, threads=1, **run, **start, params=params)
+    energy = RNG.standard_normal(solution.invariants["energy"].shape)
+    gradients = pullback(invariants={"energy": energy})
+    assert all(found for _, found in seen)
+    own = {name: x[18] for name, x in start.items()}
+    _, back = lv.vjp(system, method, wrt=wrt, **run, **own, params={"m1": params["m1"][18]})
+    for name, value in back(invariants={"energy": energy[:, 18].copy()}).items():
+        np.testing.assert_array_equal(gradients[name][18], value)
+
+
+def test_a_long_run_in_lock_step_is_repeated_piece_by_piece():
+    """Its records do not fit: a step of these sixteen members leaves 1152 numbers, of 2**21."""
+    problem = load("double_pendulum")
+    run = {"t": (0, 4), "steps": 2000, "every": 300}
+    alone(problem.system, lv.Spark(3), ["q", "params.g"], run, starts(problem))
+
+
+def test_a_member_without_a_derivative_is_named_and_the_others_have_theirs(monkeypatch):
+    system = lv.Lagrangian(
+        lambda t, q, v, params: (v[0] ** 2 - ca.sqrt(params.k) * q[0] ** 2) / 2,
+        q=1, params={"k": 1.0},
+    )  # fmt: skip
+    seen = blocks(monkeypatch)
+    run = {"t": (0, 1), "steps": 5, "q": np.ones((20, 1)), "v": np.zeros((20, 1))}
+    k = np.ones(20)
+    k[17] = 0.0
+    wrt = ["q", "params.k"]
+    solution, pullback = lv.vjp(system, lv.Spark(2), wrt=wrt, params={"k": k}, threads=1, **run)
+    with pytest.raises(lv.IntegrationError, match=r"member 17: .* not finite") as caught:
+        pullback(q=np.ones_like(solution.q))
+    assert caught.value.member == 17
+    assert seen == [(range(16), True), (range(16, 20), False)]
+
+
+@pytest.mark.skipif(processors() < 2, reason="one processor has one thread")
+def test_threads_in_lock_step_end_after_an_interrupt(monkeypatch):
+    problem = load("double_pendulum")
+    start, ended = starts(problem), []
+    run = {"t": (0, 400), "steps": 40_000, "every": 40_000, "threads": 2}
+    solution, pullback = lv.vjp(problem.system, lv.Spark(2), wrt=["v"], **run, **start)
+    pulled = LockStep.pulled
+
+    def interrupted(self, members, *others):
+        if members.start == 0:
+            return [dict.fromkeys(pullback.wrt, 0.0)] * len(members)
+        time.sleep(0.05)  # the main thread is to wait by then
+        _thread.interrupt_main()
+        try:
+            return pulled(self, members, *others)
+        finally:
+            ended.append(members)
+
+    monkeypatch.setattr(LockStep, "pulled", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        pullback(q=np.ones_like(solution.q))
+    assert ended == [range(2, 3)]
 
 
 @pytest.mark.parametrize("name", ["doubled_rod", "heavy_top", "kepler_on_sphere", "car_axis"])
@@ -266,7 +351,9 @@ def test_ctrl_c_ends_the_members_that_threads_have():
     problem = load("double_pendulum")
     start = starts(problem)
     run = {"t": (0, 40), "steps": 4000, "every": 4000}
-    solution, pullback = lv.vjp(problem.system, lv.Spark(2), wrt=["v"], **run, **start)
+    # full Newton: its members are pulled back one by one
+    method = lv.Spark(2, "newton")
+    solution, pullback = lv.vjp(problem.system, method, wrt=["v"], **run, **start)
     adjoint, seen = pullback.adjoint, []
 
     def of_member(member, make=adjoint._of_member):

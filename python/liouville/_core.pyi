@@ -1,7 +1,7 @@
 """The border between Python and the core, whole."""
 
 from collections.abc import Callable, Sequence
-from typing import Any, Literal, final
+from typing import Any, ClassVar, Literal, final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,7 @@ __all__ = [
     "FieldPullback",
     "Hamiltonian",
     "Mechanical",
+    "MembersPullback",
     "Operator",
     "Plane",
     "Pullback",
@@ -40,6 +41,7 @@ __all__ = [
     "listing",
     "lobatto_pair",
     "magnus_cost",
+    "members_pullback",
     "multipliers",
     "processor_degree",
     "project",
@@ -138,6 +140,21 @@ class Pullback:
     def end(
         self, row: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], float] | _Error: ...
+
+@final
+class MembersPullback:
+    most: ClassVar[int]
+    def stop(self) -> None: ...
+    def pull(
+        self,
+        members: Sequence[int],
+        last: int,
+        kept: NDArray[np.int64],
+        rows: NDArray[np.float64],
+    ) -> (
+        tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
+        | None
+    ): ...
 
 @final
 class Sensitivity:
@@ -242,6 +259,9 @@ def pullback(
     sensitivity: Sensitivity | SemiExplicitSensitivity,
     alpha: tuple[tuple[Tape, _Pattern, Tape, Tape, Tape], Tape, Tape, Tape] | None,
 ) -> Pullback | _Error: ...
+def members_pullback(
+    problem: Mechanical, method: object, job: object, sensitivity: Sensitivity
+) -> MembersPullback | None: ...
 def run_each(
     members: Sequence[tuple[Hamiltonian, object, object]], threads: int
 ) -> Run | _Error: ...

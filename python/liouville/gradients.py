@@ -49,8 +49,9 @@ class Pullback:
     Cotangents of an ensemble have the member as their second axis, as its solution has, and its
     gradients have it as their first. Those of events are rows as in ``solution.events``, of one
     member after another; behind the end of a member's run they are zero. Members are pulled back
-    one by one, each from a run of its own with the same bits, on as many threads as :func:`vjp`
-    was given; wave functions from the run of all, where what it leaves fits in memory.
+    in lock-step where they run so, without events, given times and cases of the model, otherwise
+    one by one, from runs with the same bits, on as many threads as :func:`vjp` was given; wave
+    functions from the run of all, where what it leaves fits in memory.
 
     On constraints the run records its steps, at most 64 MiB of them, and the first call follows
     these back. All others are made again from checkpoints, at most the square root of the number of

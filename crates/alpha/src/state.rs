@@ -53,3 +53,12 @@ liouville_base::checkpoint!(AlphaState {
     work,
     power
 });
+liouville_base::recorded!([] AlphaState {
+    y,
+    z,
+    a,
+    phi,
+    h,
+    work,
+    power
+});

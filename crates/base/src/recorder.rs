@@ -1,9 +1,9 @@
 //! Recorded steps: a pullback repeats the steps of a run by a stepper that keeps each of them, with the unknowns that
 //! solve its equations.
 
-use crate::checkpoint::Checkpoint;
 use crate::error::StepError;
 use crate::method::{Estimating, Stats, Stepper, Symmetric};
+use crate::real::Scalar;
 use std::marker::PhantomData;
 use std::ops::Range;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -12,6 +12,76 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 pub trait Recordable: Stepper {
     /// Writes the unknowns that solve the equations of the last step, which led to this state.
     fn write_unknowns(&self, state: &Self::State, out: &mut Vec<f64>);
+}
+
+/// A state as numbers in a row, those of all its members.
+pub trait Recorded {
+    /// Appends the numbers.
+    fn append_to(&self, out: &mut Vec<f64>);
+
+    /// Takes the numbers from the front of a row, as [`Recorded::append_to`] wrote them.
+    ///
+    /// # Panics
+    /// The row is shorter.
+    fn take_from(&mut self, numbers: &mut &[f64]);
+}
+
+/// Implements [`Recorded`] by these fields, in this order.
+#[macro_export]
+macro_rules! recorded {
+    ([$($generics:tt)*] $type:ty { $($field:ident),* $(,)? }) => {
+        impl<$($generics)*> $crate::recorder::Recorded for $type {
+            fn append_to(&self, out: &mut Vec<f64>) {
+                $($crate::recorder::Recorded::append_to(&self.$field, out);)*
+            }
+
+            fn take_from(&mut self, numbers: &mut &[f64]) {
+                $($crate::recorder::Recorded::take_from(&mut self.$field, numbers);)*
+            }
+        }
+    };
+}
+
+impl Recorded for f64 {
+    fn append_to(&self, out: &mut Vec<f64>) {
+        out.push(*self);
+    }
+
+    fn take_from(&mut self, numbers: &mut &[f64]) {
+        take(std::slice::from_mut(self), numbers);
+    }
+}
+
+impl<R: Scalar> Recorded for Vec<R> {
+    fn append_to(&self, out: &mut Vec<f64>) {
+        append(self, out);
+    }
+
+    fn take_from(&mut self, numbers: &mut &[f64]) {
+        take(self, numbers);
+    }
+}
+
+/// Appends the numbers of all members.
+pub fn append<R: Scalar>(x: &[R], out: &mut Vec<f64>) {
+    out.reserve(x.len() * R::MEMBERS);
+    for x in x {
+        out.extend((0..R::MEMBERS).map(|member| x.member(member)));
+    }
+}
+
+/// Takes the numbers of all members from the front of a row.
+///
+/// # Panics
+/// The row is shorter.
+pub fn take<R: Scalar>(x: &mut [R], numbers: &mut &[f64]) {
+    let (own, rest) = numbers.split_at(x.len() * R::MEMBERS);
+    for (x, own) in x.iter_mut().zip(own.chunks_exact(R::MEMBERS)) {
+        for (member, value) in own.iter().enumerate() {
+            x.set_member(member, *value);
+        }
+    }
+    *numbers = rest;
 }
 
 /// A step with the unknowns that solved its equations.
@@ -78,6 +148,11 @@ impl<S> StepRecords<S> {
         self.steps.is_empty()
     }
 
+    /// How many numbers they take.
+    pub fn numbers(&self) -> usize {
+        self.numbers.len()
+    }
+
     /// Where the numbers of a step begin.
     fn place(&self, step: usize) -> usize {
         step.checked_sub(1).map_or(0, |last| self.steps[last].2)
@@ -90,7 +165,7 @@ impl<S> StepRecords<S> {
     }
 }
 
-impl<S: Checkpoint> StepRecords<S> {
+impl<S: Recorded> StepRecords<S> {
     /// Reads a step, into one of such states.
     ///
     /// # Panics
@@ -100,8 +175,7 @@ impl<S: Checkpoint> StepRecords<S> {
         (out.t, out.h, end) = self.steps[step];
         let mut numbers = &self.numbers[self.place(step)..end];
         for state in [&mut out.before, &mut out.end] {
-            let is_whole = state.restore(0, &mut numbers);
-            is_whole.expect("a state of the run that was recorded");
+            state.take_from(&mut numbers);
         }
         out.unknowns.clear();
         out.unknowns.extend_from_slice(numbers);
@@ -173,7 +247,7 @@ impl<M: Stepper> Recorder<M> {
 
 impl<M: Recordable> Stepper for Recorder<M>
 where
-    M::State: Checkpoint,
+    M::State: Recorded,
 {
     type State = M::State;
 
@@ -181,10 +255,10 @@ where
         let mut records = self.records.lock();
         let StepRecords { steps, numbers, .. } = &mut *records;
         let place = numbers.len();
-        state.save(0, numbers);
+        state.append_to(numbers);
         let made = self.method.step(t, h, state);
         made.inspect_err(|_| numbers.truncate(place))?;
-        state.save(0, numbers);
+        state.append_to(numbers);
         self.method.write_unknowns(state, &mut self.unknowns);
         numbers.extend_from_slice(&self.unknowns);
         steps.push((t, h, numbers.len()));
@@ -200,11 +274,11 @@ where
     }
 }
 
-impl<M: Recordable + Symmetric> Symmetric for Recorder<M> where M::State: Checkpoint {}
+impl<M: Recordable + Symmetric> Symmetric for Recorder<M> where M::State: Recorded {}
 
 impl<M: Recordable + Estimating> Estimating for Recorder<M>
 where
-    M::State: Checkpoint,
+    M::State: Recorded,
 {
     fn error(&self) -> f64 {
         self.method.error()

@@ -6,31 +6,32 @@ use super::{
 };
 use liouville_base::error::{Quantity, StepError};
 use liouville_base::linalg::{Pattern, add_scaled, dot};
+use liouville_base::real::Real;
 
 /// Derivatives of a function of a run: by the state at a point, and by all else from there on.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Cotangents {
+pub struct Cotangents<R = f64> {
     /// By coordinates.
-    pub y: Vec<f64>,
+    pub y: Vec<R>,
     /// By z where the run is observed; other derivatives by z may be in `carried`.
-    pub z: Vec<f64>,
+    pub z: Vec<R>,
     /// By the other parts of the carried state: p, or accelerations.
-    pub carried: Vec<f64>,
+    pub carried: Vec<R>,
     /// By τ = (t, θ), the time being that of the point.
-    pub tau: Vec<f64>,
+    pub tau: Vec<R>,
     /// By the part of themselves by which the steps become longer.
-    pub stretch: f64,
+    pub stretch: R,
 }
 
-impl Cotangents {
+impl<R: Real> Cotangents<R> {
     /// Zeros, for so many numbers of y, z and the carried state, and of τ.
     pub fn zeros([y, z, carried]: [usize; 3], width: usize) -> Self {
         Self {
-            y: vec![0.0; y],
-            z: vec![0.0; z],
-            carried: vec![0.0; carried],
-            tau: vec![0.0; width],
-            stretch: 0.0,
+            y: vec![R::splat(0.0); y],
+            z: vec![R::splat(0.0); z],
+            carried: vec![R::splat(0.0); carried],
+            tau: vec![R::splat(0.0); width],
+            stretch: R::splat(0.0),
         }
     }
 
@@ -48,58 +49,76 @@ impl Cotangents {
         for (own, other) in own.into_iter().zip(others) {
             add_scaled(own, factor, other);
         }
-        self.stretch += factor * other.stretch;
+        self.stretch += other.stretch * factor;
+    }
+}
+
+impl<R: Real> Cotangents<R> {
+    /// Those of one member.
+    #[must_use]
+    pub fn member(&self, member: usize) -> Cotangents {
+        let of = |x: &[R]| x.iter().map(|x| x.member(member)).collect();
+        Cotangents {
+            y: of(&self.y),
+            z: of(&self.z),
+            carried: of(&self.carried),
+            tau: of(&self.tau),
+            stretch: self.stretch.member(member),
+        }
     }
 }
 
 /// The adjoint of the values at a point: y, z and the multipliers of the accelerations there.
 #[derive(Clone, Debug)]
-pub struct PointAdjoint {
+pub struct PointAdjoint<R = f64> {
     /// The model.
-    pub model: Model,
+    pub model: Model<R>,
     /// Its derivatives by time and parameters.
-    pub sensitivity: SensitivityModel,
-    acceleration: Acceleration,
-    matrix: Saddle,
-    a: Vec<f64>,
-    b: Vec<f64>,
+    pub sensitivity: SensitivityModel<R>,
+    acceleration: Acceleration<R>,
+    matrix: Saddle<R>,
+    a: Vec<R>,
+    b: Vec<R>,
 }
 
-impl PointAdjoint {
+impl<R: Real> PointAdjoint<R> {
     /// Memory for this model.
-    pub fn new(model: Model, sensitivity: SensitivityModel) -> Self {
+    pub fn new(model: Model<R>, sensitivity: SensitivityModel<R>) -> Self {
         Self {
             acceleration: Acceleration::new(&model),
             matrix: Saddle::new(&model),
-            a: vec![0.0; model.problem.n],
-            b: vec![0.0; model.problem.multipliers()],
+            a: vec![R::splat(0.0); model.problem.n],
+            b: vec![R::splat(0.0); model.problem.multipliers()],
             model,
             sensitivity,
         }
     }
 
-    /// Adds cotangents of z' at a point.
+    /// Adds cotangents `row` of (y, z, λ) at a point.
     ///
     /// # Errors
     /// As [`ObservePoint::observe`].
-    pub fn observe_rate(
+    pub fn observe_at(
         &mut self,
-        (t, point): (f64, &impl Carried),
-        rate: &[f64],
-        of: &mut Cotangents,
+        at: (f64, &[R], &[R]),
+        row: &[R],
+        of: &mut Cotangents<R>,
     ) -> Result<(), StepError> {
-        self.a.copy_from_slice(rate);
-        self.b.fill(0.0);
-        self.accelerations((t, point.y(), point.z()), of)
+        let n = self.a.len();
+        add_scaled(&mut of.y, 1.0, &row[..n]);
+        add_scaled(&mut of.z, 1.0, &row[n..2 * n]);
+        self.a.fill(R::splat(0.0));
+        self.b.copy_from_slice(&row[2 * n..]);
+        self.accelerations(at, of)
     }
 
     /// Takes cotangents `a` and `b` of z' and λ to the point.
     fn accelerations(
         &mut self,
-        (t, y, z): (f64, &[f64], &[f64]),
-        of: &mut Cotangents,
+        (t, y, z): (f64, &[R], &[R]),
+        of: &mut Cotangents<R>,
     ) -> Result<(), StepError> {
-        if self.a.iter().chain(&self.b).all(|x| *x == 0.0) {
+        if (self.a.iter().chain(&self.b)).all(|x| x.all(|x| x == 0.0)) {
             return Ok(());
         }
         self.acceleration.solve(&mut self.model, t, y, z)?;
@@ -127,10 +146,9 @@ impl PointAdjoint {
     /// A derivative that is not finite.
     pub fn leave_momenta(
         &mut self,
-        (t, point): (f64, &impl Carried),
-        of: &mut Cotangents,
+        (t, y, z): (f64, &[R], &[R]),
+        of: &mut Cotangents<R>,
     ) -> Result<(), StepError> {
-        let (y, z) = (point.y(), point.z());
         let problem = self.sensitivity.problem.clone();
         let at = &problem.mechanical.patterns;
         let [p_tau, ..] = self.sensitivity.stage(t, y, z);
@@ -141,11 +159,28 @@ impl PointAdjoint {
         let [p_y, ..] = self.model.stage_jacobian(t, y, z);
         at.p_y
             .multiply_add_transposed(p_y, 1.0, &of.carried, &mut of.y);
-        of.carried.fill(0.0);
+        of.carried.fill(R::splat(0.0));
         for values in [&of.y, &of.z, &of.tau] {
             finite(values, Quantity::Derivative, t)?;
         }
         Ok(())
+    }
+}
+
+impl PointAdjoint {
+    /// Adds cotangents of z' at a point.
+    ///
+    /// # Errors
+    /// As [`ObservePoint::observe`].
+    pub fn observe_rate(
+        &mut self,
+        (t, point): (f64, &impl Carried),
+        rate: &[f64],
+        of: &mut Cotangents,
+    ) -> Result<(), StepError> {
+        self.a.copy_from_slice(rate);
+        self.b.fill(0.0);
+        self.accelerations((t, point.y(), point.z()), of)
     }
 }
 
@@ -158,12 +193,7 @@ impl ObservePoint for PointAdjoint {
         row: &[f64],
         of: &mut Cotangents,
     ) -> Result<(), StepError> {
-        let n = self.a.len();
-        add(&mut of.y, &row[..n]);
-        add(&mut of.z, &row[n..2 * n]);
-        self.a.fill(0.0);
-        self.b.copy_from_slice(&row[2 * n..]);
-        self.accelerations((t, point.y(), point.z()), of)
+        self.observe_at((t, point.y(), point.z()), row, of)
     }
 
     fn rate(
@@ -178,13 +208,7 @@ impl ObservePoint for PointAdjoint {
     }
 }
 
-fn add(out: &mut [f64], x: &[f64]) {
-    for (out, x) in out.iter_mut().zip(x) {
-        *out += x;
-    }
-}
-
 /// out −= Aᵀ x
-fn subtract(pattern: &Pattern, values: &[f64], x: &[f64], out: &mut [f64]) {
+fn subtract<R: Real>(pattern: &Pattern, values: &[R], x: &[R], out: &mut [R]) {
     pattern.multiply_add_transposed(values, -1.0, x, out);
 }

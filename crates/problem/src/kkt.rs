@@ -116,14 +116,12 @@ impl<R: Real> KktMatrix<R> {
         a.copy_from_slice(&self.unknowns[..a.len()]);
         copy_scaled(b, self.unit, &self.unknowns[end..]);
     }
-}
 
-impl KktMatrix {
     /// Solves with the transposed matrix in place.
-    pub(super) fn solve_transposed(&mut self, x: &mut [f64], mu: &mut [f64]) {
+    pub(super) fn solve_transposed(&mut self, x: &mut [R], mu: &mut [R]) {
         let end = self.unknowns.len() - mu.len();
         self.unknowns[..x.len()].copy_from_slice(x);
-        self.unknowns[x.len()..end].fill(0.0);
+        self.unknowns[x.len()..end].fill(R::splat(0.0));
         copy_scaled(&mut self.unknowns[end..], self.unit, mu);
         self.factor.solve_transposed(&mut self.unknowns);
         x.copy_from_slice(&self.unknowns[..x.len()]);

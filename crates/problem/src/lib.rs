@@ -333,3 +333,4 @@ impl<R: Real> State<R> {
 liouville_base::clone_in_place!([R: Clone] State<R> { y, z, p, y_low, p_low });
 
 liouville_base::checkpoint!([R: Scalar] State<R> { y, z, p, y_low, p_low });
+liouville_base::recorded!([R: Scalar] State<R> { y, z, p, y_low, p_low });

@@ -183,16 +183,14 @@ impl<R: Real> Mass<R> {
         let (pattern, values) = self.v_z.as_ref()?;
         Some((pattern, values))
     }
-}
 
-impl Mass {
     /// `x = p_z⁻ᵀ x`
-    pub fn solve_transposed(&mut self, x: &mut [f64]) {
+    pub fn solve_transposed(&mut self, x: &mut [R]) {
         self.factor.solve_transposed(x);
     }
 
     /// `out += factor * v_zᵀ x`
-    pub fn add_velocity_transposed(&self, factor: f64, x: &[f64], out: &mut [f64]) {
+    pub fn add_velocity_transposed(&self, factor: f64, x: &[R], out: &mut [R]) {
         match &self.v_z {
             Some((pattern, values)) => pattern.multiply_add_transposed(values, factor, x, out),
             None => add_scaled(out, factor, x),

@@ -113,6 +113,7 @@ impl<R: Real> Model<R> {
     }
 
     /// p_y, f_y, f_z, v_y at (t, y, z).
+    #[inline(always)]
     pub fn stage_jacobian(&mut self, t: f64, y: &[R], z: &[R]) -> Parts<'_, 4, R> {
         let sizes = self.stage_jacobian_sizes();
         cut(
@@ -177,6 +178,7 @@ impl<R: Real> Model<R> {
     }
 
     /// `r_y` at (t, y, λ).
+    #[inline(always)]
     pub fn node_jacobian(&mut self, t: f64, y: &[R], lam: &[R]) -> &[R] {
         self.problem
             .node_jacobian

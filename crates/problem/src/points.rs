@@ -166,6 +166,7 @@ impl<R: Real> Model<R> {
     }
 
     /// [`Model::stage_jacobian`] at several points.
+    #[inline(always)]
     pub fn stages_jacobian<'a>(
         &'a mut self,
         times: Times<'a>,
@@ -201,6 +202,7 @@ impl<R: Real> Model<R> {
     }
 
     /// [`Model::node_jacobian`] at several points.
+    #[inline(always)]
     pub fn nodes_jacobian<'a>(
         &'a mut self,
         times: Times<'a>,

@@ -1,11 +1,13 @@
 //! Derivatives of a mechanical system by time and parameters, τ = (t, θ), and of its accelerations: what tangents of
 //! a motion need beside the derivatives that a step has.
+#![allow(clippy::inline_always)] // other functions are compiled without the caller's instruction set
 
 use super::model::Parts;
 use super::points::TapeRegisters;
 use super::{Mechanical, Mismatch, check, check_pattern, cut};
 use super::{Points, Times};
 use liouville_base::linalg::{Matrix, Pattern};
+use liouville_base::real::Real;
 use liouville_base::tape::{Registers, Tape};
 use std::sync::Arc;
 
@@ -135,22 +137,22 @@ impl Sensitivity {
 
 /// The derivatives ready to be evaluated.
 #[derive(Clone, Debug)]
-pub struct SensitivityModel {
+pub struct SensitivityModel<R = f64> {
     /// The derivatives themselves, shared.
     pub problem: Arc<Sensitivity>,
-    stage: TapeRegisters<f64>,
-    node: TapeRegisters<f64>,
-    hidden: Registers<f64>,
-    motion: Registers<f64>,
-    nonholonomic: Option<Registers<f64>>,
+    stage: TapeRegisters<R>,
+    node: TapeRegisters<R>,
+    hidden: Registers<R>,
+    motion: Registers<R>,
+    nonholonomic: Option<Registers<R>>,
 }
 
-impl SensitivityModel {
+impl<R: Real> SensitivityModel<R> {
     /// Binds parameters.
     ///
     /// # Panics
     /// When `params` has not the size the tapes have.
-    pub fn new(problem: Arc<Sensitivity>, params: &[f64]) -> Self {
+    pub fn new(problem: Arc<Sensitivity>, params: &[R]) -> Self {
         Self {
             stage: TapeRegisters::new(&problem.stage, params),
             node: TapeRegisters::new(&problem.node, params),
@@ -168,8 +170,9 @@ impl SensitivityModel {
     }
 
     /// p_τ, f_τ, v_τ at (t, y, z); the last is empty where v is z.
-    pub fn stage(&mut self, t: f64, y: &[f64], z: &[f64]) -> Parts<'_, 3> {
-        let (sizes, args): (_, [&[f64]; 3]) = (self.stage_sizes(), [&[t], y, z]);
+    #[inline(always)]
+    pub fn stage(&mut self, t: f64, y: &[R], z: &[R]) -> Parts<'_, 3, R> {
+        let (sizes, args): (_, [&[R]; 3]) = (self.stage_sizes(), [&[R::splat(t)], y, z]);
         cut(self.problem.stage.eval(&mut self.stage.one, args), sizes)
     }
 
@@ -180,46 +183,51 @@ impl SensitivityModel {
     }
 
     /// [`SensitivityModel::stage`] at several points.
+    #[inline(always)]
     pub fn stages<'a>(
         &'a mut self,
         times: Times<'a>,
-        y: &'a Matrix,
-        z: &'a Matrix,
-    ) -> Points<'a, 3> {
+        y: &'a Matrix<R>,
+        z: &'a Matrix<R>,
+    ) -> Points<'a, 3, R> {
         let sizes = self.stage_sizes();
         self.stage.at(&self.problem.stage, times, [y, z], sizes)
     }
 
     /// g_τ, r_τ at several points (t, y, λ).
+    #[inline(always)]
     pub fn nodes<'a>(
         &'a mut self,
         times: Times<'a>,
-        y: &'a Matrix,
-        lam: &'a Matrix,
-    ) -> Points<'a, 2> {
+        y: &'a Matrix<R>,
+        lam: &'a Matrix<R>,
+    ) -> Points<'a, 2, R> {
         let at = &self.problem.patterns;
         let sizes = [at.g_tau.len(), at.r_tau.len()];
         self.node.at(&self.problem.node, times, [y, lam], sizes)
     }
 
     /// g_τ, r_τ at one point (t, y, λ).
-    pub fn node(&mut self, t: f64, y: &[f64], lam: &[f64]) -> Parts<'_, 2> {
+    #[inline(always)]
+    pub fn node(&mut self, t: f64, y: &[R], lam: &[R]) -> Parts<'_, 2, R> {
         let at = &self.problem.patterns;
         let sizes = [at.g_tau.len(), at.r_tau.len()];
-        let args: [&[f64]; 3] = [&[t], y, lam];
+        let args: [&[R]; 3] = [&[R::splat(t)], y, lam];
         cut(self.problem.node.eval(&mut self.node.one, args), sizes)
     }
 
     /// w_y, w_τ at (t, y, z).
-    pub fn hidden(&mut self, t: f64, y: &[f64], z: &[f64]) -> Parts<'_, 2> {
+    #[inline(always)]
+    pub fn hidden(&mut self, t: f64, y: &[R], z: &[R]) -> Parts<'_, 2, R> {
         let at = &self.problem.patterns;
         let sizes = [at.w_y.len(), at.w_tau.len()];
-        let args: [&[f64]; 3] = [&[t], y, z];
+        let args: [&[R]; 3] = [&[R::splat(t)], y, z];
         cut(self.problem.hidden.eval(&mut self.hidden, args), sizes)
     }
 
     /// The derivatives of the equations of accelerations at (t, y, z), where z' is `u`.
-    pub fn motion(&mut self, t: f64, [y, z, u, lam]: [&[f64]; 4]) -> Parts<'_, 6> {
+    #[inline(always)]
+    pub fn motion(&mut self, t: f64, [y, z, u, lam]: [&[R]; 4]) -> Parts<'_, 6, R> {
         let SensitivityPatterns { motion, rate, .. } = &self.problem.patterns;
         let of = |k: usize| {
             if k < 3 {
@@ -228,16 +236,18 @@ impl SensitivityModel {
                 rate[k - 3].len()
             }
         };
-        let args: [&[f64]; 5] = [&[t], y, z, u, lam];
+        let args: [&[R]; 5] = [&[R::splat(t)], y, z, u, lam];
         let values = self.problem.motion.eval(&mut self.motion, args);
         cut(values, std::array::from_fn(of))
     }
 
     /// k_τ and the derivative of r_n by τ at (t, y, z, ν); none without nonholonomic constraints.
-    pub fn nonholonomic(&mut self, t: f64, [y, z, nu]: [&[f64]; 3]) -> Option<Parts<'_, 2>> {
+    #[inline(always)]
+    pub fn nonholonomic(&mut self, t: f64, [y, z, nu]: [&[R]; 3]) -> Option<Parts<'_, 2, R>> {
         let patterns = self.problem.patterns.nonholonomic.as_ref()?;
         let tape = self.problem.nonholonomic.as_ref()?;
-        let (registers, args): (_, [&[f64]; 4]) = (self.nonholonomic.as_mut()?, [&[t], y, z, nu]);
+        let (registers, args): (_, [&[R]; 4]) =
+            (self.nonholonomic.as_mut()?, [&[R::splat(t)], y, z, nu]);
         let sizes = std::array::from_fn(|k| patterns[k].len());
         Some(cut(tape.eval(registers, args), sizes))
     }

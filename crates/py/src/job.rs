@@ -1,122 +1,23 @@
-//! Jobs of mechanical and semi-explicit systems: methods, controls, events and start values in, a run out.
+//! Jobs of mechanical and semi-explicit systems: controls, events and start values in, a run out.
 
 use crate::convert;
 use crate::errors::refused;
 use crate::mechanical::Sensitivity;
+use crate::method::MechanicalMethod;
 use crate::semi_explicit::SemiExplicitSensitivity;
-use crate::tableau::{lobatto_named, scheme_named, spark_named};
-use liouville_alpha::{AlphaSlopes, AlphaTransposed, Reactions};
+use liouville_alpha::{AlphaSlopes, AlphaTransposed};
 use liouville_base::method::Tolerance;
 use liouville_base::run::{Advance, EventRule, Span, StartError};
-use liouville_base::tableau;
 use liouville_base::tape::Tape;
 use liouville_mechanics::events::{EventSlopes, Law};
 use liouville_mechanics::run::{
-    self, Control, Detection, EventFunction, Method, Problem, SparkMethod, SystemSensitivity,
-    Tangents,
+    self, Control, Detection, EventFunction, Problem, SystemSensitivity, Tangents,
 };
 use liouville_problem::Watched;
-use liouville_spark::Solver;
 use numpy::{PyArrayDyn, PyArrayMethods, PyUntypedArrayMethods};
 use numpy::{PyReadonlyArray1, PyReadonlyArrayDyn};
 use pyo3::prelude::*;
-
-/// A method, by the attributes of its dataclass; those that most runs take come first.
-#[derive(FromPyObject)]
-enum MechanicalMethod {
-    #[pyo3(transparent)]
-    Spark(SparkOf),
-    Composed {
-        base: SparkOf,
-        scheme: String,
-    },
-    Alpha {
-        coefficients: (f64, f64, f64, f64),
-        reaction: String,
-        #[pyo3(default)]
-        b: f64,
-        newton_tol: Option<f64>,
-    },
-}
-
-/// A SPARK method on points, or a Lobatto pair.
-#[derive(FromPyObject)]
-enum SparkOf {
-    OnPoints {
-        stages: usize,
-        points: String,
-        solver: String,
-        newton_tol: Option<f64>,
-    },
-    Pair {
-        stages: usize,
-        force: String,
-        solver: String,
-        newton_tol: Option<f64>,
-    },
-}
-
-impl SparkOf {
-    fn read(self, scheme: Option<&str>) -> PyResult<Method> {
-        let (tableau, solver, newton_tol) = match self {
-            Self::OnPoints {
-                stages,
-                points,
-                solver,
-                newton_tol,
-            } => (spark_named(stages, &points)?, solver, newton_tol),
-            Self::Pair {
-                stages,
-                force,
-                solver,
-                newton_tol,
-            } => (lobatto_named(stages, &force)?, solver, newton_tol),
-        };
-        let solver = match solver.as_str() {
-            "auto" => Solver::Auto,
-            "node-schur" => Solver::NodeSchur,
-            "newton" => Solver::Newton,
-            other => return Err(refused(format!("there is no solver {other:?}"))),
-        };
-        Ok(Method::Spark(Box::new(SparkMethod {
-            tableau,
-            solver,
-            newton_tol,
-            scheme: scheme.map(scheme_named).transpose()?,
-        })))
-    }
-}
-
-impl MechanicalMethod {
-    fn read(self) -> PyResult<Method> {
-        match self {
-            Self::Composed { base, scheme } => base.read(Some(&scheme)),
-            Self::Spark(spark) => spark.read(None),
-            Self::Alpha {
-                coefficients: (alpha_m, alpha_f, gamma, beta),
-                reaction,
-                b,
-                newton_tol,
-            } => {
-                let weights = tableau::Alpha {
-                    alpha_m,
-                    alpha_f,
-                    gamma,
-                    beta,
-                };
-                let reactions = match reaction.as_str() {
-                    "position" => Reactions::Position,
-                    "extended" | "predicted" => Reactions::Extended {
-                        b,
-                        predicted: reaction == "predicted",
-                    },
-                    other => return Err(refused(format!("there is no reaction {other:?}"))),
-                };
-                Ok(Method::Alpha(weights, reactions, newton_tol))
-            }
-        }
-    }
-}
+use std::sync::Arc;
 
 /// A control of the steps: (rtol, atol, first step or 0, least step) by errors, or reversible (first step, least
 /// step, a tape with whether it depends on z' or None).
@@ -428,4 +329,16 @@ pub(crate) fn pullback(
     let of = (alpha_slopes(&slopes)?, transposed);
     let found = run::Pullback::of_alpha(problem, method, job, sensitivity, of);
     Ok(found.map(|found| Box::new(found) as _))
+}
+
+/// The pullbacks of the members of an ensemble in the core's terms; `None` where these do not run in lock-step.
+pub(crate) fn members_pullback(
+    problem: Problem,
+    method: &Bound<'_, PyAny>,
+    job: &Bound<'_, PyAny>,
+    sensitivity: &Arc<liouville_problem::Sensitivity>,
+) -> PyResult<Result<Option<run::MembersPullback>, StartError>> {
+    let method = method.extract::<MechanicalMethod>()?.read()?;
+    let job = job.extract::<MechanicalJob<'_>>()?.read()?;
+    Ok(run::MembersPullback::new(problem, method, job, sensitivity))
 }

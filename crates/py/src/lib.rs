@@ -14,6 +14,8 @@ mod job;
 mod ladder;
 mod listing;
 mod mechanical;
+mod members_pullback;
+mod method;
 mod multipliers;
 mod operator;
 mod program;
@@ -54,6 +56,8 @@ mod _core {
     use super::listing::listing;
     #[pymodule_export]
     use super::mechanical::{Mechanical, Sensitivity};
+    #[pymodule_export]
+    use super::members_pullback::{MembersPullback, members_pullback};
     #[pymodule_export]
     use super::multipliers::{first_dependent, multipliers};
     #[pymodule_export]

@@ -1,57 +1,60 @@
 //! Derivatives of the equations of one step, at its stages and nodes.
+#![allow(clippy::inline_always)] // other functions are compiled without the caller's instruction set
 
 use super::stages::Stages;
 use liouville_base::error::{Quantity, StepError};
 use liouville_base::linalg::{Matrix, Pattern, all_finite, copy};
+use liouville_base::real::Real;
+use liouville_base::simd::dispatch_simd;
 use liouville_base::tableau;
 use liouville_problem::{Mechanical, Model, NonholonomicPatterns, Points, Step, Times, finite};
 
 /// A row a stage, or a node.
 #[derive(Clone, Debug)]
-pub(super) struct Derivatives {
-    pub(super) p_z: Matrix,
-    pub(super) v_z: Matrix,
-    pub(super) p_y: Matrix,
-    pub(super) f_y: Matrix,
-    pub(super) f_z: Matrix,
-    pub(super) v_y: Matrix,
-    pub(super) g_y: Matrix,
-    pub(super) r_lam: Matrix,
-    pub(super) r_y: Matrix,
+pub(super) struct Derivatives<R = f64> {
+    pub(super) p_z: Matrix<R>,
+    pub(super) v_z: Matrix<R>,
+    pub(super) p_y: Matrix<R>,
+    pub(super) f_y: Matrix<R>,
+    pub(super) f_z: Matrix<R>,
+    pub(super) v_y: Matrix<R>,
+    pub(super) g_y: Matrix<R>,
+    pub(super) r_lam: Matrix<R>,
+    pub(super) r_y: Matrix<R>,
     /// Those of nonholonomic constraints, and at the end of the step, which is solved for with them.
-    pub(super) own: Option<Box<NonholonomicDerivatives>>,
+    pub(super) own: Option<Box<NonholonomicDerivatives<R>>>,
     /// Whether those that are constants are there.
     is_ready: bool,
 }
 
 /// Of nonholonomic constraints k and their reactions, a row a stage; those of r_n are called by `r`.
 #[derive(Clone, Debug)]
-pub(super) struct NonholonomicDerivatives {
-    pub(super) k_y: Matrix,
-    pub(super) k_z: Matrix,
-    pub(super) r_y: Matrix,
-    pub(super) r_z: Matrix,
-    pub(super) r_nu: Matrix,
-    pub(super) end: EndDerivatives,
+pub(super) struct NonholonomicDerivatives<R = f64> {
+    pub(super) k_y: Matrix<R>,
+    pub(super) k_z: Matrix<R>,
+    pub(super) r_y: Matrix<R>,
+    pub(super) r_z: Matrix<R>,
+    pub(super) r_nu: Matrix<R>,
+    pub(super) end: EndDerivatives<R>,
 }
 
 /// At the end of the step.
 #[derive(Clone, Debug)]
-pub(super) struct EndDerivatives {
-    pub(super) p_z: Vec<f64>,
-    pub(super) v_z: Vec<f64>,
-    pub(super) p_y: Vec<f64>,
-    pub(super) k_y: Vec<f64>,
-    pub(super) k_z: Vec<f64>,
-    pub(super) w_y: Vec<f64>,
-    pub(super) g_y: Vec<f64>,
+pub(super) struct EndDerivatives<R = f64> {
+    pub(super) p_z: Vec<R>,
+    pub(super) v_z: Vec<R>,
+    pub(super) p_y: Vec<R>,
+    pub(super) k_y: Vec<R>,
+    pub(super) k_z: Vec<R>,
+    pub(super) w_y: Vec<R>,
+    pub(super) g_y: Vec<R>,
 }
 
-impl NonholonomicDerivatives {
+impl<R: Real> NonholonomicDerivatives<R> {
     fn new(problem: &Mechanical, own: &NonholonomicPatterns, s: usize) -> Self {
         let at = &problem.patterns;
         let rows = |pattern: &Pattern| Matrix::zeros(s, pattern.len());
-        let row = |pattern: &Pattern| vec![0.0; pattern.len()];
+        let row = |pattern: &Pattern| vec![R::splat(0.0); pattern.len()];
         Self {
             k_y: rows(&own.k_y),
             k_z: rows(&own.k_z),
@@ -72,10 +75,10 @@ impl NonholonomicDerivatives {
 
     fn evaluate(
         &mut self,
-        model: &mut Model,
-        stages: &Stages,
-        step: Step,
-        z1: &[f64],
+        model: &mut Model<R>,
+        stages: &Stages<R>,
+        step: Step<R>,
+        z1: &[R],
     ) -> Result<(), StepError> {
         let unknowns = &stages.unknowns;
         for j in 0..stages.y.rows() {
@@ -124,7 +127,7 @@ impl NonholonomicDerivatives {
     }
 }
 
-impl Derivatives {
+impl<R: Real> Derivatives<R> {
     /// Memory for those of a system.
     pub(super) fn new(problem: &Mechanical, tableau: &tableau::Spark) -> Self {
         let at = &problem.patterns;
@@ -148,9 +151,9 @@ impl Derivatives {
     /// Evaluates all where the stages are and z1 at the end of the step, r_y at the first `nodes` nodes.
     pub(super) fn evaluate(
         &mut self,
-        model: &mut Model,
-        stages: &Stages,
-        (step, z1): (Step, &[f64]),
+        model: &mut Model<R>,
+        stages: &Stages<R>,
+        (step, z1): (Step<R>, &[R]),
         nodes: usize,
     ) -> Result<(), StepError> {
         if let Some(own) = &mut self.own {
@@ -193,24 +196,30 @@ impl Derivatives {
 }
 
 /// Copies values at so many points, which have to be finite; constants once.
-pub(super) fn take<const N: usize>(
-    out: [&mut Matrix; N],
+pub(super) fn take<R: Real, const N: usize>(
+    out: [&mut Matrix<R>; N],
     times: Times,
-    mut points: Points<'_, N>,
+    mut points: Points<'_, N, R>,
     (count, is_ready): (usize, bool),
 ) -> Result<(), StepError> {
     if is_ready && points.is_constant() {
         return Ok(());
     }
     let mut out = out;
-    for i in 0..count {
-        for (out, values) in out.iter_mut().zip(points.at(i)) {
-            if !values.is_empty() {
-                copy(out.row_mut(i), values);
+    let is_finite = dispatch_simd::<R, _>(
+        #[inline(always)]
+        || {
+            for i in 0..count {
+                for (out, values) in out.iter_mut().zip(points.at(i)) {
+                    if !values.is_empty() {
+                        copy(out.row_mut(i), values);
+                    }
+                }
             }
-        }
-    }
-    if out.iter().all(|out| all_finite(out.flat())) {
+            out.iter().all(|out| all_finite(out.flat()))
+        },
+    );
+    if is_finite {
         return Ok(());
     }
     let mut rows = (0..count).flat_map(|i| out.iter().map(move |out| (times.at(i), out.row(i))));

@@ -34,11 +34,11 @@ pub fn supports_batch(problem: &Mechanical, solver: Solver) -> bool {
 pub struct SparkBatch {
     problem: Arc<Mechanical>,
     solver: Solver,
-    model: Model<MemberLanes>,
+    pub(super) model: Model<MemberLanes>,
     small: Option<Small<MemberLanes>>,
-    stages: Stages<MemberLanes>,
+    pub(super) stages: Stages<MemberLanes>,
     schur: NodeSchur<MemberLanes>,
-    predictor: Predictor<MemberLanes>,
+    pub(super) predictor: Predictor<MemberLanes>,
     update: Update<MemberLanes>,
     /// Parameters, and steppers of one member from its first step alone on: one for each, or a single one where all have
     /// the same parameters.

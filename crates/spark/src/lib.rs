@@ -47,7 +47,7 @@ use liouville_base::tableau;
 use liouville_problem::{Estimate, Mechanical, Model, State, Step};
 use liouville_small::{Matrices, Small};
 use predictor::Predictor;
-pub use tangent::{SparkAdjoint, SparkTangents};
+pub use tangent::{BatchAdjoint, SparkAdjoint, SparkTangents};
 use velocity_error::VelocityError;
 
 /// The solver of the stage equations; all have the same solution, to roundoff.

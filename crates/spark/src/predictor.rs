@@ -11,6 +11,7 @@ use liouville_base::error::StepError;
 use liouville_base::linalg::{Matrix, add_scaled, copy};
 use liouville_base::newton::{self, Polynomial};
 use liouville_base::real::Real;
+use liouville_base::recorder;
 use liouville_base::simd::{dispatch_simd, dispatch_simd_long};
 use liouville_base::tableau;
 use liouville_problem::{Acceleration, Dynamics, Model, State, Step};
@@ -200,16 +201,16 @@ impl<R: Real> Predictor<R> {
     }
 
     /// Writes them one after another, z, v, λ and ν.
-    pub(super) fn append_solution(&self, out: &mut Vec<R>) {
+    pub(super) fn append_solution(&self, out: &mut Vec<f64>) {
         let (curves, velocities) = (&self.held.curves, self.velocities());
         out.clear();
         for of_stages in [&curves[Z].values, velocities] {
             // values at both ends of the step are no unknowns
             let all = of_stages.flat();
-            out.extend_from_slice(&all[of_stages.cols()..all.len() - of_stages.cols()]);
+            recorder::append(&all[of_stages.cols()..all.len() - of_stages.cols()], out);
         }
-        out.extend_from_slice(curves[LAM].values.flat());
-        out.extend_from_slice(curves[NU].values.flat());
+        recorder::append(curves[LAM].values.flat(), out);
+        recorder::append(curves[NU].values.flat(), out);
     }
 
     /// v' at a state, or z' where v is not z: how fast the velocities begin to change.

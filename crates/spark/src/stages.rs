@@ -6,6 +6,7 @@ use liouville_base::error::{Quantity, StepError};
 use liouville_base::linalg::{Matrix, all_finite, combine, copy, copy_scaled, sum_compensated};
 use liouville_base::newton::Stop;
 use liouville_base::real::Real;
+use liouville_base::recorder;
 use liouville_base::simd::dispatch_simd_long;
 use liouville_base::tableau;
 use liouville_base::tape::CompensatedTape;
@@ -36,11 +37,9 @@ impl<R: Real> Unknowns<R> {
     }
 
     /// Sets all unknowns from a slice of z, v, λ and ν one after another.
-    pub(super) fn put_back(&mut self, mut numbers: &[R]) {
+    pub(super) fn put_back(&mut self, mut numbers: &[f64]) {
         for part in [&mut self.z, &mut self.v, &mut self.lam, &mut self.nu] {
-            let (own, rest) = numbers.split_at(part.flat().len());
-            copy(part.flat_mut(), own);
-            numbers = rest;
+            recorder::take(part.flat_mut(), &mut numbers);
         }
     }
 

@@ -5,10 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from liouville import _core
 from liouville.errors import IntegrationError, hinted
 from liouville.events import AFTER
 from liouville.runners.adjoint import EVENTS, INVARIANTS, Adjoint, Gradients
@@ -18,6 +19,9 @@ from liouville.runners.runner import Request
 from liouville.runners.tangents import PARAMS, check_wrt, gradients_of, shapes_of
 from liouville.runners.traced import TracedRunner
 from liouville.solution import Solution
+
+if TYPE_CHECKING:
+    from liouville.runners.members import MembersRunner
 
 #: Times within this part of a step of its end may be found in the next.
 BESIDE = 1e-9
@@ -63,14 +67,11 @@ class ConstrainedAdjoint(Adjoint):
         """Return gradients from cotangents of all states; see :class:`Adjoint`."""
         runner, checkpoints = self.runner, self.checkpoints
         assert checkpoints is not None
-        names = (*runner.system.states, "lam")
-        missing = np.zeros((len(cotangents[names[0]]), runner.multipliers))
-        parts = [cotangents.get(name, missing) for name in names]
-        rows, steps = np.concatenate(parts, axis=1), int(solution.stats["steps"])
+        rows, steps = _rows(runner, cotangents), int(solution.stats["steps"])
         longer, more = 0.0, np.zeros(0)
         if runner.shares_multipliers:
             rows, more, longer = runner.pulled_multipliers(solution, rows)
-        by_point, of_ends, stretched = self._of_invariants(solution, cotangents)
+        by_point, of_ends, stretched = _of_invariants(runner, runner._values, solution, cotangents)
         n = rows.shape[1] - runner.multipliers
         rows[:, :n] += by_point
         more, longer = more + of_ends if more.size else of_ends, longer + stretched
@@ -102,27 +103,6 @@ class ConstrainedAdjoint(Adjoint):
             of_tau = of_tau + more
         moved = runner.pulled_start((of_y, of_z, of_tau))
         return gradients_of(runner.system, runner.steps, moved, stretch + longer, self.wrt)
-
-    def _of_invariants(
-        self, solution: Solution, cotangents: Mapping[str, np.ndarray]
-    ) -> tuple[np.ndarray, np.ndarray, float]:
-        """Return cotangents of y and z, of time and parameters, and of the stretch of the steps."""
-        runner, none = self.runner, np.zeros(len(solution.t))
-        given = [cotangents.get(f"{INVARIANTS}{x}", none) for x in solution.invariants]
-        first, second = (solution.states[x] for x in runner.system.states[:2])
-        by_point, wide = np.zeros((len(first), first.shape[1] + second.shape[1])), 1
-        if not any(x.any() for x in given):
-            return by_point, np.zeros(wide + runner._values.size), 0.0
-        # imported here: few runs are differentiated
-        from liouville.systems._invariants import pulled_invariants
-
-        points, weights = (solution.t, first, second), np.stack(given, axis=1)
-        found = pulled_invariants(runner.system, points, runner._values, weights)
-        if runner.times is not None:
-            found[:, 0] = 0.0  # times that are held
-        of_t, by_point, of_params = np.split(found, [wide, wide + by_point.shape[1]], axis=1)
-        tau = np.concatenate([of_t.sum(axis=0), of_params.sum(axis=0)])
-        return by_point, tau, float(of_t[:, 0] @ (solution.t - runner.steps.t0))
 
     def _last(
         self, solution: Solution, cotangents: Mapping[str, np.ndarray], kept: np.ndarray
@@ -198,3 +178,98 @@ class ConstrainedAdjoint(Adjoint):
             params=values, start=start, has_pullback=False,
         )  # fmt: skip
         return finished(execute(type(self.runner)(system, self.runner.choice, moved))).states
+
+
+class LockStep:
+    """Pullbacks of members that the core takes in lock-step, each with the bits it has alone.
+
+    Attributes
+    ----------
+    most : int
+        At most so many members are pulled back at once.
+    """
+
+    most = _core.MembersPullback.most
+
+    def __init__(
+        self, runner: MembersRunner, core: _core.MembersPullback, wrt: tuple[str, ...]
+    ) -> None:
+        self._runner, self._core, self._wrt = runner, core, wrt
+
+    def stop(self) -> None:
+        """Let pullbacks on other threads end."""
+        self._core.stop()
+
+    def pulled(
+        self, members: range, solution: Solution, cotangents: Mapping[str, np.ndarray]
+    ) -> list[Gradients] | None:
+        """Return gradients of some members, None where they are to be pulled back one by one."""
+        runner = self._runner
+        own = {name: x[:, members.start : members.stop] for name, x in cotangents.items()}
+        rows = np.ascontiguousarray(_rows(runner, own))
+        has_invariants = any(x.any() for name, x in own.items() if name.startswith(INVARIANTS))
+        others = self._of_invariants(members, solution, own, rows) if has_invariants else None
+        kept = np.minimum(np.arange(len(rows)) * runner.every, runner.steps.count)
+        last = int(kept[np.flatnonzero(rows.any(axis=(1, 2)))].max(initial=0))
+        core = self._core.pull([*members], last, kept, rows)
+        if core is None:
+            return None
+        *parts, stretches = core
+        if others is not None:
+            parts[2], stretches = parts[2] + others[0], stretches + others[1]
+        each = zip(members, *parts, strict=True)
+        starts = [runner.pulled_member(member, own) for member, *own in each]
+        of_y, of_z, of_tau = (np.array(part) for part in zip(*starts, strict=True))
+        moved = of_y, of_z, of_tau
+        found = gradients_of(runner.system, runner.steps, moved, stretches, self._wrt)
+        return [{name: x[k] for name, x in found.items()} for k in range(len(members))]
+
+    def _of_invariants(
+        self,
+        members: range,
+        solution: Solution,
+        cotangents: Mapping[str, np.ndarray],
+        rows: np.ndarray,
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Add cotangents by invariants to `rows`; return those of tau and of the stretch."""
+        runner, taus, stretches = self._runner, [], []
+        for k, member in enumerate(members):
+            own = {name: x[:, k] for name, x in cotangents.items()}
+            at = runner, runner.values_of(member), solution.member(member), own
+            by_point, tau, stretch = _of_invariants(*at)
+            rows[:, k, : by_point.shape[1]] += by_point
+            taus.append(tau)
+            stretches.append(stretch)
+        return np.array(taus), np.array(stretches)
+
+
+def _rows(runner: TracedRunner, cotangents: Mapping[str, np.ndarray]) -> np.ndarray:
+    """Return cotangents of (y, z, lam) as they are beside one another in records."""
+    names = (*runner.system.states, "lam")
+    missing = np.zeros((*cotangents[names[0]].shape[:-1], runner.multipliers))
+    return np.concatenate([cotangents.get(name, missing) for name in names], axis=-1)
+
+
+def _of_invariants(
+    runner: TracedRunner,
+    values: np.ndarray,
+    solution: Solution,
+    cotangents: Mapping[str, np.ndarray],
+) -> tuple[np.ndarray, np.ndarray, float]:
+    """Return cotangents of y and z, of time and parameters, and of the stretch of the steps."""
+    none = np.zeros(len(solution.t))
+    given = [cotangents.get(f"{INVARIANTS}{x}", none) for x in solution.invariants]
+    first, second = (solution.states[x] for x in runner.system.states[:2])
+    by_point, wide = np.zeros((len(first), first.shape[1] + second.shape[1])), 1
+    if not any(x.any() for x in given):
+        return by_point, np.zeros(wide + values.size), 0.0
+    # imported here: few runs are differentiated
+    from liouville.systems._invariants import pulled_invariants
+
+    points, weights = (solution.t, first, second), np.stack(given, axis=1)
+    found = pulled_invariants(runner.system, points, values, weights)
+    if runner.times is not None:
+        found[:, 0] = 0.0  # times that are held
+    of_t, by_point, of_params = np.split(found, [wide, wide + by_point.shape[1]], axis=1)
+    tau = np.concatenate([of_t.sum(axis=0), of_params.sum(axis=0)])
+    return by_point, tau, float(of_t[:, 0] @ (solution.t - runner.steps.t0))

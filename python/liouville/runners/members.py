@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from liouville import _core
 from liouville._job import Job
 from liouville.control import Takes
 from liouville.errors import hinted, quoted
@@ -19,6 +21,8 @@ from liouville.systems._redundant import are_implied, first_dependent, redundant
 
 if TYPE_CHECKING:
     from liouville.runners.adjoint import Adjoint
+    from liouville.runners.constrained_adjoint import LockStep
+    from liouville.systems._sensitivity import Cotangents
 
 
 #: The restriction of members, for messages.
@@ -63,7 +67,13 @@ class Members(TracedRunner):
             return self.alone(self.system, self.choice, own).adjoint(own, wrt)
 
         has_times = self.times is not None
-        return MembersAdjoint(self, of_member, self.threads, has_times=has_times)
+        return MembersAdjoint(
+            self, of_member, self.threads, has_times=has_times, lock_step=self.lock_step
+        )
+
+    def lock_step(self, wrt: tuple[str, ...]) -> LockStep | None:
+        """Return the pullbacks of members in lock-step, None where they do not run so."""
+        return None
 
     @property
     def _each_values(self) -> np.ndarray:
@@ -103,6 +113,33 @@ class MembersRunner(Members, MechanicalRunner):
     """Runs many trajectories of a mechanical system; see :class:`Runner`."""
 
     alone = MechanicalRunner
+
+    def lock_step(self, wrt: tuple[str, ...]) -> LockStep | None:
+        """Return the pullbacks of members in lock-step, None where they do not run so."""
+        if not isinstance(self._problem, _core.Mechanical) or self._watched or self._left_out:
+            return None
+        # imported here: few runs are differentiated
+        from liouville.runners.constrained_adjoint import LockStep
+
+        own, _ = self.sensitivity()
+        core = _core.members_pullback(self._problem, self.choice, self._job(), own)
+        return None if core is None else LockStep(self, core, wrt)
+
+    def values_of(self, member: int) -> np.ndarray:
+        """Return the values of all parameters of a member."""
+        each = self._each_values
+        found: np.ndarray = each[member % len(each)]
+        return found
+
+    def pulled_member(self, member: int, found: Sequence[np.ndarray]) -> Cotangents:
+        """Return cotangents of a member's start, from those of the one moved onto constraints."""
+        # imported here: few runs are differentiated
+        from liouville.systems._sensitivity import pulled_start
+
+        y, z = (x[member] for x in self._begin[:2])
+        of_y, of_z, of_tau = found
+        at = self.steps.t0, y, z, self.values_of(member)
+        return pulled_start(self._stepped, *at, (of_y, of_z, of_tau))
 
     def _leave_out(self) -> None:
         """Take the system without what the other constraints imply, which is alike of all."""

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
+from itertools import chain
 from threading import Event, Lock
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,6 +16,9 @@ from liouville.runners.execute import execute, finished
 from liouville.runners.runner import Runner
 from liouville.solution import Solution
 
+if TYPE_CHECKING:
+    from liouville.runners.constrained_adjoint import LockStep
+
 #: A run of no more steps is followed back from its start: it needs no other checkpoint.
 SHORT = 256
 
@@ -21,9 +26,10 @@ SHORT = 256
 class MembersAdjoint(Adjoint):
     """The transposed derivative of the runs of an ensemble; see :class:`Adjoint`.
 
-    A member is run again by itself when it is pulled back, with the same bits, so that checkpoints
-    of no more members are kept than there are threads; unless the adjoints of members are of their
-    runs in the ensemble, which have left what these need.
+    Members are pulled back in lock-step where they run so and the model has no cases. Otherwise a
+    member is run again by itself, with the same bits, so that checkpoints of no more members are
+    kept than there are threads; unless the adjoints of members are of their runs in the ensemble,
+    which have left what these need.
     """
 
     def __init__(
@@ -34,9 +40,11 @@ class MembersAdjoint(Adjoint):
         *,
         holds_runs: bool = False,
         has_times: bool = False,
+        lock_step: Callable[[tuple[str, ...]], LockStep | None] | None = None,
     ) -> None:
         self.runner, self._of_member, self._threads = runner, of_member, threads
         self._holds_runs, self._has_times = holds_runs, has_times
+        self._lock_step = lock_step
         self._first, (self._count,) = of_member(0), runner.members
         self.is_complex = self._first.is_complex
         each = self._first.directions.items()
@@ -60,16 +68,30 @@ class MembersAdjoint(Adjoint):
                 adjoint.checkpoints.stop = stop
             return self._pulled(adjoint, solution, member, cotangents)
 
+        together, size = None, 1
+        if self._lock_step is not None and self._first.kinks is None:
+            together = self._lock_step(self.wrt)
+        if together is not None:
+            size = min(together.most, -(-self._count // self._threads))
+
+        def pulled_block(first: int) -> list[Gradients]:
+            members, found = range(first, min(first + size, self._count)), None
+            if together is not None and not stop.is_set():
+                found = together.pulled(members, solution, cotangents)
+            return [pulled(member) for member in members] if found is None else found
+
         # the first records tapes that all share
-        found, others = [pulled(0)], range(1, self._count)
+        found, others = pulled_block(0), range(size, self._count, size)
         if self._threads == 1:
-            found += map(pulled, others)
+            found += chain.from_iterable(map(pulled_block, others))
         else:
             pool = ThreadPoolExecutor(self._threads)
             try:
-                found += pool.map(pulled, others)
+                found += chain.from_iterable(pool.map(pulled_block, others))
             finally:  # where one fails, and after Ctrl-C, the others end
                 stop.set()
+                if together is not None:
+                    together.stop()
                 pool.shutdown(cancel_futures=True)
         return {name: np.array([each[name] for each in found]) for name in self.wrt}
 

@@ -296,18 +296,24 @@ def shapes_of(system: Constrained, names: tuple[str, ...]) -> dict[str, tuple[in
 
 
 def gradients_of(
-    system: Constrained, steps: Steps, found: Cotangents, stretch: float, wrt: tuple[str, ...]
+    system: Constrained,
+    steps: Steps,
+    found: Cotangents,
+    stretch: float | np.ndarray,
+    wrt: tuple[str, ...],
 ) -> dict[str, Any]:
-    """Return gradients by name, from cotangents of the start and of the stretch of the steps."""
-    y, z, tau = found
-    end = stretch / (steps.t1 - steps.t0)
-    row = np.concatenate([y, z, tau, [end]])
+    """Return gradients by name, from cotangents of the start and of the stretch of the steps.
+
+    Those of several members have a row for each.
+    """
+    end = np.divide(stretch, steps.t1 - steps.t0)
+    rows = np.concatenate([*found, end[..., None]], axis=-1)
     places, gradients = places_of(system), {}
-    row[places["t0"][0]] -= end
+    rows[..., places["t0"][0]] -= end
     for name in wrt:
         first, shape = places[name]
-        own = row[first : first + int(np.prod(shape))].reshape(shape)
-        gradients[name] = own if shape else float(own)
+        own = rows[..., first : first + int(np.prod(shape))].reshape((*rows.shape[:-1], *shape))
+        gradients[name] = own if own.ndim else float(own)
     return gradients
 
 

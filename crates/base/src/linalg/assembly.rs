@@ -60,7 +60,8 @@ impl<R: Real> Assembly<R> {
     ///
     /// # Panics
     /// When there is no such block, or it has not as many values.
-    #[inline]
+    #[allow(clippy::inline_always)] // other functions are compiled without the caller's instruction set
+    #[inline(always)]
     pub fn add<F: Copy>(&mut self, block: usize, values: &[R], factor: F)
     where
         R: Mul<F, Output = R>,

@@ -151,19 +151,18 @@ impl<R: Real> Blocks<R> {
             (rest, unknowns) = (others, next);
         }
     }
-}
 
-impl Blocks {
     /// Solves `A^T x = b` in place.
-    pub fn solve_transposed(&self, b: &mut [f64]) {
+    pub fn solve_transposed(&self, b: &mut [R]) {
         let (mut rest, mut unknowns) = (&self.inverse[..], &self.plan.unknowns[..]);
         for order in &self.plan.orders {
             let (own, next) = unknowns.split_at(*order);
             let (block, others) = rest.split_at(order * order);
-            let mut sums = [0.0; LARGEST_BLOCK];
+            let mut sums = [R::splat(0.0); LARGEST_BLOCK];
             for (sum, column) in sums.iter_mut().zip(block.chunks_exact(*order)) {
-                let terms = column.iter().zip(own);
-                *sum = terms.map(|(x, unknown)| x * b[*unknown as usize]).sum();
+                for (x, unknown) in column.iter().zip(own) {
+                    *sum += *x * b[*unknown as usize];
+                }
             }
             for (sum, unknown) in sums.iter().zip(own) {
                 b[*unknown as usize] = *sum;

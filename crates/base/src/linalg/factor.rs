@@ -189,7 +189,16 @@ impl<R: Real> Lu<R> {
     }
 
     /// Solves `A^T x = b` in place.
+    #[inline(never)]
     pub fn solve_transposed(&self, b: &mut [R]) {
+        dispatch_simd::<R, _>(
+            #[inline(always)]
+            || self.eliminate_transposed(b),
+        );
+    }
+
+    #[inline(always)]
+    fn eliminate_transposed(&self, b: &mut [R]) {
         let n = self.order();
         for j in 0..n {
             let (head, tail) = b.split_at_mut(j);
@@ -363,11 +372,9 @@ impl<R: Real> Factor<R> {
             Self::Dense(_) | Self::Sparse(_) => &[],
         }
     }
-}
 
-impl Factor {
     /// Solves `A^T x = b` in place.
-    pub fn solve_transposed(&mut self, b: &mut [f64]) {
+    pub fn solve_transposed(&mut self, b: &mut [R]) {
         match self {
             Self::Diagonal(inverse) => scale_each(b, inverse),
             Self::Blocks(blocks) => blocks.solve_transposed(b),
@@ -379,6 +386,7 @@ impl Factor {
 
 crate::compiled!(R in [f64, Lanes<BATCH>] {
     Lu::<R>::factor as fn(_) -> _,
+    Lu::<R>::solve_transposed as fn(_, _),
     Factor::<R>::planned as fn(_, _) -> _,
     Factor::<R>::factor as fn(_, _, _) -> _,
 });

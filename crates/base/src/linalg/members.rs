@@ -40,21 +40,25 @@ impl SparseOf {
         Ok(())
     }
 
-    /// Solves `A^T x = b` of a single member in place.
-    pub(crate) fn solve_transposed(&mut self, b: &mut [f64]) {
-        self.members[0].solve_transposed(b);
+    /// Solves `A^T x = b` of each member in place.
+    pub(crate) fn solve_transposed<R: Real>(&mut self, b: &mut [R]) {
+        self.solve_each(b, Sparse::solve_transposed);
     }
 
     /// Solves `A x = b` of each member in place.
     pub fn solve<R: Real>(&mut self, b: &mut [R]) {
+        self.solve_each(b, Sparse::solve);
+    }
+
+    fn solve_each<R: Real>(&mut self, b: &mut [R], solve: fn(&mut Sparse, &mut [f64])) {
         if let Some(b) = R::alone_mut(b) {
-            return self.members[0].solve(b);
+            return solve(&mut self.members[0], b);
         }
         for (member, lu) in self.members.iter_mut().enumerate() {
             for (x, b) in self.x.iter_mut().zip(&*b) {
                 *x = b.member(member);
             }
-            lu.solve(&mut self.x);
+            solve(lu, &mut self.x);
             for (b, x) in b.iter_mut().zip(&self.x) {
                 b.set_member(member, *x);
             }

@@ -127,10 +127,16 @@ impl Pattern {
     }
 
     /// `out += factor * Aᵀ x`
-    #[inline]
-    pub fn multiply_add_transposed(&self, values: &[f64], factor: f64, x: &[f64], out: &mut [f64]) {
+    #[inline(always)]
+    pub fn multiply_add_transposed<R: Real>(
+        &self,
+        values: &[R],
+        factor: f64,
+        x: &[R],
+        out: &mut [R],
+    ) {
         for (&(row, col), value) in self.entries.iter().zip(values) {
-            out[col] += value * factor * x[row];
+            out[col] += *value * factor * x[row];
         }
     }
 

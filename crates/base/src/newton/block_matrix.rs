@@ -1,4 +1,5 @@
 //! The matrix of a Newton iteration, assembled from blocks.
+#![allow(clippy::inline_always)] // other functions are compiled without the caller's instruction set
 
 use super::condensed::Condensed;
 use super::units::Units;
@@ -122,11 +123,9 @@ impl<R: Real> BlockFactors<R> {
             Self::Condensed(condensed) => condensed.solve(values, b),
         }
     }
-}
 
-impl BlockFactors<f64> {
     /// The same with the transposed matrix.
-    fn solve_transposed(&mut self, values: &[f64], b: &mut [f64]) {
+    fn solve_transposed(&mut self, values: &[R], b: &mut [R]) {
         match self {
             Self::Direct(factor) => factor.solve_transposed(b),
             Self::Condensed(condensed) => condensed.solve_transposed(values, b),
@@ -155,7 +154,7 @@ impl<R: Real> BlockMatrix<R> {
     ///
     /// # Panics
     /// When the block is of another matrix, or has not as many values.
-    #[inline]
+    #[inline(always)]
     pub fn add<F: Copy>(&mut self, BlockHandle(block): BlockHandle, values: &[R], factor: F)
     where
         R: Mul<F, Output = R>,
@@ -193,6 +192,22 @@ impl<R: Real> BlockMatrix<R> {
         units.scale_unknowns(b);
     }
 
+    /// Solves `A^T x = b` in place.
+    pub fn solve_transposed(&mut self, b: &mut [R]) {
+        let values = self.assembly.values();
+        let Some(units) = self.units.as_deref().filter(|_| self.has_units) else {
+            return self.factors.solve_transposed(values, b);
+        };
+        units.scale_unknowns(b);
+        self.factors.solve_transposed(units.values(), b);
+        units.scale_equations(b);
+    }
+
+    /// Whether its factors are those of the matrix in other units, of all members if of one.
+    pub fn has_units(&self) -> bool {
+        self.has_units
+    }
+
     /// Whether its factors are sparse.
     pub fn is_sparse(&self) -> bool {
         matches!(self.factors, BlockFactors::Direct(Factor::Sparse(_)))
@@ -205,17 +220,6 @@ impl<R: Real> BlockMatrix<R> {
 }
 
 impl BlockMatrix {
-    /// Solves `A^T x = b` in place.
-    pub fn solve_transposed(&mut self, b: &mut [f64]) {
-        let values = self.assembly.values();
-        let Some(units) = self.units.as_deref().filter(|_| self.has_units) else {
-            return self.factors.solve_transposed(values, b);
-        };
-        units.scale_unknowns(b);
-        self.factors.solve_transposed(units.values(), b);
-        units.scale_equations(b);
-    }
-
     /// The matrix, dense.
     pub fn to_dense(&self) -> Matrix {
         let mut dense = Matrix::zeros(self.order(), self.order());

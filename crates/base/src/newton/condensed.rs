@@ -144,11 +144,9 @@ impl<R: Real> Condensed<R> {
             *u -= dot(&self.w.row(row)[span.clone()], &x[span.clone()]);
         }
     }
-}
 
-impl Condensed<f64> {
     /// Solves with the transposed matrix: Lᵀ x = a − Wᵀ b with L = A − B W, then Dᵀ u = b − Bᵀ x.
-    pub(super) fn solve_transposed(&mut self, values: &[f64], x: &mut [f64]) {
+    pub(super) fn solve_transposed(&mut self, values: &[R], x: &mut [R]) {
         let (x, u) = x.split_at_mut(self.lu.order());
         for (row, (u, span)) in u.iter().zip(&self.spans).enumerate() {
             add_scaled(&mut x[span.clone()], -*u, &self.w.row(row)[span.clone()]);

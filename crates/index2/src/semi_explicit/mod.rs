@@ -142,3 +142,4 @@ pub struct SemiExplicitState {
 liouville_base::clone_in_place!(SemiExplicitState { y, z, y_low });
 
 liouville_base::checkpoint!(SemiExplicitState { y, z, y_low });
+liouville_base::recorded!([] SemiExplicitState { y, z, y_low });

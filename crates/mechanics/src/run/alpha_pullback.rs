@@ -1,6 +1,7 @@
 //! Pullbacks of the α family.
 
-use super::pullback::{Pullback, RecordedSteps, Recording, StepAdjoint};
+use super::pullback::{Pullback, StepAdjoint};
+use super::recording::{RecordedSteps, Recording};
 use super::{Job, Method, Problem, Starter, System};
 use liouville_alpha::{AlphaAdjoint, AlphaSlopes, AlphaState, AlphaTransposed};
 use liouville_base::error::StepError;

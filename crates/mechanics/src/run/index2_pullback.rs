@@ -1,6 +1,7 @@
 //! Pullbacks of the index-2 methods.
 
-use super::pullback::{Pullback, Recording, StepAdjoint};
+use super::pullback::{Pullback, StepAdjoint};
+use super::recording::Recording;
 use super::{Job, Method, Problem, Starter, System};
 use crate::events::SemiExplicitReset;
 use liouville_base::error::StepError;

@@ -13,7 +13,7 @@ use crate::events::{Before, FollowEvents, Given, LinearReset, Meeting, SlopesMod
 use liouville_base::checkpoint::Checkpoint;
 use liouville_base::error::{Obstacle, StepError};
 use liouville_base::linalg::{Matrix, add_scaled};
-use liouville_base::recorder::{SharedRecords, StepRecord};
+use liouville_base::recorder::{Recorded, SharedRecords, StepRecord};
 use liouville_problem::{Carried, Cotangents, ObservePoint, Side};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -121,7 +121,7 @@ pub(super) struct EventRecorder<S> {
     pub(super) parts: usize,
 }
 
-impl<S: Checkpoint + Clone> EventRecorder<S> {
+impl<S: Checkpoint + Recorded + Clone> EventRecorder<S> {
     /// How many steps were recorded, and those of which this part of the last one was made, of states like this one.
     #[allow(clippy::float_cmp)] // 0 and 1 are the ends of the step
     fn steps(&self, part: f64, like: &S) -> (usize, Vec<StepRecord<S>>) {
@@ -136,7 +136,7 @@ impl<S: Checkpoint + Clone> EventRecorder<S> {
     }
 }
 
-impl<S: Checkpoint + Clone> FollowEvents<S> for EventRecorder<S> {
+impl<S: Checkpoint + Recorded + Clone> FollowEvents<S> for EventRecorder<S> {
     fn begin(&mut self, _: &mut S) {
         self.partial.lock().clear();
     }

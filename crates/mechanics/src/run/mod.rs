@@ -11,9 +11,11 @@ mod index2_pullback;
 mod job;
 mod journal;
 mod member;
+mod members_pullback;
 mod parts;
 mod pool;
 mod pullback;
+mod recording;
 mod shared;
 mod spark_pullback;
 mod tangents;
@@ -22,6 +24,7 @@ pub use job::{
     Control, Detection, EventFunction, Job, Method, Problem, SparkMethod, SystemSensitivity,
     Tangents,
 };
+pub use members_pullback::{KeptRows, MembersPullback};
 pub use parts::Part;
 pub use pool::Pools;
 pub use pullback::{Follow, Pullback, StepAdjoint};

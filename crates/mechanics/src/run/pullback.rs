@@ -3,16 +3,15 @@
 use super::Starter;
 use super::given_times::GivenTimes;
 use super::journal::{Entry, EventAdjoint, EventRecorder, GivenEntry, Journal, replaces_record};
-use super::member::{BoxedStepper, Member, MonitoredSteps};
+use super::recording::{RecordedSteps, Recording};
 use super::shared::SharedRun;
-use crate::events::{DenseDetector, LinearReset};
+use crate::events::DenseDetector;
 use liouville_base::cancel;
 use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch};
 use liouville_base::error::StepError;
 use liouville_base::linalg::Matrix;
-use liouville_base::method::{Estimating, Symmetric};
-use liouville_base::recorder::{Recordable, Recorder, SharedRecords, StepRecord};
-use liouville_base::run::{Advance, Status, StepControl};
+use liouville_base::recorder::{Recorded, SharedRecords, StepRecord};
+use liouville_base::run::{Advance, Status};
 use liouville_problem::{Carried, Cotangents, ObservePoint};
 use std::time::Duration;
 
@@ -59,7 +58,7 @@ pub trait Follow: Send + Sync {
 /// The adjoint of the recorded steps of a method.
 pub trait StepAdjoint: Send + Sync {
     /// The state that the method carries from step to step.
-    type State: Carried + Checkpoint + Clone;
+    type State: Carried + Checkpoint + Recorded + Clone;
 
     /// The adjoint of the values at a point, which takes their cotangents to y, z and τ there.
     type Point: ObservePoint;
@@ -114,64 +113,6 @@ pub struct Pullback<A: StepAdjoint> {
     is_replaced: bool,
     /// The given time last followed back, where its state is that after an event.
     given_after: Option<f64>,
-}
-
-/// Steps that are recorded as they are made.
-pub(super) struct RecordedSteps<State: Checkpoint> {
-    pub(super) control: Box<dyn StepControl<State>>,
-    /// Makes parts of steps for an event detector.
-    pub(super) copy: Option<BoxedStepper<State>>,
-    /// The records of these two.
-    pub(super) whole: SharedRecords<State>,
-    pub(super) partial: SharedRecords<State>,
-    /// How many times the method is at work in a step.
-    pub(super) parts: usize,
-}
-
-/// A run whose steps are recorded, and the adjoint of its method.
-pub(super) struct Recording<A: StepAdjoint> {
-    pub(super) adjoint: A,
-    pub(super) steps: RecordedSteps<A::State>,
-    /// The model, and the solver of states after resets.
-    pub(super) member: Member<A::State, <A::Point as ObservePoint>::Model>,
-    pub(super) point: A::Point,
-    /// The derivatives of resets.
-    pub(super) reset: Box<dyn LinearReset>,
-    /// Numbers of y, z and multipliers of a step.
-    pub(super) sizes: [usize; 3],
-    pub(super) start: A::State,
-    /// Whether the whole carried state was given at the start.
-    pub(super) is_given: bool,
-}
-
-impl Starter {
-    /// The recorded steps of a method, alone or composed, from a start: controlled by its errors, or by a monitor if
-    /// there is one, or equal.
-    pub(super) fn recorded_steps<M>(
-        &self,
-        (stepper, stages): (M, Option<&[f64]>),
-        sizes: Option<(f64, f64)>,
-        monitor: MonitoredSteps<M::State>,
-        start: &M::State,
-    ) -> RecordedSteps<M::State>
-    where
-        M: Recordable + Estimating + Symmetric + Clone + 'static,
-        M::State: Clone + Send,
-    {
-        let (whole, partial) = (SharedRecords::default(), SharedRecords::default());
-        let part = Recorder::new(stepper.clone(), partial.clone());
-        let recorder = Recorder::new(stepper, whole.clone());
-        RecordedSteps {
-            copy: self.composed_copy((&part, stages)),
-            control: match sizes {
-                None => self.symmetric_control((recorder, stages), monitor, start),
-                Some(sizes) => self.adaptive_control(recorder, sizes),
-            },
-            whole,
-            partial,
-            parts: stages.map_or(1, <[f64]>::len),
-        }
-    }
 }
 
 impl<A> Pullback<A>

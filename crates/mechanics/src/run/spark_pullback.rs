@@ -1,6 +1,7 @@
 //! Pullbacks of SPARK methods.
 
-use super::pullback::{Pullback, Recording, StepAdjoint};
+use super::pullback::{Pullback, StepAdjoint};
+use super::recording::Recording;
 use super::{Job, Method, Problem, Starter, System};
 use crate::events::{LinearImpulse, LinearReset};
 use liouville_base::error::StepError;
@@ -34,7 +35,8 @@ impl StepAdjoint for SparkAdjoint {
         point: &mut PointAdjoint,
         of: &mut Cotangents,
     ) -> Result<(), StepError> {
-        point.leave_momenta(at, of)
+        let (t, State { y, z, .. }) = at;
+        point.leave_momenta((t, y, z), of)
     }
 }
 

@@ -8,10 +8,11 @@
 use super::{Eliminated, Form, Saddle};
 use crate::{Mass, Model};
 use liouville_base::linalg::copy;
+use liouville_base::real::Real;
 
-impl Saddle {
+impl<R: Real> Saddle<R> {
     /// Solves with the transposed matrix in place: `a` becomes x, `b` becomes μ.
-    pub fn solve_transposed(&mut self, model: &Model, a: &mut [f64], b: &mut [f64]) {
+    pub fn solve_transposed(&mut self, model: &Model<R>, a: &mut [R], b: &mut [R]) {
         let at = &model.problem.patterns;
         match &mut self.form {
             _ if b.is_empty() => self.mass.solve_transposed(a),
@@ -29,7 +30,7 @@ impl Saddle {
                     r_nu.multiply_add_transposed(&own.r_nu, 1.0, velocity, nu);
                 }
                 schur.solve_transposed(b);
-                velocity.fill(0.0);
+                velocity.fill(R::splat(0.0));
                 at.g_y.multiply_add_transposed(&self.g_y, 1.0, b, velocity);
                 self.mass.add_velocity_transposed(-1.0, velocity, a);
                 if let Some((problem, own)) = own {
@@ -45,8 +46,8 @@ impl Saddle {
     }
 }
 
-impl Eliminated<f64> {
-    fn solve_transposed(&mut self, mass: &mut Mass, a: &mut [f64], b: &mut [f64]) {
+impl<R: Real> Eliminated<R> {
+    fn solve_transposed(&mut self, mass: &mut Mass<R>, a: &mut [R], b: &mut [R]) {
         if let (true, Some(kkt)) = (self.is_kkt, &mut self.kkt) {
             return kkt.solve_transposed(a, b);
         }
@@ -55,7 +56,7 @@ impl Eliminated<f64> {
         mass.solve_transposed(velocity);
         (self.schur.r_lam()).add_product_transposed::<1>(1, velocity, b);
         self.schur.solve_transposed(b);
-        velocity.fill(0.0);
+        velocity.fill(R::splat(0.0));
         (self.schur.g_y()).add_product_transposed::<1>(1, b, velocity);
         mass.add_velocity_transposed(-1.0, velocity, a);
         mass.solve_transposed(a);

@@ -1,9 +1,12 @@
 //! The blocks of the Newton matrix: their places, and the coefficients they are weighted with.
+#![allow(clippy::inline_always)] // other functions are compiled without the caller's instruction set
 
 use self::Along::{Column, Row};
 use super::super::derivatives::{Derivatives, EndDerivatives, NonholonomicDerivatives};
 use liouville_base::linalg::{Matrix, Pattern, as_is, combine};
 use liouville_base::newton::{BlockGrid, BlockHandle, BlockLayout, BlockMatrix};
+use liouville_base::real::Real;
+use liouville_base::simd::dispatch_simd;
 use liouville_base::tableau;
 use liouville_problem::{Mechanical, Model, NonholonomicPatterns};
 
@@ -51,7 +54,13 @@ impl Offsets {
 pub(super) type Targets = Vec<(BlockHandle, f64)>;
 
 /// Adds `factor` times the weighted values to all targets.
-pub(super) fn add_to(matrix: &mut BlockMatrix, targets: &Targets, values: &[f64], factor: f64) {
+#[inline(always)]
+pub(super) fn add_to<R: Real>(
+    matrix: &mut BlockMatrix<R>,
+    targets: &Targets,
+    values: &[R],
+    factor: f64,
+) {
     for (block, weight) in targets {
         matrix.add(*block, values, factor * weight);
     }
@@ -59,30 +68,30 @@ pub(super) fn add_to(matrix: &mut BlockMatrix, targets: &Targets, values: &[f64]
 
 /// Where each derivative goes; one entry a stage, with the end behind them, or one a node.
 #[derive(Clone, Debug)]
-pub(super) struct SparkBlocks {
+pub(super) struct SparkBlocks<R = f64> {
     pub(super) p_z: Vec<Targets>,
     pub(super) v_z: Vec<Targets>,
     pub(super) one: Vec<Targets>,
     /// dV_i itself.
-    pub(super) ones: Vec<f64>,
+    pub(super) ones: Vec<R>,
     pub(super) v_y: Vec<Targets>,
     pub(super) p_y: Vec<Targets>,
     pub(super) f_z: Vec<Targets>,
-    pub(super) f_y: ByPosition,
+    pub(super) f_y: ByPosition<R>,
     pub(super) g_y: Vec<Targets>,
     pub(super) r_lam: Vec<Targets>,
-    pub(super) r_y: ByPosition,
-    pub(super) own: Option<NonholonomicBlocks>,
+    pub(super) r_y: ByPosition<R>,
+    pub(super) own: Option<NonholonomicBlocks<R>>,
 }
 
 /// Where the derivatives of k and of its reactions go.
 #[derive(Clone, Debug)]
-pub(super) struct NonholonomicBlocks {
+pub(super) struct NonholonomicBlocks<R = f64> {
     pub(super) r_z: Vec<Targets>,
     pub(super) r_nu: Vec<Targets>,
-    pub(super) r_y: ByPosition,
+    pub(super) r_y: ByPosition<R>,
     pub(super) k_z: Vec<Targets>,
-    pub(super) k_y: ByPosition,
+    pub(super) k_y: ByPosition<R>,
     /// At the end of the step: of k and of the hidden constraints w.
     pub(super) end_k_z: Targets,
     pub(super) end_k_y: Targets,
@@ -95,15 +104,15 @@ pub(super) struct NonholonomicBlocks {
 /// Derivatives by y at all stages or nodes, and their sums in each block: V_j displaces all points
 /// behind it.
 #[derive(Clone, Debug)]
-pub(super) struct ByPosition {
+pub(super) struct ByPosition<R = f64> {
     grid: BlockGrid,
     cols: usize,
     /// Row (i, j) has the products of weights of row i of the matrix and of column j at each point.
     weights: Matrix,
-    sums: Matrix,
+    sums: Matrix<R>,
 }
 
-impl ByPosition {
+impl<R: Real> ByPosition<R> {
     fn new<'a>(
         layout: &mut BlockLayout<'a>,
         pattern: &'a Pattern,
@@ -121,7 +130,8 @@ impl ByPosition {
     }
 
     /// Adds `factor` times all sums of these values, a row a point.
-    pub(super) fn add_to(&mut self, matrix: &mut BlockMatrix, values: &Matrix, factor: f64) {
+    #[inline(always)]
+    pub(super) fn add_to(&mut self, matrix: &mut BlockMatrix<R>, values: &Matrix<R>, factor: f64) {
         if values.cols() == 0 {
             return;
         }
@@ -176,9 +186,12 @@ fn extended(a: &Matrix, end: &[f64], rows: usize, cols: usize) -> Matrix {
     )
 }
 
-impl SparkBlocks {
+impl<R: Real> SparkBlocks<R> {
     /// The places of all blocks, and the matrix of them.
-    pub(super) fn new(model: &Model, tableau: &tableau::Spark) -> (Offsets, Self, BlockMatrix) {
+    pub(super) fn new(
+        model: &Model<R>,
+        tableau: &tableau::Spark,
+    ) -> (Offsets, Self, BlockMatrix<R>) {
         let (problem, at) = (&model.problem, &model.problem.patterns);
         let (n, s) = (problem.n, tableau.stages);
         let offsets = Offsets::new(problem, tableau);
@@ -217,7 +230,7 @@ impl SparkBlocks {
             own: (problem.nonholonomic.as_ref())
                 .map(|own| NonholonomicBlocks::new(to, &at.g_y, &own.patterns, tableau, offsets)),
             v_z,
-            ones: vec![1.0; n],
+            ones: vec![R::splat(1.0); n],
             one: ones,
             v_y,
         };
@@ -226,20 +239,27 @@ impl SparkBlocks {
     }
 
     /// Writes the whole matrix.
-    pub(super) fn write(&mut self, matrix: &mut BlockMatrix, of: &Derivatives, h: f64) {
+    pub(super) fn write(&mut self, matrix: &mut BlockMatrix<R>, of: &Derivatives<R>, h: f64) {
         matrix.clear();
-        self.add_stages(matrix, of, h);
+        dispatch_simd::<R, _>(
+            #[inline(always)]
+            || self.add_stages(matrix, of, h),
+        );
         if let (Some(own), Some(of)) = (&mut self.own, &of.own) {
             own.add_stages(matrix, of, h);
         }
-        self.add_nodes(matrix, of, h);
+        dispatch_simd::<R, _>(
+            #[inline(always)]
+            || self.add_nodes(matrix, of, h),
+        );
         if let Some(of) = &of.own {
             self.add_end(matrix, &of.end, h);
         }
     }
 
     /// Adds the blocks of p, f and v at the stages.
-    fn add_stages(&mut self, matrix: &mut BlockMatrix, of: &Derivatives, h: f64) {
+    #[inline(always)]
+    fn add_stages(&mut self, matrix: &mut BlockMatrix<R>, of: &Derivatives<R>, h: f64) {
         for l in 0..of.p_z.rows() {
             add_to(matrix, &self.p_z[l], of.p_z.row(l), 1.0);
             add_to(matrix, &self.v_z[l], of.v_z.row(l), -1.0);
@@ -256,7 +276,8 @@ impl SparkBlocks {
     }
 
     /// Adds the blocks of g and r at the nodes.
-    fn add_nodes(&mut self, matrix: &mut BlockMatrix, of: &Derivatives, h: f64) {
+    #[inline(always)]
+    fn add_nodes(&mut self, matrix: &mut BlockMatrix<R>, of: &Derivatives<R>, h: f64) {
         if of.g_y.cols() == 0 {
             return;
         }
@@ -272,7 +293,7 @@ impl SparkBlocks {
     }
 
     /// Adds the blocks of p, v, w and k at the end, which h b_j dV_j moves.
-    fn add_end(&self, matrix: &mut BlockMatrix, of: &EndDerivatives, h: f64) {
+    fn add_end(&self, matrix: &mut BlockMatrix<R>, of: &EndDerivatives<R>, h: f64) {
         let (Some(at), s) = (&self.own, self.p_z.len() - 1) else {
             return;
         };
@@ -287,7 +308,7 @@ impl SparkBlocks {
     }
 }
 
-impl NonholonomicBlocks {
+impl<R: Real> NonholonomicBlocks<R> {
     fn new<'a>(
         to: &mut BlockLayout<'a>,
         g_y: &'a Pattern,
@@ -325,7 +346,7 @@ impl NonholonomicBlocks {
     }
 
     /// Adds the blocks of k and its reactions at the stages.
-    fn add_stages(&mut self, matrix: &mut BlockMatrix, of: &NonholonomicDerivatives, h: f64) {
+    fn add_stages(&mut self, matrix: &mut BlockMatrix<R>, of: &NonholonomicDerivatives<R>, h: f64) {
         for j in 0..of.k_z.rows() {
             add_to(matrix, &self.k_z[j], of.k_z.row(j), 1.0);
             add_to(matrix, &self.r_z[j], of.r_z.row(j), -h);

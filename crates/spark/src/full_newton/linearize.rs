@@ -8,25 +8,22 @@ impl FullEquations<'_> {
     /// Makes the matrix at the present unknowns, and factors it.
     pub(super) fn linearize(&mut self) -> Result<(), StepError> {
         let (solver, at) = (&mut *self.solver.newton, (self.step, &*self.solver.z1));
-        let nodes = solver.offsets.nodes;
+        let nodes = solver.of.offsets.nodes;
         (solver.derivatives).evaluate(self.model, self.stages, at, nodes)?;
         if !self.model.problem.is_linear {
             self.update_mass()?;
         }
         let FullNewton {
-            blocks,
-            matrix,
-            derivatives,
-            ..
+            of, derivatives, ..
         } = &mut *self.solver.newton;
-        blocks.write(matrix, derivatives, self.step.h);
-        matrix.factor().map_err(|_| self.diagnose())
+        let factored = of.factor(derivatives, self.step.h);
+        factored.map_err(|_| self.diagnose())
     }
 
     /// The mass at the end of the step where that is solved for, else in its middle.
     fn update_mass(&mut self) -> Result<(), StepError> {
         let (solver, stages) = (&mut *self.solver.newton, &*self.stages);
-        let (t, y, z) = if solver.blocks.own.is_some() {
+        let (t, y, z) = if solver.of.blocks.own.is_some() {
             let k = stages.tableau.intervals;
             let t = stages.node_time(self.step, k);
             (t, stages.node_y.row(k), &*self.solver.z1)

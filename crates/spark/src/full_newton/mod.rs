@@ -28,14 +28,56 @@ use blocks::SparkBlocks;
 use liouville_base::error::{Quantity, StepError};
 use liouville_base::linalg::{Singular, add_scaled, copy, copy_scaled, max_norm};
 use liouville_base::newton::BlockMatrix;
+use liouville_base::real::Real;
+use liouville_base::tableau;
 use liouville_problem::{Mass, Model, finite, finite_k};
+
+/// The matrix of all unknowns of a step.
+#[derive(Clone, Debug)]
+pub(super) struct FullMatrix<R = f64> {
+    offsets: Offsets,
+    blocks: SparkBlocks<R>,
+    matrix: BlockMatrix<R>,
+}
+
+impl<R: Real> FullMatrix<R> {
+    pub(super) fn new(model: &Model<R>, tableau: &tableau::Spark) -> Self {
+        let (offsets, blocks, matrix) = SparkBlocks::new(model, tableau);
+        Self {
+            offsets,
+            blocks,
+            matrix,
+        }
+    }
+
+    /// Factors the matrix with these derivatives.
+    ///
+    /// # Errors
+    /// It is singular, or that of one of several members is where they have the same units: alone each has its own.
+    pub(super) fn factor(&mut self, of: &Derivatives<R>, h: f64) -> Result<(), Singular> {
+        self.blocks.write(&mut self.matrix, of, h);
+        self.matrix.factor()?;
+        if self.matrix.has_units() && !R::IS_SINGLE {
+            return Err(Singular { column: 0 });
+        }
+        Ok(())
+    }
+
+    /// Solves in place, in the order of equations and unknowns.
+    pub(super) fn solve(&mut self, x: &mut [R]) {
+        self.matrix.solve(x);
+    }
+
+    /// Solves with the transposed matrix in place.
+    pub(super) fn solve_transposed(&mut self, x: &mut [R]) {
+        self.matrix.solve_transposed(x);
+    }
+}
 
 /// The Newton matrix, and the memory of solving with it.
 #[derive(Clone, Debug)]
 pub(super) struct FullNewton {
-    offsets: Offsets,
-    blocks: SparkBlocks,
-    matrix: BlockMatrix,
+    of: FullMatrix,
     /// Gives the size of multipliers in velocities, where reactions are not linear.
     mass: Mass,
     unknowns: Vec<f64>,
@@ -54,31 +96,13 @@ type FullEquations<'a> = StageEquations<'a, FullSolver<'a>>;
 impl FullNewton {
     pub(super) fn new(model: &Model, stages: &Stages) -> Self {
         let (problem, tableau) = (&model.problem, &stages.tableau);
-        let (offsets, blocks, matrix) = SparkBlocks::new(model, tableau);
+        let of = FullMatrix::new(model, tableau);
         Self {
             mass: Mass::new(model),
-            unknowns: vec![0.0; matrix.order()],
+            unknowns: vec![0.0; of.matrix.order()],
             derivatives: Derivatives::new(problem, tableau),
-            offsets,
-            blocks,
-            matrix,
+            of,
         }
-    }
-
-    /// Factors the matrix with these derivatives.
-    pub(super) fn factor_with(&mut self, of: &Derivatives, h: f64) -> Result<(), Singular> {
-        self.blocks.write(&mut self.matrix, of, h);
-        self.matrix.factor()
-    }
-
-    /// Solves in place, in the order of equations and unknowns.
-    pub(super) fn solve(&mut self, x: &mut [f64]) {
-        self.matrix.solve(x);
-    }
-
-    /// Solves with the transposed matrix in place.
-    pub(super) fn solve_transposed(&mut self, x: &mut [f64]) {
-        self.matrix.solve_transposed(x);
     }
 }
 
@@ -86,14 +110,14 @@ impl FullEquations<'_> {
     /// The right-hand sides, but for those of the end.
     fn set_residuals(&mut self) {
         let (solver, stages, h) = (&mut *self.solver.newton, &*self.stages, self.step.h);
-        let Offsets { lam, nu, order, .. } = solver.offsets;
+        let Offsets { lam, nu, order, .. } = solver.of.offsets;
         let out = &mut solver.unknowns;
         copy_scaled(out, -1.0, stages.momentum_residual.flat());
         let constraints = &stages.g.flat()[self.model.problem.m..];
         for (out, g) in out[lam..].iter_mut().zip(constraints) {
             *out = -g / h;
         }
-        if let Some(own) = &solver.blocks.own {
+        if let Some(own) = &solver.of.blocks.own {
             let l = self.model.problem.l();
             for (i, out) in out[nu..order - l].chunks_exact_mut(l).enumerate() {
                 out.fill(0.0);
@@ -111,7 +135,7 @@ impl FullEquations<'_> {
     /// The right-hand sides of (U2), (U3) and of k at the end.
     fn set_end_residuals(&mut self) -> Result<(), StepError> {
         let (solver, stages, z1) = (&mut *self.solver.newton, &*self.stages, &*self.solver.z1);
-        let Offsets { lam, nu, order, .. } = solver.offsets;
+        let Offsets { lam, nu, order, .. } = solver.of.offsets;
         let problem = &self.model.problem;
         let (n, m, l) = (problem.n, problem.m, problem.l());
         let (s, k) = (stages.tableau.stages, stages.tableau.intervals);
@@ -142,7 +166,7 @@ impl FullEquations<'_> {
         let (solver, unknowns) = (&mut *self.solver.newton, &mut self.stages.unknowns);
         let Offsets {
             lam, nu, order, v, ..
-        } = solver.offsets;
+        } = solver.of.offsets;
         let (d, h) = (&solver.unknowns, self.step.h);
         let (d_z, d_v) = (&d[..lam], &d[v..v + lam]);
         let stages = unknowns.z.flat().len();
@@ -161,7 +185,7 @@ impl FullEquations<'_> {
         if problem.is_linear {
             return 0.0;
         }
-        let Offsets { lam, nu, order, .. } = solver.offsets;
+        let Offsets { lam, nu, order, .. } = solver.of.offsets;
         let (mass, d, mut size) = (&mut solver.mass, &solver.unknowns, 0.0_f64);
         if problem.m > 0 {
             for (j, d_lam) in d[lam..nu].chunks_exact(problem.m).enumerate() {
@@ -181,7 +205,7 @@ impl FullEquations<'_> {
 impl CorrectStages<f64> for FullEquations<'_> {
     fn correct_unknowns(&mut self) -> Result<f64, StepError> {
         self.set_residuals();
-        if self.solver.newton.blocks.own.is_some() {
+        if self.solver.newton.of.blocks.own.is_some() {
             self.set_end_residuals()?;
         }
         if !self.is_linearized {
@@ -189,7 +213,7 @@ impl CorrectStages<f64> for FullEquations<'_> {
             self.is_linearized = true;
         }
         let newton = &mut *self.solver.newton;
-        newton.matrix.solve(&mut newton.unknowns);
+        newton.of.solve(&mut newton.unknowns);
         let size = self.add_corrections().max(self.multiplier_size());
         Ok(self.stages.relative(size, self.step))
     }

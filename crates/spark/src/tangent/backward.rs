@@ -10,42 +10,46 @@
 //!
 //! With nonholonomic constraints the end is solved for with the stages, and its cotangents come of Jᵀ too: z̄1 is on the
 //! right, π that of its momenta. There the adjoint is another method, whose multipliers and constraints change places.
+#![allow(clippy::inline_always)] // other functions are compiled without the caller's instruction set
 
 use super::super::stages::Stages;
+use super::equations::StepMatrix;
 use super::linear_step::LinearStep;
 use liouville_base::error::StepError;
 use liouville_base::linalg::{Matrix, add_scaled, copy, dot};
+use liouville_base::real::Real;
+use liouville_base::simd::dispatch_simd;
 use liouville_base::tableau;
 use liouville_problem::{Cotangents, Mechanical, Model, Step};
 
 /// The memory of an adjoint step.
 #[derive(Clone, Debug)]
-pub(super) struct Backward {
+pub(super) struct Backward<R = f64> {
     /// Cotangents of Y_i and Ŷ_j, first those of the parts by V_j, then of e(Y_i) and e(Ŷ_j).
-    stages: Matrix,
-    nodes: Matrix,
-    right: Vec<f64>,
+    stages: Matrix<R>,
+    nodes: Matrix<R>,
+    right: Vec<R>,
     /// Of an impulse.
-    impulse: Vec<f64>,
-    y: Vec<f64>,
-    momentum: Vec<f64>,
-    hidden: Vec<f64>,
+    impulse: Vec<R>,
+    y: Vec<R>,
+    momentum: Vec<R>,
+    hidden: Vec<R>,
     /// Of k at a stage.
-    nonholonomic: Vec<f64>,
+    nonholonomic: Vec<R>,
 }
 
-impl Backward {
+impl<R: Real> Backward<R> {
     pub(super) fn new(problem: &Mechanical, tableau: &tableau::Spark, order: usize) -> Self {
         let (n, s, k) = (problem.n, tableau.stages, tableau.intervals);
         Self {
             stages: Matrix::zeros(s, n),
             nodes: Matrix::zeros(k + 1, n),
-            right: vec![0.0; order],
-            impulse: vec![0.0; n],
-            y: vec![0.0; n],
-            momentum: vec![0.0; n],
-            hidden: vec![0.0; problem.m],
-            nonholonomic: vec![0.0; problem.l()],
+            right: vec![R::splat(0.0); order],
+            impulse: vec![R::splat(0.0); n],
+            y: vec![R::splat(0.0); n],
+            momentum: vec![R::splat(0.0); n],
+            hidden: vec![R::splat(0.0); problem.m],
+            nonholonomic: vec![R::splat(0.0); problem.l()],
         }
     }
 
@@ -55,34 +59,48 @@ impl Backward {
     /// A singular matrix.
     pub(super) fn follow(
         &mut self,
-        linear: &mut LinearStep,
-        (model, stages): (&Model, &Stages),
-        step: Step,
-        cotangents: &mut Cotangents,
+        (linear, matrix): (&mut LinearStep<R>, &mut impl StepMatrix<R>),
+        (model, stages): (&Model<R>, &Stages<R>),
+        step: Step<R>,
+        cotangents: &mut Cotangents<R>,
     ) -> Result<(), StepError> {
         // dt1 = dt0 + h stretch
-        cotangents.stretch += step.h * cotangents.tau[0];
+        cotangents.stretch += cotangents.tau[0] * step.h;
         copy(&mut self.y, &cotangents.y);
         let is_together = linear.problem.l() > 0;
         if !is_together {
             self.solve_end((linear, model), cotangents);
-            self.leave_end(linear, step, cotangents);
         }
-        self.set_right(linear, stages, step, cotangents);
-        linear.solve_transposed((model, stages), &mut self.right)?;
+        dispatch_simd::<R, _>(
+            #[inline(always)]
+            || {
+                if !is_together {
+                    self.leave_end(linear, step, cotangents);
+                }
+                self.set_right(linear, stages, step, cotangents);
+            },
+        );
+        matrix.solve_transposed_at((model, stages), &linear.derivatives, &mut self.right)?;
         if is_together {
             self.take_end(linear, stages);
             self.leave_end(linear, step, cotangents);
         }
-        self.enter(linear, stages, step, cotangents);
+        dispatch_simd::<R, _>(
+            #[inline(always)]
+            || self.enter(linear, stages, step, cotangents),
+        );
         Ok(())
     }
 
     /// Finds cotangents of the momenta and of the hidden constraints at the end, from those of z1.
-    fn solve_end(&mut self, (linear, model): (&mut LinearStep, &Model), cotangents: &Cotangents) {
+    fn solve_end(
+        &mut self,
+        (linear, model): (&mut LinearStep<R>, &Model<R>),
+        cotangents: &Cotangents<R>,
+    ) {
         let (at, end) = (&linear.problem.patterns, &mut linear.end);
         copy(&mut self.momentum, &cotangents.z);
-        self.hidden.fill(0.0);
+        self.hidden.fill(R::splat(0.0));
         at.r_lam.multiply_add_transposed(
             end.matrix.r_lam(),
             1.0,
@@ -94,7 +112,7 @@ impl Backward {
     }
 
     /// Takes them from the solution, where the end is solved for with the stages, and those of k at the end.
-    fn take_end(&mut self, linear: &LinearStep, stages: &Stages) {
+    fn take_end(&mut self, linear: &LinearStep<R>, stages: &Stages<R>) {
         let (offsets, tableau) = (linear.places().0, &stages.tableau);
         let (n, m, l) = (linear.problem.n, linear.problem.m, linear.problem.l());
         let (momenta, hidden) = (tableau.stages * n, offsets.lam + tableau.intervals * m);
@@ -107,7 +125,8 @@ impl Backward {
     }
 
     /// Takes these to those of y1 and of all impulses, which `cotangents.carried` is then.
-    fn leave_end(&mut self, linear: &LinearStep, step: Step, cotangents: &mut Cotangents) {
+    #[inline(always)]
+    fn leave_end(&mut self, linear: &LinearStep<R>, step: Step<R>, cotangents: &mut Cotangents<R>) {
         let (at, by_tau, end) = (
             &linear.problem.patterns,
             &linear.sensitivity.problem.patterns,
@@ -131,41 +150,40 @@ impl Backward {
             k_y.multiply_add_transposed(&own.of.end.k_y, -1.0, &self.nonholonomic, &mut self.y);
             k_tau.multiply_add_transposed(own.end_k_tau, -1.0, &self.nonholonomic, tau);
         }
-        cotangents.stretch += step.h * (cotangents.tau[0] - before);
+        cotangents.stretch += (cotangents.tau[0] - before) * step.h;
     }
 
     /// Writes the right-hand sides of the transposed stage equations.
-    fn set_right(&mut self, linear: &LinearStep, stages: &Stages, step: Step, of: &Cotangents) {
+    #[inline(always)]
+    fn set_right(
+        &mut self,
+        linear: &LinearStep<R>,
+        stages: &Stages<R>,
+        step: Step<R>,
+        of: &Cotangents<R>,
+    ) {
         let (at, tableau) = (&linear.problem.patterns, &stages.tableau);
         let (n, m, offsets) = (linear.problem.n, linear.problem.m, linear.places().0);
-        self.right.fill(0.0);
+        self.right.fill(R::splat(0.0));
         self.stages.clear();
         self.nodes.clear();
         let last = tableau.intervals;
         add_scaled(self.nodes.row_mut(last), 1.0, &self.y);
         for j in 0..tableau.stages {
             let weight = step.h * tableau.b[j];
-            let f_z = linear.derivatives().f_z.row(j);
+            let f_z = linear.derivatives.f_z.row(j);
             let out = &mut self.right[j * n..(j + 1) * n];
             at.f_z
                 .multiply_add_transposed(f_z, weight, &of.carried, out);
             let out = self.stages.row_mut(j);
-            at.f_y.multiply_add_transposed(
-                linear.derivatives().f_y.row(j),
-                weight,
-                &of.carried,
-                out,
-            );
+            at.f_y
+                .multiply_add_transposed(linear.derivatives.f_y.row(j), weight, &of.carried, out);
         }
         for j in 0..=last {
             let weight = step.h * tableau.b_hat[j];
             let out = self.nodes.row_mut(j);
-            at.r_y.multiply_add_transposed(
-                linear.derivatives().r_y.row(j),
-                weight,
-                &of.carried,
-                out,
-            );
+            at.r_y
+                .multiply_add_transposed(linear.derivatives.r_y.row(j), weight, &of.carried, out);
         }
         if let Some(own) = linear.nonholonomic() {
             let l = linear.problem.l();
@@ -191,7 +209,7 @@ impl Backward {
         for (j, out) in rows.enumerate() {
             let weight = tableau.b_hat[j];
             at.r_lam.multiply_add_transposed(
-                linear.derivatives().r_lam.row(j),
+                linear.derivatives.r_lam.row(j),
                 weight,
                 &of.carried,
                 out,
@@ -210,7 +228,14 @@ impl Backward {
     }
 
     /// From the solution to cotangents of the start.
-    fn enter(&mut self, linear: &LinearStep, stages: &Stages, step: Step, of: &mut Cotangents) {
+    #[inline(always)]
+    fn enter(
+        &mut self,
+        linear: &LinearStep<R>,
+        stages: &Stages<R>,
+        step: Step<R>,
+        of: &mut Cotangents<R>,
+    ) {
         let (tableau, n) = (&stages.tableau, linear.problem.n);
         self.stages.clear();
         self.nodes.clear();
@@ -224,7 +249,7 @@ impl Backward {
         for row in self.right[..tableau.stages * n].chunks_exact(n) {
             add_scaled(&mut of.carried, 1.0, row);
         }
-        of.y.fill(0.0);
+        of.y.fill(R::splat(0.0));
         for (moved, weights) in [
             (&self.stages, &tableau.mu_v),
             (&self.nodes, &tableau.mu_bar),
@@ -233,15 +258,16 @@ impl Backward {
                 add_scaled(&mut of.y, 1.0, moved.row(i));
                 for j in 0..tableau.stages {
                     let led = stages.displacements.row(j);
-                    of.stretch += weights[(i, j)] * dot(led, moved.row(i));
+                    of.stretch += dot(led, moved.row(i)) * weights[(i, j)];
                 }
             }
         }
-        of.z.fill(0.0);
+        of.z.fill(R::splat(0.0));
     }
 
     /// The cotangent of the impulse in column `j` of the weights.
-    fn weigh(&mut self, stages: &Stages, n: usize, j: usize, of: &Cotangents) {
+    #[inline(always)]
+    fn weigh(&mut self, stages: &Stages<R>, n: usize, j: usize, of: &Cotangents<R>) {
         copy(&mut self.impulse, &of.carried);
         let weights = &stages.force_weights;
         if j < weights.cols() {
@@ -251,25 +277,26 @@ impl Backward {
         }
     }
 
+    #[inline(always)]
     fn enter_stage(
         &mut self,
-        linear: &LinearStep,
-        stages: &Stages,
-        step: Step,
+        linear: &LinearStep<R>,
+        stages: &Stages<R>,
+        step: Step<R>,
         i: usize,
-        of: &mut Cotangents,
+        of: &mut Cotangents<R>,
     ) {
         let (at, by_tau) = (
             &linear.problem.patterns,
             &linear.sensitivity.problem.patterns,
         );
-        let (n, tableau, slopes) = (linear.problem.n, &stages.tableau, linear.derivatives());
+        let (n, tableau, slopes) = (linear.problem.n, &stages.tableau, &linear.derivatives);
         self.weigh(stages, n, i, of);
         of.stretch += dot(stages.impulses.row(i), &self.impulse);
         let (weight, own) = (step.h * tableau.b[i], &self.right[i * n..(i + 1) * n]);
         let out = self.stages.row_mut(i);
         at.f_y
-            .multiply_add_transposed(linear.derivatives().f_y.row(i), weight, &self.impulse, out);
+            .multiply_add_transposed(linear.derivatives.f_y.row(i), weight, &self.impulse, out);
         at.p_y
             .multiply_add_transposed(slopes.p_y.row(i), -1.0, own, out);
         let (before, tau) = (of.tau[0], &mut of.tau);
@@ -287,17 +314,18 @@ impl Backward {
             v_tau.multiply_add_transposed(linear.v_tau.row(i), 1.0, own, tau);
         }
         self.enter_rolling(linear, stages, step, i, of);
-        of.stretch += tableau.c[i] * step.h * (of.tau[0] - before);
+        of.stretch += (of.tau[0] - before) * (tableau.c[i] * step.h);
     }
 
     /// Nonholonomic constraints at a stage, and their reactions.
+    #[inline(always)]
     fn enter_rolling(
         &mut self,
-        linear: &LinearStep,
-        stages: &Stages,
-        step: Step,
+        linear: &LinearStep<R>,
+        stages: &Stages<R>,
+        step: Step<R>,
         i: usize,
-        of: &mut Cotangents,
+        of: &mut Cotangents<R>,
     ) {
         let Some(own) = linear.nonholonomic() else {
             return;
@@ -309,7 +337,7 @@ impl Backward {
         );
         self.weigh(stages, n, column, of);
         of.stretch += dot(stages.impulses.row(column), &self.impulse);
-        self.nonholonomic.fill(0.0);
+        self.nonholonomic.fill(R::splat(0.0));
         let moments = self.right[offsets.nu..offsets.order - l].chunks_exact(l);
         for (row, moment) in moments.enumerate() {
             add_scaled(&mut self.nonholonomic, own.moments[(row, i)], moment);
@@ -324,13 +352,14 @@ impl Backward {
         k_tau.multiply_add_transposed(own.k_tau.row(i), -1.0, &self.nonholonomic, tau);
     }
 
+    #[inline(always)]
     fn enter_node(
         &mut self,
-        linear: &LinearStep,
-        stages: &Stages,
-        step: Step,
+        linear: &LinearStep<R>,
+        stages: &Stages<R>,
+        step: Step<R>,
         j: usize,
-        of: &mut Cotangents,
+        of: &mut Cotangents<R>,
     ) {
         let (at, by_tau) = (
             &linear.problem.patterns,
@@ -342,7 +371,7 @@ impl Backward {
         let weight = step.h * tableau.b_hat[j];
         let out = self.nodes.row_mut(j);
         at.r_y
-            .multiply_add_transposed(linear.derivatives().r_y.row(j), weight, &self.impulse, out);
+            .multiply_add_transposed(linear.derivatives.r_y.row(j), weight, &self.impulse, out);
         let (before, tau) = (of.tau[0], &mut of.tau);
         by_tau
             .r_tau
@@ -350,12 +379,12 @@ impl Backward {
         if let Some(row) = j.checked_sub(1) {
             let first = linear.places().0.lam + row * m;
             let (own, weight) = (&self.right[first..first + m], -1.0 / step.h);
-            let g_y = linear.derivatives().g_y.row(j);
+            let g_y = linear.derivatives.g_y.row(j);
             at.g_y.multiply_add_transposed(g_y, weight, own, out);
             by_tau
                 .g_tau
                 .multiply_add_transposed(linear.g_tau.row(j), weight, own, tau);
         }
-        of.stretch += tableau.c_hat[j] * step.h * (of.tau[0] - before);
+        of.stretch += (of.tau[0] - before) * (tableau.c_hat[j] * step.h);
     }
 }

@@ -6,7 +6,7 @@
 //! contract by the same factor, that of the step.
 
 use super::super::derivatives::Derivatives;
-use super::super::full_newton::FullNewton;
+use super::super::full_newton::{FullMatrix, Offsets};
 use super::super::node_schur::LinearSchur;
 use super::super::stages::Stages;
 use super::super::{Solver, Spark};
@@ -14,7 +14,8 @@ use super::operator::Operator;
 use liouville_base::error::StepError;
 use liouville_base::linalg::{add_scaled, copy, max_norm};
 use liouville_base::newton::Backoff;
-use liouville_problem::{Mechanical, Model, diagnose_rank};
+use liouville_base::tableau;
+use liouville_problem::{Mechanical, MemberLanes, Model, diagnose_rank};
 use std::sync::Arc;
 
 /// The order up to which full Newton's matrix costs no more than corrections.
@@ -33,14 +34,66 @@ const ROUNDOFF: f64 = 1e-10;
 
 const MOST_CORRECTIONS: usize = 30;
 
+/// The matrix of the equations of one step.
+pub(super) trait StepMatrix<R> {
+    /// Factors the matrix with these derivatives, of a step of this size.
+    ///
+    /// # Errors
+    /// It is singular.
+    fn factor_at(
+        &mut self,
+        at: (&Model<R>, &Stages<R>),
+        of: &Derivatives<R>,
+        h: f64,
+    ) -> Result<(), StepError>;
+
+    /// Solves in place with the transposed matrix of these derivatives, which was factored.
+    ///
+    /// # Errors
+    /// It is singular.
+    fn solve_transposed_at(
+        &mut self,
+        at: (&Model<R>, &Stages<R>),
+        of: &Derivatives<R>,
+        x: &mut [R],
+    ) -> Result<(), StepError>;
+}
+
+/// Several members in lock-step: their own factors.
+impl StepMatrix<MemberLanes> for FullMatrix<MemberLanes> {
+    fn factor_at(
+        &mut self,
+        _: (&Model<MemberLanes>, &Stages<MemberLanes>),
+        of: &Derivatives<MemberLanes>,
+        h: f64,
+    ) -> Result<(), StepError> {
+        self.factor(of, h).map_err(|_| StepError::SingularNewton)
+    }
+
+    fn solve_transposed_at(
+        &mut self,
+        _: (&Model<MemberLanes>, &Stages<MemberLanes>),
+        _: &Derivatives<MemberLanes>,
+        x: &mut [MemberLanes],
+    ) -> Result<(), StepError> {
+        self.solve_transposed(x);
+        Ok(())
+    }
+}
+
+/// Whether the equations of a step are solved with their own factors, whatever the directions: members in lock-step are
+/// only solved so.
+pub(super) fn is_small(problem: &Mechanical, tableau: &tableau::Spark) -> bool {
+    Offsets::new(problem, tableau).count() <= SMALL
+}
+
 /// The linear equations of one step.
 #[derive(Clone, Debug)]
 pub(super) struct LinearEquations {
     problem: Arc<Mechanical>,
-    pub(super) derivatives: Derivatives,
     h: f64,
     schur: Option<Box<Corrected>>,
-    full: Option<Box<FullNewton>>,
+    full: Option<Box<FullMatrix>>,
     /// The matrix that is factored.
     is_full: bool,
     backoff: Backoff,
@@ -57,10 +110,11 @@ struct Corrected {
 }
 
 impl LinearEquations {
-    /// The equations of a method at work, with so many unknowns and right-hand sides a step.
-    pub(super) fn new((spark, stages): (&Spark, &Stages), order: usize, directions: usize) -> Self {
+    /// The equations of a method at work, with so many right-hand sides a step.
+    pub(super) fn new((spark, stages): (&Spark, &Stages), directions: usize) -> Self {
         let (model, tableau) = (&spark.model, &spark.tableau);
         let problem = &model.problem;
+        let order = Offsets::new(problem, tableau).count();
         let corrected = |matrix| {
             let vector = || vec![0.0; order];
             Box::new(Corrected {
@@ -71,11 +125,11 @@ impl LinearEquations {
                 product: vector(),
             })
         };
-        let is_large = order > SMALL && directions <= FEW && spark.solver != Solver::Newton;
+        let is_large =
+            !is_small(problem, tableau) && directions <= FEW && spark.solver != Solver::Newton;
         let is_large = is_large && problem.l() == 0;
         let schur = is_large.then(|| LinearSchur::new(model, stages));
         Self {
-            derivatives: Derivatives::new(problem, tableau),
             h: 0.0,
             schur: schur.flatten().map(corrected),
             full: None,
@@ -85,29 +139,15 @@ impl LinearEquations {
         }
     }
 
-    /// Factors a matrix with the derivatives, of a step of this size.
-    pub(super) fn factor(
+    fn factor_full(
         &mut self,
         (model, stages): (&Model, &Stages),
-        h: f64,
+        of: &Derivatives,
     ) -> Result<(), StepError> {
-        self.h = h;
-        self.is_full = match &mut self.schur {
-            Some(schur) if !self.backoff.skip() => schur.matrix.factor(&self.derivatives).is_err(),
-            _ => true,
-        };
-        if self.is_full {
-            self.factor_full((model, stages))
-        } else {
-            Ok(())
-        }
-    }
-
-    fn factor_full(&mut self, (model, stages): (&Model, &Stages)) -> Result<(), StepError> {
-        let full = (self.full).get_or_insert_with(|| FullNewton::new(model, stages).into());
-        let of = &self.derivatives;
+        let tableau = &stages.tableau;
+        let full = (self.full).get_or_insert_with(|| FullMatrix::new(model, tableau).into());
         self.is_full = true;
-        full.factor_with(of, self.h).map_err(|_| {
+        full.factor(of, self.h).map_err(|_| {
             let last = of.g_y.row(of.g_y.rows() - 1);
             let at = &self.problem.patterns.g_y;
             diagnose_rank(at, last, StepError::SingularNewton)
@@ -118,14 +158,15 @@ impl LinearEquations {
     pub(super) fn solve<const TRANSPOSED: bool>(
         &mut self,
         at: (&Model, &Stages),
+        of: &Derivatives,
         x: &mut [f64],
     ) -> Result<(), StepError> {
-        if !self.is_full && self.correct::<TRANSPOSED>(x) {
+        if !self.is_full && self.correct::<TRANSPOSED>(of, x) {
             return Ok(());
         }
         if !self.is_full {
             self.backoff.fail();
-            self.factor_full(at)?;
+            self.factor_full(at, of)?;
         }
         if let Some(full) = &mut self.full {
             if TRANSPOSED {
@@ -140,7 +181,7 @@ impl LinearEquations {
     /// Corrects from zero until corrections are roundoff; says whether they got there. Otherwise `x` is left as it was.
     ///
     /// The two matrices differ in the columns of Z and V only, so only corrections of these decide on convergence.
-    fn correct<const TRANSPOSED: bool>(&mut self, x: &mut [f64]) -> bool {
+    fn correct<const TRANSPOSED: bool>(&mut self, of: &Derivatives, x: &mut [f64]) -> bool {
         let Some(schur) = &mut self.schur else {
             return false;
         };
@@ -151,7 +192,7 @@ impl LinearEquations {
             change,
             product,
         } = &mut **schur;
-        let of = (&*self.problem, &self.derivatives, self.h);
+        let of = (&*self.problem, of, self.h);
         let stages = of.1.p_z.rows() * self.problem.n;
         let sizes = |x: &[f64]| {
             let has_velocity = self.problem.patterns.v_z.is_some();
@@ -201,4 +242,34 @@ impl LinearEquations {
     }
 }
 
+impl StepMatrix<f64> for LinearEquations {
+    fn factor_at(
+        &mut self,
+        at: (&Model, &Stages),
+        of: &Derivatives,
+        h: f64,
+    ) -> Result<(), StepError> {
+        self.h = h;
+        self.is_full = match &mut self.schur {
+            Some(schur) if !self.backoff.skip() => schur.matrix.factor(of).is_err(),
+            _ => true,
+        };
+        if self.is_full {
+            self.factor_full(at, of)
+        } else {
+            Ok(())
+        }
+    }
+
+    fn solve_transposed_at(
+        &mut self,
+        at: (&Model, &Stages),
+        of: &Derivatives,
+        x: &mut [f64],
+    ) -> Result<(), StepError> {
+        self.solve::<true>(at, of, x)
+    }
+}
+
+// How long corrections still rest.
 liouville_base::checkpoint!(LinearEquations { backoff });

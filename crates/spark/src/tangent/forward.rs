@@ -13,6 +13,7 @@
 //! moments, dp0 + Σ .. − e(p1), −e(w1) and −e(k1), the reactions r_n being further impulses.
 
 use super::super::stages::Stages;
+use super::equations::LinearEquations;
 use super::linear_step::{LinearNonholonomic, LinearStep};
 use liouville_base::error::StepError;
 use liouville_base::linalg::{Matrix, add_scaled, as_is, combine, copy, copy_scaled};
@@ -82,7 +83,7 @@ impl Forward {
     /// A singular matrix.
     pub(super) fn follow(
         &mut self,
-        linear: &mut LinearStep,
+        (linear, equations): (&mut LinearStep, &mut LinearEquations),
         (model, stages): (&Model, &Stages),
         directions: &mut Directions,
         along: StepAlong,
@@ -91,7 +92,7 @@ impl Forward {
         self.vary(linear, stages, directions, along);
         self.set_right(linear, stages, directions, along);
         self.set_right_nonholonomic(linear, stages, directions, along);
-        linear.solve((model, stages), &mut self.right)?;
+        equations.solve::<false>((model, stages), &linear.derivatives, &mut self.right)?;
         self.move_points(linear, stages, along.step);
         self.add_impulses(linear, stages, along.step);
         self.finish((linear, model), directions, along, state);
@@ -127,7 +128,7 @@ impl Forward {
             moved(dy, tableau.mu_v.row(i));
             let tau = along.tau(directions, tableau.c[i]);
             at.f_y
-                .multiply_add(linear.derivatives().f_y.row(i), weight, dy, out);
+                .multiply_add(linear.derivatives.f_y.row(i), weight, dy, out);
             by_tau
                 .f_tau
                 .multiply_add(linear.f_tau.row(i), weight, tau, out);
@@ -138,7 +139,7 @@ impl Forward {
             moved(dy, tableau.mu_bar.row(j));
             let tau = along.tau(directions, tableau.c_hat[j]);
             at.r_y
-                .multiply_add(linear.derivatives().r_y.row(j), weight, dy, out);
+                .multiply_add(linear.derivatives.r_y.row(j), weight, dy, out);
             by_tau
                 .r_tau
                 .multiply_add(linear.r_tau.row(j), weight, tau, out);
@@ -168,7 +169,7 @@ impl Forward {
             &linear.sensitivity.problem.patterns,
         );
         let (n, m, tableau) = (linear.problem.n, linear.problem.m, &stages.tableau);
-        let (offsets, slopes, right) = (linear.places().0, linear.derivatives(), &mut self.right);
+        let (offsets, slopes, right) = (linear.places().0, &linear.derivatives, &mut self.right);
         right.fill(0.0);
         let momenta = &mut right[..tableau.stages * n];
         combine(momenta, &stages.force_weights, &self.impulses, as_is);
@@ -286,18 +287,18 @@ impl Forward {
         for (j, d_z) in (0..tableau.stages).zip(d_z) {
             let (weight, out) = (step.h * tableau.b[j], self.impulses.row_mut(j));
             at.f_y.multiply_add(
-                linear.derivatives().f_y.row(j),
+                linear.derivatives.f_y.row(j),
                 weight,
                 self.stages.row(j),
                 out,
             );
             at.f_z
-                .multiply_add(linear.derivatives().f_z.row(j), weight, d_z, out);
+                .multiply_add(linear.derivatives.f_z.row(j), weight, d_z, out);
         }
         for j in 0..self.nodes.rows() {
             let (weight, out) = (tableau.b_hat[j], self.impulses.row_mut(tableau.stages + j));
             at.r_y.multiply_add(
-                linear.derivatives().r_y.row(j),
+                linear.derivatives.r_y.row(j),
                 step.h * weight,
                 self.nodes.row(j),
                 out,
@@ -307,7 +308,7 @@ impl Forward {
         for (j, d_lam) in d_lam.enumerate() {
             let (weight, out) = (tableau.b_hat[j], self.impulses.row_mut(tableau.stages + j));
             at.r_lam
-                .multiply_add(linear.derivatives().r_lam.row(j), weight, d_lam, out);
+                .multiply_add(linear.derivatives.r_lam.row(j), weight, d_lam, out);
         }
         if let Some(LinearNonholonomic { at, of, .. }) = linear.nonholonomic() {
             let (first, l) = (tableau.stages + self.nodes.rows(), linear.problem.l());

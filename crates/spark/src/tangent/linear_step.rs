@@ -1,14 +1,15 @@
 //! The equations of one step, linearised at their solution: the matrix of full Newton with all derivatives in it,
 //! those by τ = (t, θ), and those at the end of the step.
 
-use super::super::Spark;
 use super::super::derivatives::{Derivatives, NonholonomicDerivatives, take};
 use super::super::full_newton::Offsets;
 use super::super::stages::Stages;
-use super::equations::LinearEquations;
+use super::equations::StepMatrix;
 use liouville_base::error::{Quantity, StepError};
 use liouville_base::linalg::{Matrix, Pattern, copy};
-use liouville_base::tableau::moments;
+use liouville_base::real::Real;
+use liouville_base::simd::dispatch_simd;
+use liouville_base::tableau::{self, moments};
 use liouville_problem::{
     Mechanical, Model, NonholonomicPatterns, Saddle, SensitivityModel, State, Step, finite,
 };
@@ -16,23 +17,24 @@ use std::sync::Arc;
 
 /// Derivatives of one step.
 #[derive(Clone, Debug)]
-pub(super) struct LinearStep {
+pub(super) struct LinearStep<R = f64> {
     pub(super) problem: Arc<Mechanical>,
-    pub(super) sensitivity: SensitivityModel,
+    pub(super) sensitivity: SensitivityModel<R>,
     offsets: Offsets,
-    equations: LinearEquations,
+    /// By y, z and λ.
+    pub(super) derivatives: Derivatives<R>,
     /// Of the stages.
-    pub(super) p_tau: Matrix,
-    pub(super) f_tau: Matrix,
-    pub(super) v_tau: Matrix,
+    pub(super) p_tau: Matrix<R>,
+    pub(super) f_tau: Matrix<R>,
+    pub(super) v_tau: Matrix<R>,
     /// Of the nodes.
-    pub(super) g_tau: Matrix,
-    pub(super) r_tau: Matrix,
+    pub(super) g_tau: Matrix<R>,
+    pub(super) r_tau: Matrix<R>,
     moments: Matrix,
     /// Of nonholonomic constraints and their reactions, at the stages.
-    pub(super) k_tau: Matrix,
-    pub(super) rn_tau: Matrix,
-    pub(super) end: End,
+    pub(super) k_tau: Matrix<R>,
+    pub(super) rn_tau: Matrix<R>,
+    pub(super) end: End<R>,
     /// Whether those that are constants are there.
     is_ready: bool,
 }
@@ -40,43 +42,41 @@ pub(super) struct LinearStep {
 /// Derivatives at the end of the step, and the matrix that z1 and λ_k are solved with, where they are not solved for
 /// with the stages.
 #[derive(Clone, Debug)]
-pub(super) struct End {
-    pub(super) matrix: Saddle,
-    pub(super) p_y: Vec<f64>,
-    pub(super) p_tau: Vec<f64>,
-    pub(super) w_y: Vec<f64>,
-    pub(super) w_tau: Vec<f64>,
-    pub(super) k_tau: Vec<f64>,
+pub(super) struct End<R = f64> {
+    pub(super) matrix: Saddle<R>,
+    pub(super) p_y: Vec<R>,
+    pub(super) p_tau: Vec<R>,
+    pub(super) w_y: Vec<R>,
+    pub(super) w_tau: Vec<R>,
+    pub(super) k_tau: Vec<R>,
 }
 
 /// Nonholonomic constraints of a linearised step.
 #[derive(Clone, Copy)]
-pub(super) struct LinearNonholonomic<'a> {
+pub(super) struct LinearNonholonomic<'a, R = f64> {
     pub(super) at: &'a NonholonomicPatterns,
     /// b_j P_{i−1}(c_j), s − 1 by s.
     pub(super) moments: &'a Matrix,
     /// Of k_τ and of the derivative of r_n by τ.
     pub(super) by_tau: &'a [Pattern; 2],
-    pub(super) of: &'a NonholonomicDerivatives,
-    pub(super) k_tau: &'a Matrix,
-    pub(super) rn_tau: &'a Matrix,
-    pub(super) end_k_tau: &'a [f64],
+    pub(super) of: &'a NonholonomicDerivatives<R>,
+    pub(super) k_tau: &'a Matrix<R>,
+    pub(super) rn_tau: &'a Matrix<R>,
+    pub(super) end_k_tau: &'a [R],
 }
 
-impl LinearStep {
+impl<R: Real> LinearStep<R> {
     pub(super) fn new(
-        (spark, stages): (&Spark, &Stages),
-        mut sensitivity: SensitivityModel,
-        directions: usize,
+        (model, tableau): (&Model<R>, &tableau::Spark),
+        mut sensitivity: SensitivityModel<R>,
     ) -> Self {
-        let (model, tableau) = (&spark.model, &spark.tableau);
         let problem = &model.problem;
         let (s, nodes) = (tableau.stages, tableau.intervals + 1);
         sensitivity.reserve_batch(s, nodes);
         let at = &sensitivity.problem.patterns;
         let v_tau = at.v_tau.as_ref().map_or(0, Pattern::len);
         let offsets = Offsets::new(problem, tableau);
-        let values = |length: usize| vec![0.0; length];
+        let values = |length: usize| vec![R::splat(0.0); length];
         let [k_tau, rn_tau] =
             (at.nonholonomic.as_ref()).map_or([0, 0], |own| [own[0].len(), own[1].len()]);
         Self {
@@ -96,7 +96,7 @@ impl LinearStep {
                 w_tau: values(at.w_tau.len()),
                 k_tau: values(k_tau),
             },
-            equations: LinearEquations::new((spark, stages), offsets.count(), directions),
+            derivatives: Derivatives::new(problem, tableau),
             offsets,
             problem: problem.clone(),
             sensitivity,
@@ -104,20 +104,19 @@ impl LinearStep {
         }
     }
 
-    /// Linearises a step at the unknowns that solve it, which led to `end`.
+    /// Linearises a step at the unknowns that solve it, which led to `end`, and factors its matrix.
     pub(super) fn make(
         &mut self,
-        (model, stages): (&mut Model, &mut Stages),
-        step: Step,
-        end: &State,
+        (model, stages): (&mut Model<R>, &mut Stages<R>),
+        (step, end): (Step<R>, &State<R>),
+        matrix: &mut impl StepMatrix<R>,
     ) -> Result<(), StepError> {
         let counted = stages.evaluations;
         stages.evaluate_values(model, step, stages.tableau.intervals);
         stages.evaluations = counted;
-        let of = &mut self.equations.derivatives;
         let nodes = stages.tableau.intervals + 1;
-        of.evaluate(model, stages, (step, &end.z), nodes)?;
-        self.equations.factor((model, stages), step.h)?;
+        (self.derivatives).evaluate(model, stages, (step, &end.z), nodes)?;
+        matrix.factor_at((model, stages), &self.derivatives, step.h)?;
         self.evaluate_stages(stages, step)?;
         self.evaluate_end(model, stages, step, end)?;
         if self.problem.m > 0 {
@@ -130,7 +129,7 @@ impl LinearStep {
         Ok(())
     }
 
-    fn evaluate_stages(&mut self, stages: &Stages, step: Step) -> Result<(), StepError> {
+    fn evaluate_stages(&mut self, stages: &Stages<R>, step: Step<R>) -> Result<(), StepError> {
         let times = stages.stage_times(step);
         let (y, z) = (&stages.y, &stages.unknowns.z);
         let out = [&mut self.p_tau, &mut self.f_tau, &mut self.v_tau];
@@ -138,7 +137,7 @@ impl LinearStep {
         take(out, times, points, (y.rows(), self.is_ready))
     }
 
-    fn evaluate_nodes(&mut self, stages: &Stages, step: Step) -> Result<(), StepError> {
+    fn evaluate_nodes(&mut self, stages: &Stages<R>, step: Step<R>) -> Result<(), StepError> {
         let times = stages.node_times(step);
         let (y, lam) = (&stages.node_y, &stages.unknowns.lam);
         let out = [&mut self.g_tau, &mut self.r_tau];
@@ -148,9 +147,9 @@ impl LinearStep {
 
     fn evaluate_nonholonomic(
         &mut self,
-        stages: &Stages,
-        step: Step,
-        State { y, z, .. }: &State,
+        stages: &Stages<R>,
+        step: Step<R>,
+        State { y, z, .. }: &State<R>,
     ) -> Result<(), StepError> {
         let s = stages.tableau.stages;
         for j in 0..s {
@@ -174,10 +173,10 @@ impl LinearStep {
 
     fn evaluate_end(
         &mut self,
-        model: &mut Model,
-        stages: &Stages,
-        step: Step,
-        State { y, z, .. }: &State,
+        model: &mut Model<R>,
+        stages: &Stages<R>,
+        step: Step<R>,
+        State { y, z, .. }: &State<R>,
     ) -> Result<(), StepError> {
         let k = stages.tableau.intervals;
         let (t, lam) = (stages.node_time(step, k), stages.unknowns.lam.row(k));
@@ -185,13 +184,18 @@ impl LinearStep {
         if self.problem.l() == 0 {
             end.matrix.update(model, t, y, z, lam)?;
         }
-        copy(&mut end.p_y, model.stage_jacobian(t, y, z)[0]);
-        copy(&mut end.p_tau, self.sensitivity.stage(t, y, z)[0]);
-        if self.problem.m > 0 {
-            let [w_y, w_tau] = self.sensitivity.hidden(t, y, z);
-            copy(&mut end.w_y, w_y);
-            copy(&mut end.w_tau, w_tau);
-        }
+        dispatch_simd::<R, _>(
+            #[inline(always)]
+            || {
+                copy(&mut end.p_y, model.stage_jacobian(t, y, z)[0]);
+                copy(&mut end.p_tau, self.sensitivity.stage(t, y, z)[0]);
+                if self.problem.m > 0 {
+                    let [w_y, w_tau] = self.sensitivity.hidden(t, y, z);
+                    copy(&mut end.w_y, w_y);
+                    copy(&mut end.w_tau, w_tau);
+                }
+            },
+        );
         for values in [&end.p_y, &end.p_tau, &end.w_y, &end.w_tau] {
             finite(values, Quantity::Derivative, t)?;
         }
@@ -203,38 +207,16 @@ impl LinearStep {
         (self.offsets, self.offsets.count())
     }
 
-    /// Solves the stage equations in place.
-    pub(super) fn solve(&mut self, at: (&Model, &Stages), x: &mut [f64]) -> Result<(), StepError> {
-        self.equations.solve::<false>(at, x)
-    }
-
-    /// Solves the transposed stage equations in place.
-    pub(super) fn solve_transposed(
-        &mut self,
-        at: (&Model, &Stages),
-        x: &mut [f64],
-    ) -> Result<(), StepError> {
-        self.equations.solve::<true>(at, x)
-    }
-
     /// The patterns of nonholonomic constraints and of their derivatives by τ, with the derivatives, if there are any.
-    pub(super) fn nonholonomic(&self) -> Option<LinearNonholonomic<'_>> {
+    pub(super) fn nonholonomic(&self) -> Option<LinearNonholonomic<'_, R>> {
         Some(LinearNonholonomic {
             at: &self.problem.nonholonomic.as_ref()?.patterns,
             by_tau: self.sensitivity.problem.patterns.nonholonomic.as_ref()?,
-            of: self.derivatives().own.as_deref()?,
+            of: self.derivatives.own.as_deref()?,
             moments: &self.moments,
             k_tau: &self.k_tau,
             rn_tau: &self.rn_tau,
             end_k_tau: &self.end.k_tau,
         })
     }
-
-    /// Derivatives by y, z and λ.
-    pub(super) fn derivatives(&self) -> &Derivatives {
-        &self.equations.derivatives
-    }
 }
-
-// How long corrections still rest.
-liouville_base::checkpoint!(LinearStep { equations });

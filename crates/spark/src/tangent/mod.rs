@@ -9,7 +9,8 @@ mod operator;
 
 use super::Spark;
 use super::stages::Stages;
-pub use adjoint::SparkAdjoint;
+pub use adjoint::{BatchAdjoint, SparkAdjoint};
+use equations::LinearEquations;
 use forward::{Forward, StepAlong};
 use linear_step::LinearStep;
 use liouville_base::error::StepError;
@@ -29,6 +30,7 @@ pub struct SparkTangents {
     /// Those of a finished step.
     stages: Stages,
     linear: LinearStep,
+    equations: LinearEquations,
     forward: Forward,
     directions: Directions,
     /// The state before the step.
@@ -71,7 +73,8 @@ impl SparkTangents {
         momenta.begin(t, &mut directions, &mut state)?;
         let sensitivity = momenta.sensitivity;
         let stages = spark.own_stages();
-        let linear = LinearStep::new((&spark, &stages), sensitivity, directions.count());
+        let linear = LinearStep::new((&spark.model, &spark.tableau), sensitivity);
+        let equations = LinearEquations::new((&spark, &stages), directions.count());
         let order = linear.places().1;
         let stepper = Self {
             forward: Forward::new(&spark.model.problem, &spark.tableau, order),
@@ -79,6 +82,7 @@ impl SparkTangents {
             before: state.clone(),
             spark,
             linear,
+            equations,
             directions,
         };
         Ok((stepper, state))
@@ -96,7 +100,8 @@ impl SparkTangents {
         };
         let (model, stages) = (&mut spark.model, &mut self.stages);
         (spark.predictor).write_solution(&mut stages.unknowns);
-        (self.linear).make((model, stages), step, &state.motion)?;
+        let equations = &mut self.equations;
+        (self.linear).make((model, stages), (step, &state.motion), equations)?;
         for direction in 0..self.directions.count() {
             let along = StepAlong {
                 step,
@@ -106,7 +111,8 @@ impl SparkTangents {
             };
             let directions = &mut self.directions;
             let at = (&*model, &*stages);
-            (self.forward).follow(&mut self.linear, at, directions, along, state)?;
+            let of = (&mut self.linear, &mut self.equations);
+            (self.forward).follow(of, at, directions, along, state)?;
         }
         Ok(())
     }
@@ -160,4 +166,4 @@ impl Estimating for SparkTangents {
 }
 
 // Tangents are saved with the state; other memory is rewritten in each step.
-liouville_base::checkpoint!(SparkTangents { spark, linear });
+liouville_base::checkpoint!(SparkTangents { spark, equations });

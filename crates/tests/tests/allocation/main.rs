@@ -6,14 +6,13 @@ mod events;
 
 use counting::allocations;
 use liouville_alpha::{Alpha, Reactions};
-use liouville_base::checkpoint::Checkpoint;
 use liouville_base::composition::Composed;
 use liouville_base::linalg::{Factor, Matrix, Pattern, Rows};
 use liouville_base::method::Tolerance;
 use liouville_base::method::{Estimating, Stepper};
 use liouville_base::observe::Monitor;
 use liouville_base::real::{BATCH, Lanes, Scalar};
-use liouville_base::recorder::{Recordable, Recorder, SharedRecords, StepRecord};
+use liouville_base::recorder::{Recordable, Recorded, Recorder, SharedRecords, StepRecord};
 use liouville_base::tableau;
 use liouville_fields::problem::{Piece, Polynomials, Split};
 use liouville_fields::volume::{Determinant, Volume};
@@ -308,7 +307,7 @@ fn a_step_of_the_alpha_family_takes_no_memory() {
 /// Allocations of recorded steps, where as many were recorded before.
 fn recorded<M: Recordable>(method: M, mut t: f64, state: &mut M::State) -> usize
 where
-    M::State: Checkpoint,
+    M::State: Recorded,
 {
     let records = SharedRecords::default();
     let mut recorder = Recorder::new(method, records.clone());

@@ -1,0 +1,69 @@
+//! Runs whose steps are recorded as they are made, and the adjoints of their methods.
+
+use super::Starter;
+use super::member::{BoxedStepper, Member, MonitoredSteps};
+use super::pullback::StepAdjoint;
+use crate::events::LinearReset;
+use liouville_base::checkpoint::Checkpoint;
+use liouville_base::method::{Estimating, Symmetric};
+use liouville_base::recorder::{Recordable, Recorded, Recorder, SharedRecords};
+use liouville_base::run::StepControl;
+use liouville_problem::ObservePoint;
+
+/// Steps that are recorded as they are made.
+pub(super) struct RecordedSteps<State: Checkpoint> {
+    pub(super) control: Box<dyn StepControl<State>>,
+    /// Makes parts of steps for an event detector.
+    pub(super) copy: Option<BoxedStepper<State>>,
+    /// The records of these two.
+    pub(super) whole: SharedRecords<State>,
+    pub(super) partial: SharedRecords<State>,
+    /// How many times the method is at work in a step.
+    pub(super) parts: usize,
+}
+
+/// A run whose steps are recorded, and the adjoint of its method.
+pub(super) struct Recording<A: StepAdjoint> {
+    pub(super) adjoint: A,
+    pub(super) steps: RecordedSteps<A::State>,
+    /// The model, and the solver of states after resets.
+    pub(super) member: Member<A::State, <A::Point as ObservePoint>::Model>,
+    pub(super) point: A::Point,
+    /// The derivatives of resets.
+    pub(super) reset: Box<dyn LinearReset>,
+    /// Numbers of y, z and multipliers of a step.
+    pub(super) sizes: [usize; 3],
+    pub(super) start: A::State,
+    /// Whether the whole carried state was given at the start.
+    pub(super) is_given: bool,
+}
+
+impl Starter {
+    /// The recorded steps of a method, alone or composed, from a start: controlled by its errors, or by a monitor if
+    /// there is one, or equal.
+    pub(super) fn recorded_steps<M>(
+        &self,
+        (stepper, stages): (M, Option<&[f64]>),
+        sizes: Option<(f64, f64)>,
+        monitor: MonitoredSteps<M::State>,
+        start: &M::State,
+    ) -> RecordedSteps<M::State>
+    where
+        M: Recordable + Estimating + Symmetric + Clone + 'static,
+        M::State: Recorded + Clone + Send,
+    {
+        let (whole, partial) = (SharedRecords::default(), SharedRecords::default());
+        let part = Recorder::new(stepper.clone(), partial.clone());
+        let recorder = Recorder::new(stepper, whole.clone());
+        RecordedSteps {
+            copy: self.composed_copy((&part, stages)),
+            control: match sizes {
+                None => self.symmetric_control((recorder, stages), monitor, start),
+                Some(sizes) => self.adaptive_control(recorder, sizes),
+            },
+            whole,
+            partial,
+            parts: stages.map_or(1, <[f64]>::len),
+        }
+    }
+}
