@@ -4,6 +4,7 @@
 //! ends: an ensemble keeps only records. A member that fails leaves its block, and the block begins again without
 //! it. Results are bitwise independent of the number of threads, of pauses, and of how members are grouped.
 
+mod queue;
 mod records;
 
 pub use records::RecordLayout;
@@ -13,6 +14,7 @@ use crate::error::StepError;
 use crate::method::Stats;
 use crate::observe::Finding;
 use crate::run::{Advance, Events, Failure, Status, check_spare};
+use queue::{MemberBlock, Queue};
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use records::MemberRecords;
 use std::collections::VecDeque;
@@ -32,43 +34,6 @@ const ROUND: f64 = 0.2;
 
 /// Once in so many blocks there must be memory to spare for those that begin.
 const BLOCKS: usize = 16;
-
-/// Members in lock-step, and their run once it has begun.
-struct MemberBlock {
-    members: Vec<usize>,
-    run: Option<Box<dyn Advance>>,
-    /// Whether it begins again because a member failed.
-    is_again: bool,
-}
-
-impl MemberBlock {
-    fn done(&self) -> usize {
-        self.run.as_ref().map_or(0, |run| run.done())
-    }
-}
-
-/// Blocks waiting for their turn, and the results of those that are over.
-struct Queue {
-    waiting: VecDeque<MemberBlock>,
-    /// Steps wanted for now, and the blocks that have made them.
-    most: usize,
-    resting: Vec<MemberBlock>,
-    /// Steps of a turn.
-    turn: usize,
-    records: MemberRecords,
-    /// The events of members that run alone.
-    events: Vec<(usize, Events)>,
-    failures: Vec<Failure>,
-    /// The findings of watches over members that are over.
-    found: Vec<(usize, Finding)>,
-    /// Whether there is no memory for more records.
-    is_short: bool,
-    over: usize,
-    /// Steps of all members that are over, summed; and their statistics.
-    steps: usize,
-    stats: (Stats, usize),
-    end: f64,
-}
 
 /// Runs that advance side by side.
 pub struct Ensemble {
@@ -216,111 +181,6 @@ impl Ensemble {
             if start.elapsed() >= budget {
                 return;
             }
-        }
-    }
-}
-
-impl Queue {
-    /// The next block that has steps to make, and up to how many.
-    fn next(&mut self, is_aligned: bool) -> Option<(MemberBlock, usize)> {
-        if self.is_short {
-            return None;
-        }
-        while let Some(block) = self.waiting.pop_front() {
-            let done = block.done();
-            if done >= self.most {
-                self.resting.push(block);
-            } else {
-                let turn = if is_aligned { usize::MAX } else { self.turn };
-                return Some((block, done.saturating_add(turn).min(self.most)));
-            }
-        }
-        None
-    }
-
-    /// Gives no more turns: there is no memory for the records of a block, nor for those of others.
-    fn stop(&mut self, block: MemberBlock) {
-        self.waiting.push_front(block);
-        self.is_short = true;
-    }
-
-    fn begin_again(&mut self, members: &[usize]) {
-        self.waiting.push_front(MemberBlock {
-            members: members.to_vec(),
-            run: None,
-            is_again: true,
-        });
-    }
-
-    /// Keeps the records of the member that failed, and lets the others begin again.
-    fn fail(
-        &mut self,
-        block: MemberBlock,
-        run: Option<(Box<dyn Advance>, (usize, f64))>,
-        error: StepError,
-    ) {
-        let MemberBlock {
-            members, is_again, ..
-        } = block;
-        let place = error.member().or((members.len() == 1).then_some(0));
-        let Some(place) = place else {
-            // The error does not say which member failed: rerun each alone.
-            members
-                .chunks(1)
-                .rev()
-                .for_each(|one| self.begin_again(one));
-            return;
-        };
-        // places without a member follow the last one
-        let place = place.min(members.len() - 1);
-        let mut others = members;
-        let member = others.remove(place);
-        self.failures.push(Failure {
-            member,
-            step: run.as_ref().map(|(_, step)| *step),
-            error: error.itself(),
-        });
-        if let Some((run, _)) = run {
-            self.close(&[member], run, Some((place, others.len() + 1)));
-        } else {
-            self.over += 1;
-        }
-        // where many fail, most of a block would be made many times
-        let size = if is_again {
-            others.len().div_ceil(2)
-        } else {
-            others.len()
-        };
-        others
-            .chunks(size.max(1))
-            .rev()
-            .for_each(|part| self.begin_again(part));
-    }
-
-    /// Keeps the records of a run, or of one of its members.
-    fn close(&mut self, members: &[usize], mut run: Box<dyn Advance>, one: Option<(usize, usize)>) {
-        self.over += members.len();
-        self.add(members, &mut *run, one);
-    }
-
-    fn add(&mut self, members: &[usize], run: &mut dyn Advance, one: Option<(usize, usize)>) {
-        let (stats, rejected) = match one {
-            Some((place, _)) => run.stats_of(place),
-            None => run.stats(),
-        };
-        self.stats = (self.stats.0 + stats, self.stats.1 + rejected);
-        self.steps += run.done() * members.len();
-        self.is_short |= self.records.keep(members, run.take(), one).is_err();
-        for (place, finding) in run.found() {
-            match one {
-                Some((own, _)) if place == own => self.found.push((members[0], finding)),
-                Some(_) => {}
-                None => self.found.push((members[place], finding)),
-            }
-        }
-        let events = run.events();
-        if !events.found.is_empty() {
-            self.events.push((members[0], events));
         }
     }
 }
