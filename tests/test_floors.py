@@ -23,7 +23,7 @@ CRATE_FLOORS = {
         ("real",),
         ("simd",),
         ("compensated", "linalg", "observe"),
-        ("tableau", "tape"),
+        ("linear", "tableau", "tape"),
         ("newton",),
         ("method",),
         ("composition", "recorder"),

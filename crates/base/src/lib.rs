@@ -24,6 +24,7 @@ pub mod elementary;
 pub mod ensemble;
 pub mod error;
 pub mod linalg;
+pub mod linear;
 pub mod method;
 pub mod newton;
 mod number;

@@ -32,6 +32,7 @@ mod schur;
 mod second_order;
 mod sensitivity;
 mod separable;
+mod step_map;
 mod tangents;
 mod watch;
 
@@ -61,6 +62,7 @@ pub use schur::{SchurPlan, SparseSchur};
 pub use second_order::{SecondOrder, SecondOrderModel, SecondOrderPatterns};
 pub use sensitivity::{Sensitivity, SensitivityModel, SensitivityPatterns};
 pub use separable::{Separable, SeparableModel};
+pub use step_map::{StateSegments, StepMap};
 pub use tangents::{
     AccelerationTangents, BeginTangents, Directions, MomentumTangents, TangentObserver,
     TangentRestart, TangentState, TangentView,

@@ -122,7 +122,7 @@ impl SemiExplicitSensitivityModel {
         tape.eval(&mut self.constraint, [&[t], y])
     }
 
-    /// Linearises the hidden constraint at (t, y, z).
+    /// Linearises the hidden constraint at (t, y, z); returns w_y and w_τ.
     ///
     /// # Errors
     /// A derivative that is not finite, or a singular `w_z`.
@@ -131,7 +131,7 @@ impl SemiExplicitSensitivityModel {
         model: &mut SemiExplicitModel,
         t: f64,
         (y, z): (&[f64], &[f64]),
-    ) -> Result<(), StepError> {
+    ) -> Result<[&[f64]; 2], StepError> {
         let (w_z, _) = model.hidden_jacobian(t, y, z);
         finite(w_z, Quantity::Derivative, t)?;
         let factored = self.factor.factor(&self.problem.system.patterns.w_z, w_z);
@@ -143,7 +143,17 @@ impl SemiExplicitSensitivityModel {
         let (w_y, w_tau) = values.split_at(self.w_y.len());
         copy(&mut self.w_y, w_y);
         copy(&mut self.w_tau, w_tau);
-        Ok(())
+        Ok([&self.w_y, &self.w_tau])
+    }
+
+    /// Solves with w_z, where it was made, in place.
+    pub(crate) fn solve(&mut self, x: &mut [f64]) {
+        self.factor.solve(x);
+    }
+
+    /// The same with w_zᵀ.
+    pub(crate) fn solve_transposed(&mut self, x: &mut [f64]) {
+        self.factor.solve_transposed(x);
     }
 
     /// Writes dz where the hidden constraint was linearised.

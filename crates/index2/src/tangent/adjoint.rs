@@ -51,8 +51,9 @@ impl Index2Adjoint {
         copy(self.stages.v.flat_mut(), v);
         copy(self.stages.z.flat_mut(), z);
         self.stages.move_points(step);
-        self.linear.make(&self.stages, step)?;
-        self.linear.pull(&self.stages, step, of);
+        self.linear.make(&self.stages, step, None)?;
+        let LinearCollocation { map, solvers, .. } = &mut self.linear;
+        let Ok(()) = map.pull(solvers, of);
         Ok(())
     }
 }

@@ -1,199 +1,173 @@
-//! Tangents of one step, and their transpose. With e(F) the change of F by y0, τ and h at fixed V_i and Z_i,
+//! One step as a linear map of (dy0, dt0, dh/h, dθ). With e(F) the change of F by these at fixed V_i and Z_i,
 //!
 //!     J (dV, dZ) = (e(f_i),  −Σ_j b_j P_{i−1}(c_j) e(k_j) / h,  −e(k1) / h),     dy1 = e(y1) + h Σ_j b_j dV_j
 //!
-//! J being the matrix of the step at its solution; dz1 is that of the hidden constraint. The transpose is
-//!
-//!     Jᵀ (η, ν) = (h b_j ȳ1, 0),     ȳ0 = ȳ1 + Σ_i f_yᵀ η_i − Σ_j k_yᵀ κ_j,     κ_j = Σ_i b_j P_{i−1}(c_j) ν_i / h
-//!
-//! with κ = ν_s / h at t1, and sums of the same products with F_τ for τ. z0 is nothing to a step.
+//! J being the matrix of the step at its solution, with unknowns in its units; dz1 is that of the hidden constraint. z0 is
+//! nothing to a step.
 
 use super::super::Index2;
 use super::super::newton_matrix::CollocationMatrix;
 use super::super::stages::{CollocationStages, CollocationStep};
 use crate::semi_explicit::{SemiExplicitModel, SemiExplicitSensitivityModel, SemiExplicitState};
 use liouville_base::error::{Quantity, StepError};
-use liouville_base::linalg::{Matrix, add_scaled, copy, copy_scaled, dot};
-use liouville_problem::{Cotangents, Directions, TangentState, finite};
+use liouville_base::linear::{BlockPattern, Operators, Segment, Segments};
+use liouville_problem::{StateSegments, StepMap, finite};
+use std::convert::Infallible;
 
-/// Derivatives of one step, and the memory of a direction.
+/// The derivatives of a step, listed.
 #[derive(Clone, Debug)]
 pub(super) struct LinearCollocation {
+    pub(super) map: StepMap,
+    pub(super) solvers: CollocationSolvers,
     model: SemiExplicitModel,
-    pub(super) sensitivity: SemiExplicitSensitivityModel,
+    f_y: BlockPattern,
+    k_y: BlockPattern,
+    w_y: BlockPattern,
+    f_tau: [BlockPattern; 2],
+    k_tau: [BlockPattern; 2],
+    w_tau: [BlockPattern; 2],
+    /// Of Y_i and y1, of T_i and t1, of k there; the right-hand sides.
+    points: Segment,
+    times: Segment,
+    constraints: Segment,
+    right: Segment,
+}
+
+/// Which matrix the list solves with.
+const STEP: usize = 0;
+const HIDDEN: usize = 1;
+
+/// The matrices of a step and of the hidden constraint at its end.
+#[derive(Clone, Debug)]
+pub(super) struct CollocationSolvers {
     matrix: CollocationMatrix,
-    /// A row a stage; those of k have the end of the step below.
-    f_tau: Matrix,
-    k_tau: Matrix,
-    /// Changes of Y_i and y1, or their cotangents.
-    points: Matrix,
-    /// Of k at a point.
-    constraint: Vec<f64>,
-    right: Vec<f64>,
+    pub(super) sensitivity: SemiExplicitSensitivityModel,
 }
 
-/// The direction that is followed, and through which step.
-#[derive(Clone, Copy)]
-pub(super) struct StepAlong<'a> {
-    pub(super) step: CollocationStep<'a>,
-    pub(super) direction: usize,
-}
+impl Operators for CollocationSolvers {
+    type Error = Infallible;
 
-/// A state with its tangents.
-type SemiExplicitTangents = TangentState<SemiExplicitState>;
+    fn solve(&mut self, matrix: usize, x: &mut [f64]) -> Result<(), Infallible> {
+        match matrix {
+            STEP => self.matrix.solve(x),
+            _ => self.sensitivity.solve(x),
+        }
+        Ok(())
+    }
 
-/// Which part of the step leads to a stage, or to the end.
-fn part(stages: &CollocationStages, i: usize) -> f64 {
-    stages.time(0.0, 1.0, i)
+    fn solve_transposed(&mut self, matrix: usize, x: &mut [f64]) -> Result<(), Infallible> {
+        match matrix {
+            STEP => self.matrix.solve_transposed(x),
+            _ => self.sensitivity.solve_transposed(x),
+        }
+        Ok(())
+    }
 }
 
 impl LinearCollocation {
     pub(super) fn new(index2: &Index2, sensitivity: SemiExplicitSensitivityModel) -> Self {
         let (model, stages) = (index2.model.clone(), &index2.stages);
         let (s, n, l) = (stages.count(), model.problem.n, model.problem.l);
-        let at = &sensitivity.problem.patterns;
+        let (at, by_tau) = (&model.problem.patterns, &sensitivity.problem.patterns);
+        let mut segments = Segments::default();
+        let before = StateSegments::new(&mut segments, [n, 0, 0]);
+        let points = segments.take((s + 1) * n);
+        let times = segments.take(s + 1);
+        let constraints = segments.take((s + 1) * l);
+        let right = segments.take(s * (n + l));
+        let after = StateSegments {
+            y: points.part(s, n),
+            t: times.part(s, 1),
+            ..StateSegments::new(&mut segments, [0, l, 0])
+        };
+        let mut map = StepMap::new(segments, [before, after], sensitivity.problem.width() - 1);
+        let list = &mut map.map;
         Self {
-            matrix: CollocationMatrix::new(&model, stages),
-            f_tau: Matrix::zeros(s, at.f_tau.len()),
-            k_tau: Matrix::zeros(s + 1, at.k_tau.len()),
-            points: Matrix::zeros(s + 1, n),
-            constraint: vec![0.0; l],
-            right: vec![0.0; s * (n + l)],
+            f_y: list.pattern(&at.f_y),
+            k_y: list.pattern(&at.k_y),
+            w_y: list.pattern(&by_tau.w_y),
+            f_tau: list.split(&by_tau.f_tau),
+            k_tau: list.split(&by_tau.k_tau),
+            w_tau: list.split(&by_tau.w_tau),
+            map,
+            points,
+            times,
+            constraints,
+            right,
+            solvers: CollocationSolvers {
+                matrix: CollocationMatrix::new(&model, stages),
+                sensitivity,
+            },
             model,
-            sensitivity,
         }
     }
 
-    /// Linearises a step where its stages are, which solve its equations.
+    /// Lists a step at its stages, which solve its equations; with dz1 where its `end` is given.
     pub(super) fn make(
         &mut self,
         stages: &CollocationStages,
         step: CollocationStep,
+        end: Option<&SemiExplicitState>,
     ) -> Result<(), StepError> {
-        self.matrix.update(&mut self.model, stages, step)?;
-        for i in 0..=stages.count() {
-            let (t, y) = (stages.time(step.t, step.h, i), stages.y.row(i));
-            let k_tau = self.sensitivity.constraint(t, y);
-            finite(k_tau, Quantity::Derivative, t)?;
-            copy(self.k_tau.row_mut(i), k_tau);
-            if i < stages.count() {
-                let f_tau = self.sensitivity.field(t, y, stages.z.row(i));
-                finite(f_tau, Quantity::Derivative, t)?;
-                copy(self.f_tau.row_mut(i), f_tau);
-            }
-        }
-        Ok(())
-    }
-
-    /// Linearises the hidden constraint at a point.
-    pub(super) fn linearize_hidden(
-        &mut self,
-        t: f64,
-        SemiExplicitState { y, z, .. }: &SemiExplicitState,
-    ) -> Result<(), StepError> {
-        self.sensitivity.linearize(&mut self.model, t, (y, z))
-    }
-
-    /// Writes the tangent at the end of a step that is linearised, as the hidden constraint is there.
-    pub(super) fn push(
-        &mut self,
-        stages: &CollocationStages,
-        directions: &mut Directions,
-        StepAlong { step, direction }: StepAlong,
-        (before, state): (&SemiExplicitTangents, &mut SemiExplicitTangents),
-    ) {
-        let problem = self.sensitivity.problem.clone();
-        let (at, by_tau) = (&problem.system.patterns, &problem.patterns);
-        let (s, n, l) = (stages.count(), problem.system.n, problem.system.l);
-        let (stretch, dt0) = (directions.stretch[direction], before.t[direction]);
-        self.right.fill(0.0);
-        let (fields, constraints) = self.right.split_at_mut(s * n);
+        let CollocationSolvers {
+            matrix,
+            sensitivity,
+        } = &mut self.solvers;
+        matrix.update(&mut self.model, stages, step)?;
+        let (s, n, l, h) = (
+            stages.count(),
+            self.model.problem.n,
+            self.model.problem.l,
+            step.h,
+        );
+        let StepMap {
+            map,
+            before,
+            after,
+            stretch,
+            params,
+            ..
+        } = &mut self.map;
+        map.clear();
+        let (fields, constraints) = (self.right.cut(0, s * n), self.right.cut(s * n, s * l));
         for i in 0..=s {
-            let tau = directions.tau(direction, dt0 + part(stages, i) * step.h * stretch);
-            let dy = self.points.row_mut(i);
-            copy(dy, before.y.row(direction));
+            let (t, y) = (stages.time(step.t, h, i), stages.y.row(i));
+            let (dt, dy) = (self.times.part(i, 1), self.points.part(i, n));
+            let (dk, tau) = (self.constraints.part(i, l), [dt, *params]);
+            map.add(dt, 1.0, before.t);
+            map.add(dt, stages.time(0.0, 1.0, i) * h, *stretch);
+            map.add(dy, 1.0, before.y);
             // not the difference of the point and y0, which is roundoff in a very short step
-            for j in (0..s).filter(|_| stretch != 0.0) {
-                let weight = stretch * stages.weights[(i, j)];
-                add_scaled(dy, weight, stages.displacements.row(j));
+            for j in 0..s {
+                let led = stages.displacements.row(j);
+                map.add_column(dy, stages.weights[(i, j)], led, *stretch);
             }
-            let dk = &mut self.constraint;
-            dk.fill(0.0);
-            at.k_y.multiply_add(self.matrix.k_y.row(i), 1.0, dy, dk);
-            by_tau.k_tau.multiply_add(self.k_tau.row(i), 1.0, tau, dk);
+            let k_tau = sensitivity.constraint(t, y);
+            finite(k_tau, Quantity::Derivative, t)?;
+            map.add_product(dk, (&self.k_y, matrix.k_y.row(i)), 1.0, dy);
+            map.add_split(dk, (&self.k_tau, k_tau), 1.0, tau);
             if i == s {
-                add_scaled(&mut constraints[(s - 1) * l..], -1.0 / step.h, dk);
+                map.add(constraints.part(s - 1, l), -1.0 / h, dk);
                 continue;
             }
-            for (row, out) in constraints[..(s - 1) * l].chunks_exact_mut(l).enumerate() {
-                add_scaled(out, -stages.moments[(row, i)] / step.h, dk);
+            for row in 0..s - 1 {
+                map.add(constraints.part(row, l), -stages.moments[(row, i)] / h, dk);
             }
-            let out = &mut fields[i * n..(i + 1) * n];
-            at.f_y.multiply_add(self.matrix.f_y.row(i), 1.0, dy, out);
-            by_tau.f_tau.multiply_add(self.f_tau.row(i), 1.0, tau, out);
+            let f_tau = sensitivity.field(t, y, stages.z.row(i));
+            finite(f_tau, Quantity::Derivative, t)?;
+            map.add_product(fields.part(i, n), (&self.f_y, matrix.f_y.row(i)), 1.0, dy);
+            map.add_split(fields.part(i, n), (&self.f_tau, f_tau), 1.0, tau);
         }
-        self.matrix.solve(&mut self.right);
-        let dy = state.y.row_mut(direction);
-        copy(dy, self.points.row(s));
-        for (b, d_v) in stages.b.iter().zip(self.right.chunks_exact(n)) {
-            add_scaled(dy, step.h * b, d_v);
+        map.solve(STEP, self.right);
+        for (j, b) in stages.b.iter().enumerate() {
+            map.add(after.y, h * b, fields.part(j, n));
         }
-        let dt = dt0 + step.h * stretch;
-        let tau = directions.tau(direction, dt);
-        self.sensitivity.push(dy, tau, state.z.row_mut(direction));
-        state.t[direction] = dt;
-    }
-
-    /// Takes cotangents from the end of a step that is linearised to its start.
-    pub(super) fn pull(
-        &mut self,
-        stages: &CollocationStages,
-        step: CollocationStep,
-        of: &mut Cotangents,
-    ) {
-        let problem = self.sensitivity.problem.clone();
-        let (at, by_tau) = (&problem.system.patterns, &problem.patterns);
-        let (s, n, l) = (stages.count(), problem.system.n, problem.system.l);
-        // dt1 = dt0 + h stretch
-        of.stretch += step.h * of.tau[0];
-        self.right.fill(0.0);
-        for (b, out) in stages.b.iter().zip(self.right.chunks_exact_mut(n)) {
-            copy_scaled(out, step.h * b, &of.y);
+        if let Some(SemiExplicitState { y, z, .. }) = end {
+            let [w_y, w_tau] = sensitivity.linearize(&mut self.model, step.t + h, (y, z))?;
+            map.add_product(after.z, (&self.w_y, w_y), -1.0, after.y);
+            map.add_split(after.z, (&self.w_tau, w_tau), -1.0, [after.t, *params]);
+            map.solve(HIDDEN, after.z);
         }
-        self.matrix.solve_transposed(&mut self.right);
-        let (fields, constraints) = self.right.split_at(s * n);
-        self.points.clear();
-        copy(self.points.row_mut(s), &of.y);
-        of.y.fill(0.0);
-        for i in 0..=s {
-            let (before, out) = (of.tau[0], self.points.row_mut(i));
-            let back = &mut self.constraint;
-            back.fill(0.0);
-            for (row, nu) in constraints.chunks_exact(l).enumerate() {
-                let is_end = row == s - 1;
-                let weight = match i {
-                    _ if is_end => f64::from(u8::from(i == s)),
-                    _ if i == s => 0.0,
-                    _ => stages.moments[(row, i)],
-                };
-                add_scaled(back, -weight / step.h, nu);
-            }
-            let k_y = self.matrix.k_y.row(i);
-            at.k_y.multiply_add_transposed(k_y, 1.0, back, out);
-            let k_tau = self.k_tau.row(i);
-            let of_tau = &mut of.tau;
-            (by_tau.k_tau).multiply_add_transposed(k_tau, 1.0, back, of_tau);
-            if i < s {
-                let own = &fields[i * n..(i + 1) * n];
-                let (f_y, f_tau) = (self.matrix.f_y.row(i), self.f_tau.row(i));
-                at.f_y.multiply_add_transposed(f_y, 1.0, own, out);
-                (by_tau.f_tau).multiply_add_transposed(f_tau, 1.0, own, of_tau);
-            }
-            of.stretch += part(stages, i) * step.h * (of.tau[0] - before);
-            for j in 0..s {
-                of.stretch += stages.weights[(i, j)] * dot(stages.displacements.row(j), out);
-            }
-            add_scaled(&mut of.y, 1.0, out);
-        }
+        Ok(())
     }
 }

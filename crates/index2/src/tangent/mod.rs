@@ -8,7 +8,7 @@ use super::Index2;
 use super::stages::CollocationStep;
 use crate::semi_explicit::{SemiExplicitSensitivityModel, SemiExplicitState};
 pub use adjoint::Index2Adjoint;
-use linear_step::{LinearCollocation, StepAlong};
+use linear_step::LinearCollocation;
 use liouville_base::error::StepError;
 use liouville_base::linalg::Matrix;
 use liouville_base::method::{Estimating, Stats, Stepper, Symmetric};
@@ -43,12 +43,11 @@ impl Index2Tangents {
             .map(|k| directions.tau[(k, 0)])
             .collect();
         let mut z = Matrix::zeros(y.rows(), motion.z.len());
-        linear.linearize_hidden(t, &motion)?;
+        let sensitivity = &mut linear.solvers.sensitivity;
+        sensitivity.linearize(&mut index2.model.clone(), t, (&motion.y, &motion.z))?;
         for (direction, dt) in dt.iter().enumerate() {
             let tau = directions.tau(direction, *dt);
-            linear
-                .sensitivity
-                .push(y.row(direction), tau, z.row_mut(direction));
+            sensitivity.push(y.row(direction), tau, z.row_mut(direction));
         }
         let state = TangentState {
             motion,
@@ -79,12 +78,11 @@ impl Index2Tangents {
             h,
             state: &before.motion,
         };
-        self.linear.make(stages, step)?;
-        self.linear.linearize_hidden(t + h, &state.motion)?;
+        self.linear.make(stages, step, Some(&state.motion))?;
+        let LinearCollocation { map, solvers, .. } = &mut self.linear;
         for direction in 0..self.directions.count() {
-            let along = StepAlong { step, direction };
-            let (directions, linear) = (&mut self.directions, &mut self.linear);
-            linear.push(stages, directions, along, (before, state));
+            let along = (&self.directions, direction);
+            let Ok(()) = map.push(solvers, along, (before, state));
         }
         Ok(())
     }

@@ -99,7 +99,8 @@ impl LinearReset for SemiExplicitReset {
         if slopes.has_moves() {
             self.correct(t, jumped_y)?;
         }
-        self.sensitivity.linearize(&mut self.model, t, (y, z))
+        let made = self.sensitivity.linearize(&mut self.model, t, (y, z));
+        made.map(|_| ())
     }
 
     fn push(

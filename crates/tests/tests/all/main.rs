@@ -13,6 +13,7 @@ mod gridded;
 mod index2;
 mod lanczos;
 mod linalg;
+mod linear;
 mod magnus;
 mod memory;
 mod newton;
