@@ -502,6 +502,27 @@ def test_a_second_reset_at_the_end_is_left_out_where_the_first_turns_the_motion(
         assert run.v[-1, 0] == -0.5
 
 
+@pytest.mark.parametrize(("turned", "last"), [(0.0, 100.5), (1.0, 0.5)])
+@pytest.mark.parametrize("method", [lv.Spark(2), lv.LobattoPair(2), lv.HHT()], ids=repr)
+def test_a_second_reset_at_the_end_is_made_where_the_first_leaves_its_event_at_zero(
+    method, turned, last
+):
+    """With `turned` the second event's function jumps from 0 to 1.5 at the first reset."""
+    events = {
+        "end": lv.Event(
+            lambda t, q, v, lam, params: t - 1, terminal=True,
+            reset=lambda t, q, v, lam, params: -0.5 * v,
+        ),
+        "kick": lv.Event(
+            lambda t, q, v, lam, params: t - 1 + turned * (v[0] + 1),
+            reset=lambda t, q, v, lam, params: v + 100,
+        ),
+    }  # fmt: skip
+    run = lv.integrate(FREE, method, t=(0, 2), steps=7, q=[0.5], v=[-1], events=events)
+    assert run.v[-1, 0] == pytest.approx(last, rel=1e-12)
+    assert [len(points) for points in run.events.values()] == [1, int(last > 1)]
+
+
 def test_hits_that_are_short_but_do_not_shrink_end_the_run_too():
     free = lv.Lagrangian(lambda t, q, v, params: ca.sumsqr(v) / 2, q=1)
     width, impact = 1e-9, lv.Impact(1.0)

@@ -177,6 +177,16 @@ fn a_coordinate_outside_an_open_axis_is_told_by_its_number() {
     let plane = plane(Bounds::Open);
     assert_eq!(flow(&plane, [8.5, 2.0], false, 0.1), Err(Fault::Outside(0)));
     assert_eq!(flow(&plane, [2.0, -0.5], true, 0.1), Err(Fault::Outside(1)));
+    // roundoff of a start in other units is inside
+    for (beyond, is_inside) in [(1e-7, true), (1e-5, false), (0.04, false)] {
+        for start in [[8.0 + beyond, 2.0], [-beyond, 2.0]] {
+            assert_eq!(
+                flow(&plane, start, false, 1e-9).is_ok(),
+                is_inside,
+                "{start:?}"
+            );
+        }
+    }
     assert_eq!(
         flow(&plane, [2.0, f64::NAN], true, 0.1),
         Err(Fault::Outside(1))

@@ -120,6 +120,13 @@ fn growth_is_given_up_at_once() {
 }
 
 #[test]
+fn a_second_correction_of_more_than_half_the_first_is_left_to_full_newton() {
+    let sizes = |second| [1e-4, second, 1e-9, 1e-20];
+    assert_eq!(after(&sizes(6e-5), 9), (not_converged(2, 6e-5), 2));
+    assert_eq!(after(&sizes(4e-5), 9), (Ok(4), 4));
+}
+
+#[test]
 fn a_rate_too_slow_for_what_is_left_is_given_up_early() {
     let slow: Vec<f64> = (0..16).map(|k| 0.4_f64.powi(k)).collect();
     let (outcome, made) = after(&slow, 16);
@@ -227,6 +234,18 @@ fn broyden_s_update_makes_a_rough_matrix_good_enough() {
     );
 }
 
+#[test]
+fn a_correction_that_broyden_s_update_would_stretch_too_far_is_taken_as_it_is() {
+    // along the last one, of 1 and this ratio to it, it would be stretched 2 and 5 times
+    for (ratio, taken) in [(0.5, 1.0), (0.8, 0.8)] {
+        let mut broyden = Broyden::new(1, 1);
+        let (mut first, mut next) = ([1.0], [ratio]);
+        broyden.improve(&mut first);
+        broyden.improve(&mut next);
+        assert_eq!((first, next), ([1.0], [taken]));
+    }
+}
+
 /// Corrections of prescribed sizes, in a yardstick of 1, with a floor and a verdict on the residual.
 struct Watched<'a> {
     sizes: &'a [f64],
@@ -324,6 +343,9 @@ fn corrections_that_stall_at_the_floor_have_converged() {
         equations.floor = floor;
         assert_eq!(equations.outcome().is_ok(), converges, "{floor}");
     }
+    let mut equations = Watched::new(&sizes);
+    (equations.floor, equations.is_solved) = (2e-10, false);
+    assert!(equations.outcome().is_err(), "the residual is no roundoff");
 }
 
 #[test]

@@ -4,7 +4,7 @@ use liouville_base::cancel::{self, CancelToken};
 use liouville_base::checkpoint::Checkpoint;
 use liouville_base::error::{Quantity, StepError};
 use liouville_base::method::{Estimating, Stats, Stepper, Symmetric};
-use liouville_base::observe::{Monitor, Observe};
+use liouville_base::observe::{Fitted, Monitor, Observe};
 use liouville_base::run::{
     Adaptive, Advance, Fixed, Reversible, Run, Status, StepControl, Substep,
 };
@@ -508,6 +508,83 @@ proptest! {
         }
         prop_assert!((state.0 - 0.3).abs() < 1e-6);
     }
+}
+
+/// Walks with an error of (h r)³ tolerances, r = 1 up to x = 5 and 3 beyond, of which its monitor knows nothing.
+struct Rougher {
+    error: f64,
+    before: (f64, f64),
+}
+
+impl Checkpoint for Rougher {}
+
+impl Stepper for Rougher {
+    type State = (f64, f64);
+
+    fn step(&mut self, t: f64, h: f64, state: &mut (f64, f64)) -> Result<(), StepError> {
+        self.before = *state;
+        self.error = (h * if state.0 < 5.0 { 1.0 } else { 3.0 }).powi(3);
+        Walk.step(t, h, state)
+    }
+
+    fn stats(&self) -> Stats {
+        Stats::default()
+    }
+}
+
+impl Estimating for Rougher {
+    fn error(&self) -> f64 {
+        self.error
+    }
+
+    fn error_order(&self) -> f64 {
+        3.0
+    }
+
+    fn undo(&mut self, state: &mut (f64, f64)) {
+        *state = self.before;
+    }
+}
+
+struct Even;
+
+impl Checkpoint for Even {}
+
+impl Monitor<(f64, f64)> for Even {
+    fn rate(&mut self, _: f64, _: &(f64, f64)) -> Result<f64, StepError> {
+        Ok(0.0)
+    }
+}
+
+impl Fitted<(f64, f64)> for Even {
+    fn quantity(&mut self, _: f64, _: &(f64, f64)) -> f64 {
+        1.0
+    }
+
+    fn fit(&mut self, _: f64, _: f64) {}
+}
+
+#[test]
+fn a_reversible_step_of_more_than_two_tolerances_is_made_again() {
+    let mut state = (0.0, 1.0);
+    let stepper = || {
+        let (error, before) = (0.0, state);
+        Box::new(Rougher { error, before }) as Box<dyn Estimating<State = _>>
+    };
+    let steppers = [stepper(), stepper()];
+    let (ends, sizes) = ((0.0, 10.0), (0.5, 1e-9));
+    let mut control =
+        Reversible::within_tolerance(steppers, 4, ends, sizes, Box::new(Even), &state);
+    let mut made = 0;
+    while control.time() < 10.0 - 1e-9 {
+        let (at, before) = (control.time(), state.0);
+        control.step(&mut state).expect("steps are not too small");
+        let h = control.time() - at;
+        let error = (h * if before < 5.0 { 1.0 } else { 3.0 }).powi(3);
+        assert!(error <= 2.0 + 1e-9, "{error} tolerances at {at}");
+        made += 1;
+    }
+    assert!((10..100).contains(&made), "{made} steps");
 }
 
 /// More numbers than any memory holds.

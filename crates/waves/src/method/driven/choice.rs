@@ -35,7 +35,8 @@ const MORE: usize = 16;
 /// So many times the products of a series in Bessel functions are taken for a bound.
 const BOUND: f64 = 1.05;
 
-/// Bounds by the parts alone are tried, too, where they are so many times as wide.
+/// Bounds by the parts alone are tried, too, where they are so many times as wide. It is of speed only: windows by either
+/// keep to the tolerance, and the cheaper one is taken.
 const WIDER: f64 = 1.05;
 
 /// Most terms of a series, and halvings of a window.
