@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Mapping
 from itertools import repeat
 from typing import Any
@@ -157,6 +158,11 @@ def _ending(name: str, t: float, limit: float | None) -> str:
     """Say which event ended a run."""
     if limit is None:
         return f"event '{name}' at t = {t:.6g}"
+    if math.isnan(limit):
+        return (
+            f"the hits of '{name}' follow one another so fast at t = {t:.6g} that they can hardly "
+            "be told apart, and the run ends with the last of them"
+        )
     return (
         f"the hits of '{name}' accumulate at t = {limit:.6g}, and the run ends with the last that "
         "can be told apart: from there on the motion stays on it, which another model describes"

@@ -11,7 +11,7 @@ const ROUNDINGS: f64 = (1 << 20) as f64 * f64::EPSILON;
 const HEIGHT: f64 = 16.0;
 /// Hits accumulate where so many intervals in turn were each shorter than the one before, and the last is short, ...
 const SHRINKING: usize = 4;
-/// ... or where so many in turn were short.
+/// ... and follow too fast where so many in turn were short.
 const MOST_SHORT: usize = 64;
 /// A rate after a reset is roundoff below this part of the one before.
 pub(super) const RATE: f64 = 1024.0 * f64::EPSILON;
@@ -126,7 +126,8 @@ impl Intervals {
         interval <= SHORT * h.abs() || interval <= ROUNDINGS * t.abs() || height <= HEIGHT * noise
     }
 
-    /// Takes a hit in a step of `h`, where e is known to `noise`; returns where hits accumulate, if they do.
+    /// Takes a hit in a step of `h`, where e is known to `noise`; returns where hits accumulate, if they do, and NaN where
+    /// they are too many that follow too fast.
     pub(super) fn hit(&mut self, t: f64, h: f64, noise: f64) -> Option<f64> {
         let is_short = self.is_short(t, h, noise);
         let last = self.last.replace(t)?;
@@ -144,8 +145,10 @@ impl Intervals {
         } else {
             0.0
         };
-        let accumulate = is_short && self.shrinking >= SHRINKING || self.short >= MOST_SHORT;
-        accumulate.then_some(t + left * (t - last))
+        if is_short && self.shrinking >= SHRINKING {
+            return Some(t + left * (t - last));
+        }
+        (self.short >= MOST_SHORT).then_some(f64::NAN)
     }
 }
 
