@@ -533,3 +533,22 @@ def test_a_step_that_cannot_be_made_and_has_no_event_fails_as_before():
     for name in ("t", "q", "v"):
         one, other = (getattr(each.solution, name) for each in failed)
         np.testing.assert_array_equal(one, other)
+
+
+@pytest.mark.parametrize("method", [lv.Spark(1), lv.LobattoPair(2)], ids=str)
+def test_a_function_that_changes_by_less_than_a_rounding_in_a_step_is_searched(method):
+    """In steps of 1e-9 the interpolated function is zero at both ends of a bracket."""
+    angle, rate, at = 5.349, -1.1e-8, 0.5944737303279252
+    rod = lv.Lagrangian(
+        lambda t, q, v, params: ca.sumsqr(v) / 2 - 9.81 * q[1],
+        lambda t, q, params: ca.sumsqr(q) - 1,
+        q=2,
+    )
+    q = [np.cos(angle), np.sin(angle)]
+    run = lv.integrate(
+        rod, method, t=(-5.0, -5.0 + 19e-9), steps=19, q=q, v=[-rate * q[1], rate * q[0]],
+        events={"there": lv.Event(lambda t, q, v, lam, params: (q[0] - at) ** 3)},
+    )  # fmt: skip
+    assert run.status == "done"
+    assert np.isfinite(run.events["there"].q).all()
+    assert len(run.events["there"]) < 19

@@ -26,7 +26,10 @@ impl Bracket {
     pub fn estimate(&self, halvings: i32, tolerance: f64) -> f64 {
         let ((a, s_a), (b, s_b)) = (self.a, self.b);
         let middle = f64::midpoint(a, b);
-        let secant = (s_b * a - s_a * b) / (s_b - s_a);
+        let secant = match (s_b * a - s_a * b) / (s_b - s_a) {
+            secant if secant.is_finite() => secant,
+            _ => middle,
+        };
         let side = (middle - secant).signum();
         let shift = TRUNCATION * (b - a) * (b - a);
         let moved = if shift <= (middle - secant).abs() {
