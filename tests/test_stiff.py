@@ -303,7 +303,7 @@ def test_an_energy_that_jumps_gets_a_word(method, states):
     crank, start = nearly_singular(1.000001)
     run = lv.integrate(crank, method, t=(0, 3), h=0.01, states=states, **start)
     assert "the energy has jumped by" in run.message
-    assert "between t = 2.08 and t = 2.16" in run.message
+    assert "between t = 1.92 and t = 2.24" in run.message
     whole, plain = nearly_singular(1.1)
     good = lv.integrate(whole, method, t=(0, 3), h=0.01, states=states, **plain)
     assert good.message == ""
@@ -347,7 +347,7 @@ def swing(damping):
 def test_an_energy_that_can_only_fall_gets_a_word_where_it_rises(tmp_path):
     free, start = swing(0.0)
     run = lv.integrate(free, lv.HHT(), t=(0, 3), h=0.03, **start)
-    assert "the energy, which can only fall, has risen from 65.3 at t = 1.68 to 223" in run.message
+    assert "the energy, which can only fall, has risen from 74.7 at t = 0.96 to 223" in run.message
     assert lv.integrate(free, lv.HHT(), t=(0, 3), h=0.0075, **start).message == ""
     damped, start = swing(0.3)
     coarse = {"t": (0, 3), "h": 0.08, **start}

@@ -9,10 +9,10 @@ use liouville_base::real::Real;
 use liouville_base::tape::{Registers, Tape};
 use std::sync::Arc;
 
-/// A run's first energies are looked at in each step, the others in one of so many: a step of two coordinates takes
-/// 100 ns, and a look at its energy 30.
+/// A run's first energies are looked at in each step, the others in one of so many: a step of RATTLE on Kepler's problem
+/// takes 1950 instructions, and a look at its energy 870.
 const FIRST: usize = 16;
-const EVERY: usize = 8;
+const EVERY: usize = 32;
 /// A constraint that others imply may miss this part of the size of what it is made of.
 const IMPLIED: f64 = 1e-8;
 /// Roundings move a state by so many units of the last digit, or by the square root of the number of steps ...
