@@ -130,6 +130,44 @@ def test_a_pulse_after_a_long_quiet_time_is_seen_and_a_jump_is_passed(values, fu
         assert np.linalg.norm(found.psi[-1] - exact) < method.tol, method
 
 
+@pytest.mark.parametrize("is_back", [False, True])
+@pytest.mark.parametrize("middle", [2.5, 2.501])
+def test_a_pulse_too_short_to_be_found_is_seen_by_its_time(middle, is_back):
+    """It lasts for a thousandth of the run, and points need not be its middle."""
+    z, x = np.diag([1.0, -1.0]), np.array([[0.0, 1.0], [1.0, 0.0]])
+
+    def product(t, psi):
+        return z @ psi + 50 * np.exp(-(((t - 2.5) / 0.002) ** 2)) * (x @ psi)
+
+    span, start = (5.0, 0.0) if is_back else (0.0, 5.0), np.array([1.0, 0.0])
+    parts = [*span, 2.49, 2.51]
+    exact = lv.integrate(
+        lv.Schrodinger((2, product)),
+        lv.Magnus(8, 1e-10),
+        t=sorted(parts, reverse=is_back),
+        psi=start,
+    ).psi[-1]
+    blind, seeing = lv.Schrodinger((2, product)), lv.Schrodinger((2, product), points=[middle])
+    for method in ("auto", lv.Magnus(4, 1e-6), lv.SchrodingerSplitting(1e-4)):
+        found = lv.integrate(seeing, method, t=span, psi=start)
+        tol = getattr(method, "tol", 1e-8)
+        assert np.linalg.norm(found.psi[-1] - exact) < tol
+        missed = lv.integrate(blind, method, t=span, psi=start)
+        assert np.linalg.norm(missed.psi[-1] - exact) > 0.1
+    assert any("by its time in points=" in why for why in lv.plan(blind, t=span).reasons)
+    assert any("may be 2.5 long" in why for why in lv.plan(seeing, t=span).reasons)
+    again = pickle.loads(pickle.dumps(lv.Schrodinger(turned, points=[2.0, 1.0, 2.0])))
+    assert again.points == again.with_params({}).points == (1.0, 2.0)
+
+
+def test_points_are_times_of_an_h_that_depends_on_time():
+    with pytest.raises(ValueError, match="points must be times of an H that depends on time"):
+        lv.Schrodinger(H0, points=[1.0])
+    for wrong in (np.nan, [[1.0]], [np.inf], [1j]):
+        with pytest.raises(ValueError, match="points must be a list of times"):
+            lv.Schrodinger(turned, points=wrong)
+
+
 def test_bounds_that_leave_out_energies_are_moved_out_and_back_in_time_is_back():
     system = lv.Schrodinger((3, lambda t, x: turned(t) @ x), bounds=(-0.5, 0.5))
     assert lv.plan(system, t=(0, 3)).guarantee == "given"

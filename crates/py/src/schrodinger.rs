@@ -51,6 +51,7 @@ enum WaveMethod<'py> {
         tol: f64,
         norm_tol: f64,
         parts: Parts,
+        breaks: Vec<f64>,
     },
     MagnusSeries {
         scheme: (usize, usize),
@@ -163,10 +164,12 @@ impl WaveMethod<'_> {
                 tol: whole,
                 norm_tol: norm,
                 parts,
+                breaks,
             } => Method::MagnusSteps {
                 scheme,
                 tolerance: MagnusTolerance { rate, whole, norm },
                 bounds: term_bounds(parts),
+                breaks,
             },
             Self::MagnusSeries {
                 scheme,

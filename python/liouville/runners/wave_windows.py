@@ -116,6 +116,7 @@ def with_breaks(plan: WavePlan, system: Schrodinger, names: Sequence[str]) -> Wa
     if not by:
         return plan
     breaks = {t for name in by if name in drive.samples for t in drive.times(name).tolist()}
+    breaks |= set(plan.core.breaks)
     for what, slopes in each.items():
         if what not in drive.samples:  # polynomials between their times
             breaks |= set(_resolved(what, slopes, plan))

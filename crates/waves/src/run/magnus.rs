@@ -45,10 +45,12 @@ impl Prepared {
                 scheme,
                 tolerance,
                 bounds,
+                breaks,
             } => Self::Single(Single::MagnusSteps {
                 nodes: nodes(scheme)?,
                 tolerance,
                 bounds: fitting(bounds, hamiltonian)?,
+                breaks,
             }),
             _ => return Err(StartError::invalid("a Magnus method")),
         })
@@ -74,6 +76,7 @@ pub fn magnus_cost(
         scheme,
         tolerance,
         bounds,
+        ..
     } = method
     else {
         return Err(StartError::invalid("the steps of a Magnus method"));

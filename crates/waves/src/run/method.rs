@@ -84,6 +84,8 @@ pub enum Method {
         tolerance: MagnusTolerance,
         /// Bounds of the spectra of all parts of H.
         bounds: TermBounds,
+        /// Times at which steps end besides, in the order of the run.
+        breaks: Vec<f64>,
     },
     /// Series in time for H(t).
     Driven(Driven),

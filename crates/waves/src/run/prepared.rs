@@ -67,6 +67,7 @@ pub(super) enum Single {
         nodes: Nodes,
         tolerance: MagnusTolerance,
         bounds: TermBounds,
+        breaks: Vec<f64>,
     },
     Splitting {
         program: Vec<Flow>,
@@ -202,11 +203,12 @@ impl Prepared {
                 nodes,
                 tolerance,
                 bounds,
+                breaks,
             }) => {
                 let (nodes, bounds) = (nodes.clone(), bounds.clone());
                 let sweeper = sweeper.with_cancel(cancel);
                 match MagnusSteps::new(sweeper, nodes, bounds, *tolerance) {
-                    Some(steps) => Box::new(steps?),
+                    Some(steps) => Box::new(steps?.with_breaks(breaks.clone())),
                     None => unreachable!("bounds that have been checked"),
                 }
             }

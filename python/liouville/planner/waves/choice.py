@@ -249,11 +249,12 @@ def _driven(system: Schrodinger, method: Planned, times: Sequence[float]) -> Wav
     span = Span(times[0], tuple(times[1:]), found.spectrum)
     span.check_reach(method.tol)
     rate = (method.tol - span.roundoff) / float(span.intervals.sum())
-    core = Driven(found.parts, rate, max(TIMES * method.tol, LEAST), 0)
+    points = system.points_between(times[0], times[-1])
+    core = Driven(found.parts, rate, max(TIMES * method.tol, LEAST), 0, points)
     hamiltonian, why = system.hamiltonian, []
     if found.separated is not None:
         core, hamiltonian = replace(core, by_differences=True), found.separated.hamiltonian
-        why.append(found.separated.reason)
+        why += [found.separated.reason, found.separated.unseen]
     powers, bessel, products, theta, beyond = _core.driven_cost(
         hamiltonian, core, times[0], times[-1]
     )
@@ -290,7 +291,8 @@ def _magnus(system: Schrodinger, method: Magnus, times: Sequence[float], why: st
     span.check_reach(method.tol)
     rate = (method.tol - span.roundoff) / float(span.intervals.sum())
     norm = max(TIMES * method.tol, LEAST)
-    core = MagnusSteps(method.scheme, rate, method.tol, norm, found.parts)
+    points = system.points_between(times[0], times[-1])
+    core = MagnusSteps(method.scheme, rate, method.tol, norm, found.parts, points)
     products, theta, by_estimates = magnus_cost(system, core, times, span.bounds)
     order, exponentials = method.scheme
     return WavePlan(

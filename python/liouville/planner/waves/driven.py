@@ -34,6 +34,9 @@ OF_PRODUCTS = ((4, 2, 1e-6), (6, 5, 1e-10), (8, 8, 0.0))
 #: Times of the sums of H that make the exponentials of a Magnus method.
 NODES = {(2, 1): 1, (4, 2): 2, (4, 3): 3, (6, 5): 3, (8, 8): 4}
 
+#: Times of a step at which the core looks at an H(t) known by its products.
+LOOKED = 9
+
 #: Times at which drives are looked at for their range, and bounds are taken without corners.
 LOOKS, TIMES = 257, 9
 
@@ -94,6 +97,8 @@ def magnus_cost(
 
     Products are an estimate of as many as there may be; of a long run of parts of it.
     """
+    points = system.points_between(times[0], times[-1])
+    times = sorted({*times, *points}, reverse=times[-1] < times[0])
     lengths, beta = np.abs(np.diff(times)), 0.5 * (bounds[1] - bounds[0])
     check_terms(beta * float(lengths.max()), "give more times to keep states at")
     if system.moving_product is None:
@@ -104,6 +109,10 @@ def magnus_cost(
         return products, theta, why
     degree = _core.chebyshev_degree(beta * float(lengths.sum()), core.tol)
     why = "steps are chosen by estimates while running; the products are the least there may be"
+    why += (
+        f"; H(t) is looked at {LOOKED} times a step or more, and a step may be {lengths.max():.2g} "
+        "long: a pulse within it is seen by its time in points="
+    )
     # every step is made as one and as two halves
     return 2.0 * NODES[core.scheme] * degree, beta * float(lengths.max()), why
 
@@ -141,7 +150,8 @@ def driving(system: Schrodinger, times: Sequence[float], tol: float | None = Non
         low = max(low, min(bounds[0] for bounds in corners))
         high = min(high, max(bounds[1] for bounds in corners))
     given = system.given_bounds
-    outputs = tuple(sorted(times)) if len(times) <= OUTPUTS else ()
+    looked = {*system.points_between(t0, t1), *(times if len(times) <= OUTPUTS else ())}
+    outputs = tuple(sorted(looked))
     run = (t0, t1, times_of_samples(system.drives), outputs)
     parts = (tuple(system.groups), tuple(system.term_bounds), given, axes, corners, run)
     return Driving(parts, Spectrum((low, high), guarantee))

@@ -100,13 +100,17 @@ class SeriesExponentials:
 
 @dataclass(frozen=True, eq=False)
 class MagnusSteps:
-    """The same with steps that keep to the error `rate` in a unit of time, and `tol` in all."""
+    """The same with steps that keep to the error `rate` in a unit of time, and `tol` in all.
+
+    Steps end at `breaks` besides.
+    """
 
     scheme: tuple[int, int]
     rate: float
     tol: float
     norm_tol: float
     parts: Parts
+    breaks: tuple[float, ...] = ()
     kind: str = field(default="magnus steps", init=False)
 
 

@@ -53,6 +53,7 @@ class Bounded(Pickled):
     grid: Grid | None
     frame: Frame
     size: int
+    points: tuple[float, ...]
     is_driven: bool
     _given: Bounds | None
     _way: str
@@ -206,7 +207,21 @@ class Bounded(Pickled):
 
     def _join(self) -> None:
         """Make the core's H of the terms and of functions of time."""
-        raise NotImplementedError
+        flat = [operator for term in self._terms for operator in term.operators]
+        params = self._params.values(None)
+        more: dict[str, Any] = {}
+        if self._functions:
+            more["drive"] = (self._weights, params)
+        if self._moving is not None and self.grid is not None:
+            tape = self._moving.tape(1 / self.hbar)
+            points = np.tile(self.grid.points, (1 + self.frame.is_doubled, 1))
+            more["potential"] = (tape, params, points.ravel())
+        self.hamiltonian = _core.Hamiltonian(flat, self.frame.is_doubled, **more)
+
+    def points_between(self, t0: float, t1: float) -> tuple[float, ...]:
+        """Return the times within a run at which H(t) is looked at besides, in its order."""
+        found = tuple(t for t in self.points if min(t0, t1) < t < max(t0, t1))
+        return found if t1 > t0 else found[::-1]
 
     @property
     def takes_lanczos(self) -> bool:
@@ -267,7 +282,8 @@ class Bounded(Pickled):
                 return product.at(t).operator(1 / self.hbar, is_doubled=True), known
 
             ways = (at, likely if self._way == "lanczos" else probable)
-            found = separate(multiply, ways, product.n, (t0, t1), tol)
+            points = self.points_between(t0, t1)
+            found = separate(multiply, ways, product.n, (t0, t1), tol, points)
             if found is not None and self._given is not None:
                 found = replace(found, spectrum=Spectrum(self._given, GIVEN))
             self._sums[key] = found

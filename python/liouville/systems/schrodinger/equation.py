@@ -61,6 +61,8 @@ class Schrodinger(OnGrid):
     times : array_like, optional
         When samples are taken: the function is the cubic spline through them. A run that leaves
         these times by more than half the distance of two is refused.
+    points : array_like, optional
+        Times at which H(t) is looked at and steps end, as in the middle of a short pulse.
     params : mapping of str to float or 1-D array_like, optional
         Parameters by name, with default values; functions see ``params.name``.
     nonlinearity : callable, optional
@@ -78,8 +80,8 @@ class Schrodinger(OnGrid):
         What a start and a solution call the state: ("psi",).
     size : int
         Number of components N of a state.
-    source, hbar
-        The Hamiltonian and Planck's constant as given.
+    source, hbar, points
+        The Hamiltonian, Planck's constant and times as given.
     grid : Grid or None
         The grid, if there is one.
     nonlinearity : Nonlinearity or None
@@ -159,15 +161,21 @@ class Schrodinger(OnGrid):
         hbar: float = 1.0,
         drive: Sequence[tuple[Callable[..., Any] | ArrayLike, Any]] = (),
         times: ArrayLike | None = None,
+        points: ArrayLike = (),
         params: Mapping[str, ArrayLike] | None = None,
         nonlinearity: Callable[..., Any] | None = None,
         absorber: Callable[..., Any] | ArrayLike | None = None,
     ) -> None:
+        self.points = foreign.points_of(points)
         self.source, self._drive = foreign.parted(hamiltonian, drive, times)
         self.hbar = positive("hbar", hbar)
         self._params = _trace.Parameters(params)
         self._given, self._way = interval(bounds, self.hbar), way(bounds)
         self._make(None, nonlinearity, absorber)
+        if self.points and not self.is_driven:
+            raise ValueError(
+                "points must be times of an H that depends on time, and none does here"
+            )
 
     def _make(self, frame: Frame | None, nonlinearity: Any, absorber: Any) -> None:
         """Make the core's form of H, in a frame if it is known."""
@@ -193,7 +201,7 @@ class Schrodinger(OnGrid):
         if self._potential is not None:
             source = source.with_potential(self._potential)
         pairs = zip(self._functions, self._drive, strict=True)
-        names = ("hbar", "_params", "_given", "_way", "frame")
+        names = ("hbar", "points", "_params", "_given", "_way", "frame")
         own = {name: getattr(self, name) for name in names}
         drive = [(x if isinstance(x, foreign.Samples) else f, matrix) for f, (x, matrix) in pairs]
         own |= {"source": source, "_drive": drive}

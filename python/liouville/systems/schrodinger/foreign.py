@@ -25,6 +25,14 @@ FEWEST = 2
 ROOM = 0.5 + 1e-9
 
 
+def points_of(given: Any) -> tuple[float, ...]:
+    """Read times in any order; TypeError or ValueError where they are none."""
+    found = array_of("points", given) if np.size(given) else np.zeros(0)
+    if found.ndim != 1 or found.dtype.kind not in "iuf" or not np.isfinite(found).all():
+        raise ValueError(f"points must be a list of times, not {given!r:.60}")
+    return tuple(np.unique(found).astype(float).tolist())
+
+
 def plain(name: str, given: Any) -> Any:
     """Return SciPy's or NumPy's form of an operator or state of QuTiP's or QuSpin's.
 

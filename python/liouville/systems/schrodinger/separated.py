@@ -7,7 +7,7 @@ r"""H(t) as a sum of operators with functions of time, found by products with ra
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -60,12 +60,15 @@ class Separated:
         Of H(t) at any time.
     looks : int
         Products that found it.
+    apart : float
+        The largest distance of two times of these.
     """
 
     hamiltonian: _core.Hamiltonian
     bounds: list[Bounds]
     spectrum: Spectrum
     looks: int
+    apart: float
 
     @property
     def reason(self) -> str:
@@ -74,6 +77,14 @@ class Separated:
         functions = f"{count} function{'' if count == 1 else 's'} of time"
         return (
             f"H(t) was found to be H(t0) and {functions} times operators, by {self.looks} products"
+        )
+
+    @property
+    def unseen(self) -> str:
+        """A sentence on what was not looked at."""
+        return (
+            f"products were made at times up to {self.apart:.2g} apart; a shorter pulse is seen by "
+            "its time in points="
         )
 
 
@@ -110,6 +121,11 @@ class Looker:
             rows.append(self._known[t])
         return np.array(rows)
 
+    @property
+    def apart(self) -> float:
+        """The largest distance of two times at which it was looked."""
+        return float(np.diff(sorted({self.t0, *self._known})).max(initial=0.0))
+
     def times(self, t1: float, count: int) -> Array:
         """Return random times of a run."""
         return self.t0 + (t1 - self.t0) * self._draw.random(count)
@@ -121,11 +137,12 @@ def separate(
     n: int,
     span: tuple[float, float],
     tol: float,
+    points: Sequence[float] = (),
 ) -> Separated | None:
     """Look for the sum over a run, to a part of its tolerance; None if it has too many parts.
 
     `product` makes those of H over hbar with complex vectors; `ways` are to have it at a time, and
-    to bound its eigenvalues.
+    to bound its eigenvalues; at `points` it is checked, too.
     """
     t0, t1 = span
     at, bounded = ways
@@ -154,7 +171,7 @@ def separate(
         degree = _degree(np.linalg.norm(rows[picked], axis=1), series, least)
         if degree is not None:
             fit = _Fit(looker, [t0, *nodes[picked].tolist()], series[:, :degree], t1)
-            is_right = fit.is_right(least, int(EACH * theta / 4) + 8)
+            is_right = fit.is_right(least, int(EACH * theta / 4) + 8, points)
             return fit.separated(ways, base, values) if is_right else None
         count *= 2
     return None
@@ -209,11 +226,11 @@ class _Fit:
         found: Array = self.series @ np.cos(degrees * np.arccos(np.clip(x, -1.0, 1.0)))
         return found
 
-    def is_right(self, least: float, count: int) -> bool:
-        """Return whether products with another vector are those of the sum, at random times."""
+    def is_right(self, least: float, count: int, points: Sequence[float]) -> bool:
+        """Return whether products with another vector are those of the sum, at these and others."""
         looker, other = self.looker, self.looker.other
         first, *rest = (looker.at(t, other) for t in self.times)
-        for t in looker.times(self.t1, count).tolist():
+        for t in [*points, *looker.times(self.t1, count).tolist()]:
             found = looker.at(t, other) - first
             for weight, one in zip(self.weights(t).tolist(), rest, strict=True):
                 found = found - weight * (one - first)
@@ -245,4 +262,4 @@ class _Fit:
         drive = (self.tape(), np.zeros(0))
         hamiltonian = _core.Hamiltonian(operators, True, drive=drive)
         spectrum = Spectrum((float(low), float(high)), guarantee)
-        return Separated(hamiltonian, bounds, spectrum, self.looker.looks)
+        return Separated(hamiltonian, bounds, spectrum, self.looker.looks, self.looker.apart)

@@ -142,7 +142,11 @@ impl Driven {
 }
 
 /// The first of some times, in order along the run, at which windows end after t, or the end of the run.
-fn next_break<'a>(breaks: impl Iterator<Item = &'a f64>, t: f64, end: f64) -> f64 {
+pub(in crate::method) fn next_break<'a>(
+    breaks: impl Iterator<Item = &'a f64>,
+    t: f64,
+    end: f64,
+) -> f64 {
     let is_between = |time: &f64| (time - t) * (end - t) > 0.0 && (time - end) * (t - end) > 0.0;
     breaks.copied().find(is_between).unwrap_or(end)
 }

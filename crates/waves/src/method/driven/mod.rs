@@ -14,8 +14,8 @@ mod scan;
 pub(super) mod terms;
 pub(super) mod whole;
 
-pub(super) use cost::next_time;
 pub use cost::{Driven, DrivenCost};
+pub(super) use cost::{next_break, next_time};
 pub(super) use fit::Sampler;
 
 use super::bessel::LESS;

@@ -7,7 +7,7 @@
 use super::chooser::{Chooser, MagnusTolerance, SERIES};
 use super::probe::Probe;
 use super::{Magnus, Nodes};
-use crate::method::driven::next_time;
+use crate::method::driven::{next_break, next_time};
 use crate::method::term_bounds::TermBounds;
 use crate::method::{Sweeper, Wave, squares};
 use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch, Numbers};
@@ -39,6 +39,8 @@ pub struct MagnusSteps {
     constant: f64,
     before: Wave<f64>,
     coarse: Wave<f64>,
+    /// Times at which steps end besides, in the order of the run.
+    breaks: Vec<f64>,
 }
 
 impl MagnusSteps {
@@ -64,7 +66,14 @@ impl MagnusSteps {
             constant: constant(order),
             before: empty(),
             coarse: empty(),
+            breaks: Vec::new(),
         }))
+    }
+
+    /// The same with steps that end at these times, too, given in the order of the run.
+    #[must_use]
+    pub fn with_breaks(self, breaks: Vec<f64>) -> Self {
+        Self { breaks, ..self }
     }
 
     /// One step to at most `end`, and where it leads.
@@ -132,7 +141,8 @@ impl Stepper for MagnusSteps {
     fn step(&mut self, t: f64, h: f64, state: &mut Wave<f64>) -> Result<(), StepError> {
         let (mut now, end) = (t, t + h);
         while now.to_bits() != end.to_bits() {
-            now = self.advance(now, end, state)?;
+            let next = next_break(self.breaks.iter(), now, end);
+            now = self.advance(now, next, state)?;
         }
         Ok(())
     }
