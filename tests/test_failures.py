@@ -508,7 +508,7 @@ COMPUTATIONS = {
     "gradient of a field": lambda: within(
         "abc_flow", lv.VolumeSplitting(), lv.check_gradient, steps=20, wrt=["x"]
     ),
-    "gradients of members": lambda: within("pendulum", lv.Spark(2), pulled),
+    "gradients of members": lambda: within("pendulum", lv.HHT(), pulled),
     "gradients of waves": lambda: lv.check_gradient(
         lv.Schrodinger(lv.Lattice(4)), lv.Chebyshev(), t=(0, 1), psi=np.eye(2, 4), wrt=["psi"]
     ),
