@@ -15,8 +15,9 @@ from report import publish
 
 import liouville as lv
 from liouville import _core
+from liouville._runs.choice import runner_of
+from liouville._runs.runner import Request
 from liouville.problems import chain, load
-from liouville.runners import Request, runner_of
 
 IMPORTS = {"numpy": 9, "liouville": 9, "liouville, casadi": 3}
 CALLS = {

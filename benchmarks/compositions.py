@@ -15,7 +15,7 @@ from report import RESULTS, publish
 
 import liouville as lv
 from liouville import problems
-from liouville.methods import composition
+from liouville._methods import composition
 
 #: Names and lengths of the runs.
 PROBLEMS = {

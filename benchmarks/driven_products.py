@@ -17,7 +17,7 @@ import scipy.sparse as sp
 from scipy.integrate import solve_ivp
 
 import liouville as lv
-from liouville.planner.waves.driven import OF_PRODUCTS, SCHEMES
+from liouville._methods.planner.waves.driven import OF_PRODUCTS, SCHEMES
 from liouville.problems import walker_preston
 
 TOLERANCES = (1e-4, 1e-6, 1e-8, 1e-10)

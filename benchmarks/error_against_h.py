@@ -5,7 +5,8 @@ finest four step sizes above roundoff. Prints one Markdown table for each proble
 """
 
 import liouville as lv
-from liouville import convergence, problems
+from liouville import problems
+from liouville.analysis import convergence
 
 STEPS = {
     "car_axis": (80, 100, 125, 160, 200, 300, 600, 1200, 2400, 4800),

@@ -13,9 +13,9 @@ from math import factorial
 import numpy as np
 from report import publish
 
-from liouville.splitting import split
-from liouville.splitting.directions import growth
-from liouville.terms import Terms
+from liouville._methods.splitting import split
+from liouville._methods.splitting.directions import growth
+from liouville._systems.fields.terms import Terms
 
 #: Degree and numbers of variables.
 CASES = ((2, (3, 6, 10, 20, 32)), (3, (3, 6, 10)))

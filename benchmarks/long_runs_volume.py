@@ -62,7 +62,7 @@ def drift(name, composition, h, steps):
     control = polynomial.trajectory(problem.system, start, h / CONTROL, RECORDS, CONTROL * every)
     # an ensemble knows the invariants where it starts
     at_start = lv.ensemble(problem.system, plan, t=(0.0, h), steps=1, x=control)
-    volume = lv.determinant(
+    volume = lv.analysis.determinant(
         problem.system, plan, t=(0.0, STEPS * h), steps=STEPS, every=STEPS, **problem.start
     )
     for invariant in problem.conserved:

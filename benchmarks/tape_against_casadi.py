@@ -21,7 +21,7 @@ import numpy as np
 from report import publish
 
 from liouville import problems
-from liouville.tape import record
+from liouville._systems.tape import record
 
 POINTS = 1024
 REPEATS = 600

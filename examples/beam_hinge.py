@@ -14,7 +14,7 @@ import skfem
 
 import liouville as lv
 from liouville import plot
-from liouville.fem import Body
+from liouville._bridges.fem import Body
 
 plt.style.use(plot.STYLE)
 

@@ -21,7 +21,7 @@ grid = lv.Grid(
 condensate = lv.Schrodinger(
     grid, nonlinearity=lambda t, rho, params: params.g * rho, params={"g": 400.0}
 )
-ground = lv.ground_state(condensate)
+ground = lv.analysis.ground_state(condensate)
 ground
 
 # %%

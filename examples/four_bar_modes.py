@@ -42,18 +42,18 @@ system
 # %%
 # The loop is closed in space, so three of the 23 constraints follow from the others.
 
-rest = lv.equilibrium(system, **m.start())
+rest = lv.analysis.equilibrium(system, **m.start())
 rest
 
 # %%
 # Two linear equations are left of 21 coordinates, with one mode.
 
-lv.linearize(system, **rest.start).state
+lv.analysis.linearize(system, **rest.start).state
 
 # %%
 # Its frequency, how soon it is still, and what it moves.
 
-modes = lv.modes(system, **rest.start)
+modes = lv.analysis.modes(system, **rest.start)
 modes
 
 # %%

@@ -74,5 +74,7 @@ plt.show()
 # %%
 # The determinant of the derivative of its steps, for one of them: it is 1 to roundoff.
 
-one = lv.determinant(sea, lv.VolumeSplitting(composition="BM4"), t=(0, day), h=300, x=square[0])
+one = lv.analysis.determinant(
+    sea, lv.VolumeSplitting(composition="BM4"), t=(0, day), h=300, x=square[0]
+)
 print(f"{one.observed['defect'][-1]:.1e}")

@@ -41,7 +41,7 @@ motion = lv.integrate(driven.system(), lv.Spark(3), t=(0, 2), h=0.005, **driven.
 # %%
 # The same press has a motor in place of the motion: its torque is what is asked for.
 
-found = lv.inverse_dynamics(press().system(), motion, ["A"])
+found = lv.analysis.inverse_dynamics(press().system(), motion, ["A"])
 angle = np.degrees(motion.joint("A").angle)
 
 fig, (left, right) = plt.subplots(1, 2)

@@ -53,7 +53,7 @@ plt.show()
 # Over a long time all chaotic tracers have the same exponents, which sum to zero; their tangents
 # are made orthogonal on the way.
 
-found = lv.lyapunov(
+found = lv.analysis.lyapunov(
     problem.system,
     lv.VolumeSplitting(composition="BM4"),
     t=(0.0, 400.0),

@@ -48,7 +48,7 @@ linkage = lv.Lagrangian(
 
 
 def rest(stable, **near):
-    found = lv.equilibrium(
+    found = lv.analysis.equilibrium(
         linkage, stable=stable, **linkage.consistent(v=np.zeros(5), **near)
     ).start
     shift = found["q"][0] * np.array([1, 1, 0, 1, 0])

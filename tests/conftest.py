@@ -56,7 +56,7 @@ def pressing():
 @pytest.fixture
 def liouville(elsewhere, monkeypatch, capsys):
     """Run commands of ``liouville`` in this process, from an empty directory."""
-    from liouville import cli
+    from liouville import _cli as cli
 
     monkeypatch.setattr(sys, "path", list(sys.path))  # a model file's folder is put into it
     monkeypatch.setattr(sys, "dont_write_bytecode", True)

@@ -17,8 +17,8 @@ from index2_systems import nonlinear, nonlinear_at
 from ordinary import propagated
 
 import liouville as lv
+from liouville._systems import Mechanics
 from liouville.problems import load
-from liouville.systems import Mechanics
 
 #: The method of order 16 that gives exact motions of mechanics.
 GAUSS_16 = lv.Spark(8)

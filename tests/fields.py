@@ -6,7 +6,7 @@ from math import factorial, prod
 
 import numpy as np
 
-from liouville.terms import Terms, Wave
+from liouville._systems.fields.terms import Terms, Wave
 
 
 def monomials(n, degree):

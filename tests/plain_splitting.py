@@ -1,7 +1,7 @@
 """Splitting steps written down as they are defined, in rationals or in mpmath's many digits.
 
-Pieces are tuples as the core reads them (``liouville.splitting.border.packed``), of lists or
-arrays:
+Pieces are tuples as the core reads them
+(``liouville._methods.splitting.border.packed``), of lists or arrays:
 
     ("natural", rows, term_rows, coefficients, factors, functions)              x_i += h R_i
     ("shear", places, direction, term_rows, coefficients, factors, functions)   x += h g a

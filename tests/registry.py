@@ -21,7 +21,7 @@ from families import FAMILIES, Problem
 from plain_alpha import Plain
 
 import liouville as lv
-from liouville.methods.composition import SCHEMES
+from liouville._methods.composition import SCHEMES
 from liouville.problems import load
 
 DATA = Path(__file__).parent / "data"

@@ -167,4 +167,4 @@ def test_methods_that_keep_the_norm_refuse_one(method):
     with pytest.raises(TypeError, match="is for a Hermitian H, and this one has an absorber"):
         lv.integrate(system, method, t=(0, 1), psi=packet(system.grid))
     with pytest.raises(TypeError, match="a ground state is for a Hermitian H"):
-        lv.ground_state(system)
+        lv.analysis.ground_state(system)

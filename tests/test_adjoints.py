@@ -12,8 +12,8 @@ import pytest
 from test_tangents import DENSE, SIZE, WEIGHTS, directions_of, general, moved, pendulum
 
 import liouville as lv
+from liouville._runs import execute
 from liouville.problems import load
-from liouville.runners import execute
 
 
 def paired(system, method, t, start, directions, least=0.0, **run):
@@ -41,7 +41,9 @@ def test_every_parameter_of_every_function_and_both_ends():
     directions = directions_of(system, "t0", "t1")
     for method in (lv.Spark(3), lv.LobattoPair(3, "C"), lv.Composition(lv.Spark(1), "Y4")):
         assert paired(system, method, t, start, directions, steps=10) < 1e-12
-    found = lv.check_gradient(system, lv.Spark(2), wrt=[*directions], t=t, steps=4, **start)
+    found = lv.analysis.check_gradient(
+        system, lv.Spark(2), wrt=[*directions], t=t, steps=4, **start
+    )
     assert found.dot < 1e-13
     assert found.differences < 1e-9
 
@@ -138,7 +140,9 @@ def test_linear_steps_are_corrected_and_where_that_fails_factored():
         run = {"t": (0.0, 0.5), "steps": steps}
         assert paired(system, lv.Spark(3), start=start, directions=directions, **run) < kind
         if stiffness == 1.0:
-            found = lv.check_gradient(system, lv.Spark(3), wrt=[*directions], **run, **start)
+            found = lv.analysis.check_gradient(
+                system, lv.Spark(3), wrt=[*directions], **run, **start
+            )
             assert found.differences < 1e-9
         by_newton = {}
         for method in (lv.Spark(3), lv.Spark(3, solver="newton")):
@@ -174,7 +178,7 @@ def test_checks_by_differences_repeat_the_steps():
     call = {"wrt": ["v", "params.l"], "t": (0, 1), "q": [1.2, -1.6], "v": [1.6, 1.2]}
     ends = call | {"wrt": ["params.l", "t0", "t1"]}
     for method in (lv.Spark(2), lv.HHT()):
-        assert lv.check_gradient(system, method, h=0.1, **ends).differences < 1e-10
+        assert lv.analysis.check_gradient(system, method, h=0.1, **ends).differences < 1e-10
     refused = (
         ({"rtol": 1e-6}, "other steps where steps are controlled"),
         ({"h": 0.1, "control": lv.Reversible()}, "other steps where steps are controlled"),
@@ -185,12 +189,12 @@ def test_checks_by_differences_repeat_the_steps():
     )
     for more, sentence in refused:
         with pytest.raises((TypeError, ValueError), match=sentence):
-            lv.check_gradient(system, lv.Spark(2), **(call | more))
+            lv.analysis.check_gradient(system, lv.Spark(2), **(call | more))
     # the bob passes below on its way, a step earlier in some of the runs
     below = {"low": lv.Event(lambda t, q, v, lam, params: q[0], "down", terminal=True)}
     call = {"wrt": ["params.l"], "t": (0, 9), "h": 0.005, "events": below, "q": [1.2, -1.6]}
     with pytest.raises(ValueError, match="an event ends a moved run after another number"):
-        lv.check_gradient(system, lv.Spark(2), v=[0.0, 0.0], size=0.05, **call)
+        lv.analysis.check_gradient(system, lv.Spark(2), v=[0.0, 0.0], size=0.05, **call)
 
 
 @pytest.mark.parametrize(("name", "wrt"), [
@@ -203,7 +207,7 @@ def test_differences_move_each_name_by_its_own_size(name, wrt):
     system, start = load(name).system, load(name).start
     run = {"t": (0.0, 0.02), "steps": 5, **system.consistent(**start)}
     for each in (wrt, *([x] for x in wrt)):
-        found = lv.check_gradient(system, lv.HHT(), wrt=each, **run)
+        found = lv.analysis.check_gradient(system, lv.HHT(), wrt=each, **run)
         assert found.dot < 1e-12
         assert found.differences < 1e-8
 
@@ -216,8 +220,8 @@ def test_a_check_sees_a_small_derivative_that_is_wrong():
 
     system = lv.Lagrangian(bent, q=1, params={"g": 1.0, "k": 0.0})
     run = {"t": (0, 1), "steps": 9, "q": [1.0], "v": [0.0]}
-    assert lv.check_gradient(system, lv.HHT(), wrt=["params.g"], **run).differences < 1e-12
-    assert lv.check_gradient(system, lv.HHT(), wrt=["params.k"], **run).differences > 1e-4
+    assert lv.analysis.check_gradient(system, lv.HHT(), wrt=["params.g"], **run).differences < 1e-12
+    assert lv.analysis.check_gradient(system, lv.HHT(), wrt=["params.k"], **run).differences > 1e-4
 
 
 def test_a_gradient_of_zero_is_right():
@@ -232,28 +236,37 @@ def test_a_gradient_of_zero_is_right():
     for events in ({}, {"ground": ground}):
         for method in (lv.HHT(), lv.Spark(2)):
             call = {"wrt": ["params.e"], "events": events, "q": [1.0], **run}
-            assert lv.check_gradient(ball, method, **call) == lv.GradientCheck(0.0, 0.0)
+            assert lv.analysis.check_gradient(ball, method, **call) == lv.analysis.GradientCheck(
+                0.0, 0.0
+            )
     still = {"params": {"g": 0.0}, "wrt": ["params.e"], "q": [0.0], **run}
-    assert lv.check_gradient(ball, lv.HHT(), **still) == lv.GradientCheck(0.0, 0.0)
+    assert lv.analysis.check_gradient(ball, lv.HHT(), **still) == lv.analysis.GradientCheck(
+        0.0, 0.0
+    )
     top = lv.PolynomialField(lambda t, x, p: ca.vertcat(x[1], -x[0]), x=2, params={"z": [1.0, 2.0]})
     call = {"wrt": ["params.z"], "t": (0, 1), "steps": 5, "x": [1.0, 0.0]}
-    assert lv.check_gradient(top, lv.VolumeSplitting(), **call) == lv.GradientCheck(0.0, 0.0)
-    found = lv.check_gradient(well, "auto", wrt=["params.c"], t=(0, 1), psi=np.ones(16) / 4)
+    assert lv.analysis.check_gradient(
+        top, lv.VolumeSplitting(), **call
+    ) == lv.analysis.GradientCheck(0.0, 0.0)
+    found = lv.analysis.check_gradient(
+        well, "auto", wrt=["params.c"], t=(0, 1), psi=np.ones(16) / 4
+    )
     assert found.dot < 1e-13
     assert found.differences < 1e-10
 
 
 @pytest.mark.parametrize("call", [
-    lv.vjp, lv.check_gradient, lv.integrate, lv.ensemble, lv.lyapunov, lv.casadi.solver,
+    lv.vjp, lv.analysis.check_gradient, lv.integrate, lv.ensemble, lv.analysis.lyapunov,
+    lv.casadi.solver,
 ])  # fmt: skip
 @pytest.mark.parametrize("system", [None, lv.Lagrangian, "pendulum"], ids=str)
 def test_what_is_no_system_is_refused(call, system):
-    wrt = {} if call in (lv.integrate, lv.ensemble, lv.lyapunov) else {"wrt": ["v"]}
+    wrt = {} if call in (lv.integrate, lv.ensemble, lv.analysis.lyapunov) else {"wrt": ["v"]}
     with pytest.raises(TypeError, match="system must be a Lagrangian"):
         call(system, lv.Spark(2), t=(0, 1), h=0.1, q=[1.0], **wrt)
 
 
-@pytest.mark.parametrize("call", [lv.vjp, lv.integrate, lv.lyapunov, lv.casadi.solver])
+@pytest.mark.parametrize("call", [lv.vjp, lv.integrate, lv.analysis.lyapunov, lv.casadi.solver])
 @pytest.mark.parametrize("method", [lv.Spark, lv.VolumeSplitting()], ids=str)
 def test_what_is_no_method_is_refused(call, method):
     wrt = {"wrt": ["q"]} if call in (lv.vjp, lv.casadi.solver) else {}

@@ -14,7 +14,7 @@ from scipy.linalg import null_space
 from test_order import orders, shifted_phi
 
 import liouville as lv
-from liouville.convergence import slope
+from liouville.analysis.convergence import slope
 from liouville.problems import chain
 
 METHODS = [

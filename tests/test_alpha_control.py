@@ -8,7 +8,7 @@ import pytest
 from registry import PROBLEMS, SECOND_ORDER
 
 import liouville as lv
-from liouville.convergence import distance
+from liouville.analysis.convergence import distance
 from liouville.problems import load
 
 TOLERANCES = (1e-4, 1e-5, 1e-6, 1e-7)
@@ -221,7 +221,7 @@ def test_a_run_may_be_interrupted_within_its_trial(monkeypatch):
             raise KeyboardInterrupt
 
     stop_at = 5
-    monkeypatch.setattr(sys.modules["liouville.runners.execute"], "SLICE", 0.0)
+    monkeypatch.setattr(sys.modules["liouville._runs.execute"], "SLICE", 0.0)
     cut = lv.integrate(problem.system, lv.HHT(), progress=report, **run)
     assert (cut.status, cut.stats["steps"], calls) == ("interrupted", 0, [0.0] * 5)
     stop_at = 0

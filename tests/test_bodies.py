@@ -152,7 +152,7 @@ def test_a_point_mass_that_a_torque_does_not_turn_transmits_it(kind):
 
 
 def gradients(system, start):
-    from liouville.systems._redundant import _gradients
+    from liouville._systems.mechanics.redundant import _gradients
 
     return _gradients(system, 0.0, start["q"], start["v"], system.values(None))
 
@@ -850,7 +850,7 @@ def test_a_beam_bends_and_twists_as_a_cantilever_does():
         across=(1.0, 1.0, 0),
     )
     system = m.system({"F": load, "ei": ei})
-    q = lv.equilibrium(system, **m.start()).start["q"]
+    q = lv.analysis.equilibrium(system, **m.start()).start["q"]
     # bent about y by the force along z, about z by that along y
     wanted = (load * length / 1e3, load * length**3 / 3 / ej, load * length**3 / 3 / ei)
     assert q[:3] - (length, 0, 0) == pytest.approx(wanted, rel=1e-6)

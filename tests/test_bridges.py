@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import liouville as lv
-from liouville.bridges import run
+from liouville._bridges import run
 from liouville.problems import load
 
 SYSTEM = lv.Lagrangian(

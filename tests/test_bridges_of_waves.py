@@ -7,7 +7,7 @@ from scipy.interpolate import CubicSpline
 from test_index2_gradients import started
 
 import liouville as lv
-from liouville.bridges import run
+from liouville._bridges import run
 from liouville.problems import abc_flow
 
 RNG = np.random.default_rng(4)

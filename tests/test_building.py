@@ -10,8 +10,8 @@ import pytest
 
 import liouville as lv
 from liouville import problems
-from liouville.systems._derivatives import jacobian, solve
-from liouville.tape import record
+from liouville._systems.tape import record
+from liouville._systems.tracing.sparse import jacobian, solve
 
 LINKS = (60, 600)
 FEWER = (20, 200)

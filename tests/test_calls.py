@@ -48,11 +48,11 @@ def test_an_import_loads_little():
     assert not outside & {"casadi", "scipy", "matplotlib", "xarray", "sympy", "concurrent"}
     assert not {
         "liouville.analysis",
-        "liouville.planner",
-        "liouville.splitting",
-        "liouville.stored",
+        "liouville._methods.planner",
+        "liouville._methods.splitting",
+        "liouville._runs.stored",
     } & set(listed)
-    assert {"numpy", "liouville.runners"} <= set(listed)
+    assert {"numpy", "liouville._runs.choice"} <= set(listed)
 
 
 def test_names_that_are_imported_later_are_listed_and_others_refused():

@@ -8,9 +8,9 @@ from mpmath import mp, mpf
 from plain_splitting import in_digits, walk
 from test_composition import SCHEMES, flows
 
-from liouville.splitting import Exponential, Natural, Shear, split
-from liouville.splitting.directions import powers
-from liouville.terms import Terms
+from liouville._methods.splitting import Exponential, Natural, Shear, split
+from liouville._methods.splitting.directions import powers
+from liouville._systems.fields.terms import Terms
 
 REFERENCE = json.loads((Path(__file__).parent / "data" / "volume_reference.json").read_text())
 FIELDS = {field["name"]: field for field in REFERENCE["fields"]}

@@ -19,10 +19,12 @@ import numpy as np
 import pytest
 
 import liouville as lv
-from liouville import cli, plot, problems
-from liouville.cli import doctor
+from liouville import _cli as cli
+from liouville import plot, problems
+from liouville._cli import doctor
+from liouville._methods import METHODS
 
-COMMAND = [sys.executable, "-W", "error", "-c", "from liouville.cli import main; main()"]
+COMMAND = [sys.executable, "-W", "error", "-c", "from liouville._cli import main; main()"]
 QUIET = {name: value for name, value in os.environ.items() if name not in ("FORCE_COLOR", "TERM")}
 
 MODEL = """
@@ -405,7 +407,7 @@ def test_problems_and_methods_are_listed_one_a_line(liouville):
     listed = liouville("problems").stdout.splitlines()[1:]
     assert tuple(line.split()[0] for line in listed) == problems.names()
     shown = liouville("methods").stdout
-    for name, method in lv.METHODS.items():
+    for name, method in METHODS.items():
         assert name in shown
         for item in fields(method):
             assert f"--{item.name.replace('_', '-')}" in shown
@@ -421,7 +423,7 @@ def test_a_method_added_to_the_list_brings_its_options(monkeypatch):
         rounds: int | None = field(default=None, metadata={"help": "how often"})
 
     seen = {}
-    monkeypatch.setitem(lv.METHODS, "damped", Damped)
+    monkeypatch.setitem(METHODS, "damped", Damped)
     monkeypatch.setattr(cli, "app", cli.typer.Typer())
     cli.app.command()(cli.options.method_options(lambda **options: seen.update(options)))
     monkeypatch.setattr(sys, "argv", ["liouville", "--damping", "0.25"])

@@ -152,7 +152,7 @@ def test_a_run_forth_and_back_ends_at_its_start(scheme):
 )
 def test_ground_states_have_their_chemical_potentials(g, mu, points, width):
     system = trapped(points, width, g)
-    ground = lv.ground_state(system, tol=1e-11)
+    ground = lv.analysis.ground_state(system, tol=1e-11)
     assert abs(ground.chemical_potential - mu) < 1e-9
     x, psi = system.grid.points[:, 0], ground.psi
     motion = ground.energy - (psi**2 @ (x**2 / 2)) - g / 2 * np.sum(psi**4) / system.grid.cell
@@ -163,7 +163,7 @@ def test_ground_states_have_their_chemical_potentials(g, mu, points, width):
 
 
 def test_a_strong_one_is_that_of_thomas_and_fermi():
-    ground = lv.ground_state(trapped(512, 20.0, 1000.0))
+    ground = lv.analysis.ground_state(trapped(512, 20.0, 1000.0))
     mu = ground.chemical_potential
     assert abs(mu / (1500**2 / 8) ** (1 / 3) - 1) < 1e-4  # (3g/2)^(2/3) / 2
     x = trapped(512, 20.0).grid.points[:, 0]
@@ -176,7 +176,7 @@ def test_an_attractive_one_is_a_soliton():
         lv.Grid(-10, 10, 128, potential=lambda t, x, params: 1e-6 * x**2),
         nonlinearity=coupled, params={"g": -4.0},
     )  # fmt: skip
-    ground = lv.ground_state(system, tol=1e-8)
+    ground = lv.analysis.ground_state(system, tol=1e-8)
     assert abs(ground.chemical_potential + 2) < 1e-4  # -g^2/8
     assert abs(ground.energy + 16 / 24) < 1e-4
 
@@ -212,7 +212,7 @@ def test_a_vortex_goes_around_its_trap_at_the_published_frequency():
         (-8, -8), (8, 8), (72, 72), potential=lambda t, x, params: (x[0] ** 2 + x[1] ** 2) / 2
     )
     system = lv.Schrodinger(grid, nonlinearity=coupled, params={"g": g})
-    ground = lv.ground_state(system, tol=1e-6)
+    ground = lv.analysis.ground_state(system, tol=1e-6)
     x, y = (axis.reshape(grid.shape) for axis in grid.points.T)
     z = (x - 1.0) + 1j * y
     psi = ground.psi.reshape(grid.shape) * z / np.sqrt(np.abs(z) ** 2 + 0.1)
@@ -246,7 +246,7 @@ def test_a_collapse_is_named():
     assert np.isfinite(found.value.solution.psi).all()
     assert np.abs(found.value.solution.invariants["norm"] - 1).max() < 1e-12
     with pytest.raises(RuntimeError, match="does not resolve the ground state"):
-        lv.ground_state(system)
+        lv.analysis.ground_state(system)
 
 
 def test_steps_in_resonance_are_named():
@@ -293,7 +293,7 @@ def test_methods_for_linear_equations_refuse_one(method):
         lv.integrate(system, method, t=(0, 1), psi=packet(system))
     assert "hint: take SplitOperator()" in str(found.value)
     with pytest.raises(TypeError, match="thermal state is for a linear equation"):
-        lv.thermal_state(system, 1.0)
+        lv.analysis.thermal_state(system, 1.0)
 
 
 def test_bad_input_is_refused_before_the_run():

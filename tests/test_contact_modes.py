@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 import liouville as lv
-from liouville.contacts import Mode
-from liouville.contacts.complementarity import lemke
-from liouville.contacts.law import impact, solve
+from liouville._runs.contacts import Mode
+from liouville._runs.contacts.complementarity import lemke
+from liouville._runs.contacts.law import impact, solve
 
 G = 9.81
 METHODS = [lv.Spark(1), lv.Spark(2), lv.Spark(4), lv.LobattoPair(3)]
@@ -354,7 +354,7 @@ REFUSED = {
     "knows of no contacts, and the system has 'floor'": lambda: lv.ensemble(
         block(), lv.Spark(2), t=(0, 1), h=0.1, q=[[0, 0]], v=[[0, 0]]
     ),
-    "equilibrium knows of no contacts": lambda: lv.equilibrium(block(), q=[0, 0]),
+    "equilibrium knows of no contacts": lambda: lv.analysis.equilibrium(block(), q=[0, 0]),
     "friction needs slip=": lambda: lv.Contact(lambda t, q, params: q[0], friction=0.1),
     "restitution must be from 0 to 1, not 2": lambda: lv.Contact(print, restitution=2),
     "friction must be zero or positive, not -1": lambda: lv.Contact(print, friction=-1),

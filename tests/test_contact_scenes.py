@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import liouville as lv
-from liouville.contacts import Mode
+from liouville._runs.contacts import Mode
 
 G = 9.81
 WALLS = {"floor": (0.0, 1.0, 0.0), "left": (1.0, 0.0, -1.5), "right": (-1.0, 0.0, -1.5)}

@@ -6,7 +6,7 @@ import pytest
 from registry import PROBLEMS
 
 import liouville as lv
-from liouville.convergence import distance
+from liouville.analysis.convergence import distance
 from liouville.problems import kepler_on_sphere as kepler
 from liouville.problems import load
 

@@ -5,7 +5,7 @@ import pytest
 
 import liouville as lv
 from liouville import problems
-from liouville.convergence import Study, distance, slope, study
+from liouville.analysis.convergence import Study, distance, slope, study
 
 H = 0.4 / 2.0 ** np.arange(9)
 
@@ -89,7 +89,7 @@ def test_a_run_that_fails_has_no_error_and_does_not_stop_the_study(monkeypatch):
             raise lv.IntegrationError("too large a step")
         return lv.integrate(system, method, t=t, h=h, **rest)
 
-    monkeypatch.setattr("liouville.convergence.integrate", integrate)
+    monkeypatch.setattr("liouville.analysis.convergence.integrate", integrate)
     pendulum = problems.load("pendulum")
     hs = [0.4, 0.1, 0.05, 0.025]
     result = study(pendulum.system, lv.Spark(stages=1), (0.0, 1.0), hs, pendulum.start)
@@ -101,7 +101,7 @@ def test_an_interrupted_run_ends_the_study(monkeypatch):
     def integrate(*args, **rest):
         return replace(lv.integrate(*args, **rest), status="interrupted")
 
-    monkeypatch.setattr("liouville.convergence.integrate", integrate)
+    monkeypatch.setattr("liouville.analysis.convergence.integrate", integrate)
     pendulum = problems.load("pendulum")
     with pytest.raises(KeyboardInterrupt):
         study(pendulum.system, lv.Spark(), (0.0, 1.0), [0.1], pendulum.start)

@@ -11,8 +11,10 @@ import pytest
 from test_stored import pendulum
 
 import liouville as lv
-from liouville import checksum, export, problems
-from liouville.export.files import write_netcdf
+from liouville import problems
+from liouville._basics import checksum
+from liouville._solution import export
+from liouville._solution.export.files import write_netcdf
 
 #: What is put in the place of an attribute, of an entry of the description, and of an array.
 ODD = [

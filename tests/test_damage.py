@@ -10,7 +10,7 @@ from test_stored import CutError, cutting, pendulum, same, turning
 
 import liouville as lv
 from liouville import problems
-from liouville.stored import folder, stream
+from liouville._runs.stored import folder, stream
 
 SEED = 15
 

@@ -5,7 +5,7 @@ import pytest
 import xarray
 
 import liouville as lv
-from liouville.systems.gridded.sphere import EARTH
+from liouville._systems.fields.gridded.sphere import EARTH
 
 V = lv.VolumeSplitting
 

@@ -10,9 +10,9 @@ from registry import ALL
 
 import liouville as lv
 from liouville import problems
-from liouville.cli.models import times_at
-from liouville.runners import between
-from liouville.runners.execute import execute
+from liouville._cli.models import times_at
+from liouville._runs import between
+from liouville._runs.execute import execute
 
 wire = problems.load("moving_wire")
 

@@ -20,7 +20,7 @@ import numpy as np
 import pytest
 
 import liouville as lv
-from liouville import distribute
+from liouville._runs import distribute
 from liouville.problems import harmonic_oscillator, load, lorenz96
 
 EULER = load("euler_top").system

@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 import liouville as lv
-from liouville import parts
+from liouville._runs import runner
+from liouville._solution import parts
 from liouville.problems import (
     chain,
     euler_top,
@@ -21,9 +22,8 @@ from liouville.problems import (
     relativistic_particle,
     spherical_pendulum,
 )
-from liouville.runners import runner
 
-MODULE = importlib.import_module("liouville.runners.execute")
+MODULE = importlib.import_module("liouville._runs.execute")
 POLAR = spherical_pendulum.system
 
 

@@ -156,10 +156,12 @@ def test_a_cotangent_behind_the_end_of_a_member_is_refused():
     kept = np.where(np.isnan(solution.q), 0.0, ones)
     assert np.isfinite(pullback(q=kept)["q"]).all()
     with pytest.raises(ValueError, match="check members one by one"):
-        lv.check_gradient(system, method, wrt=["q"], **run, **rows)
+        lv.analysis.check_gradient(system, method, wrt=["q"], **run, **rows)
     bounces = {**run, "events": {"ground": run["events"]["ground"]}}
     three = {x: value[:3] for x, value in rows.items()}  # the fourth comes to rest
-    found = lv.check_gradient(system, method, wrt=["v", "params.e"], **bounces, **three, size=2e-4)
+    found = lv.analysis.check_gradient(
+        system, method, wrt=["v", "params.e"], **bounces, **three, size=2e-4
+    )
     assert found.dot < 1e-12
     assert found.differences < 1e-9
 

@@ -11,9 +11,9 @@ from test_tangents import COVERED, directions_of
 from test_wave_gradients import REGISTERED, ROWS
 
 import liouville as lv
+from liouville._runs.mechanics.adjoint import LockStep
+from liouville._runs.runner import processors
 from liouville.problems import abc_flow, load
-from liouville.runners.constrained_adjoint import LockStep
-from liouville.runners.runner import processors
 
 RNG = np.random.default_rng(11)
 
@@ -201,7 +201,8 @@ def test_methods_for_wave_functions(row, name):
 
 def test_wave_functions_are_run_again_only_where_not_all_fit_in_memory(monkeypatch):
     """Each way has the same bits."""
-    from liouville.runners import members_adjoint, wave_derivative
+    from liouville._runs import members_adjoint
+    from liouville._runs.waves import derivative as wave_derivative
 
     samples, check = np.random.default_rng(2).standard_normal(9), wave_derivative.check_room
     matrix = np.diag([0.3, -0.2, 0.5]) + np.ones((3, 3)) / 7
@@ -249,7 +250,7 @@ def test_one_start_and_many_lengths_sum_to_the_gradient_of_a_sum():
     wrt = ["q", "params.g", "params.l"]
     gradients = alone(system, lv.Spark(2), wrt, run, start, {"l": lengths})
     assert gradients["params.g"].shape == (3,)
-    found = lv.check_gradient(
+    found = lv.analysis.check_gradient(
         system, lv.Spark(2), wrt=wrt, **run, **start, params={"l": lengths}, threads=1
     )
     assert found.dot < 1e-13
@@ -263,7 +264,7 @@ def test_members_of_a_field():
     wrt = ["x", "params.A", "t0", "t1"]
     alone(system, plan, wrt, run, {"x": x})
     alone(system, plan, wrt, run, {"x": x}, {"A": [1.0, 1.1, 0.9]})
-    found = lv.check_gradient(system, plan, wrt=wrt, **run, x=x)
+    found = lv.analysis.check_gradient(system, plan, wrt=wrt, **run, x=x)
     assert found.dot < 1e-13
     assert found.differences < 1e-9
 
@@ -297,7 +298,7 @@ def test_members_of_wave_functions_with_parameters_of_their_own(name):
 
 
 def test_members_that_do_not_fit_in_memory_together_are_run_again(monkeypatch):
-    from liouville.runners import wave_derivative
+    from liouville._runs.waves import derivative as wave_derivative
 
     system, found, check = ROWS["driven"][0](), [], wave_derivative.check_room
     psi = RNG.standard_normal((3, system.size))

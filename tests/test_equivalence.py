@@ -210,4 +210,4 @@ def test_gradients_are_taken_in_any_unit_of_mass(method):
         params={"l": 1.0},
     )
     call = {"t": (0, 0.2), "h": 0.02, "q": [1.0, 0.0], "v": [0.0, 0.0]}
-    assert lv.check_gradient(rod, method, wrt=["params.l"], **call).differences < 1e-10
+    assert lv.analysis.check_gradient(rod, method, wrt=["params.l"], **call).differences < 1e-10

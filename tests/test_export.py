@@ -12,7 +12,7 @@ from scipy import io
 
 import liouville as lv
 from liouville import problems
-from liouville.export import check, to_xarray
+from liouville._solution.export import check, to_xarray
 
 ARRAYS = ("states", "invariants", "residuals", "observed", "balance")
 FACTS = ("names", "h", "tolerances", "method", "stats", "params", "status", "message")

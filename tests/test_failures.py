@@ -19,11 +19,12 @@ from plain_spark import Plain, gauss
 from registry import printed, top, top_lagrangian
 
 import liouville as lv
-from liouville import convergence, problems
-from liouville.bridges.functions import run_function
-from liouville.runners import Request
+from liouville import problems
+from liouville._bridges.functions import run_function
+from liouville._runs.runner import Request
+from liouville.analysis import convergence
 
-MODULE = sys.modules["liouville.runners.execute"]
+MODULE = sys.modules["liouville._runs.execute"]
 
 H = 1 / 64  # times are exact, so that t = 1 is met to the bit
 
@@ -495,21 +496,23 @@ def pulled(system, method, *, t, **start):
 
 #: Computations made of runs.
 COMPUTATIONS = {
-    "exponents": lambda: within("pendulum", lv.Spark(2), lv.lyapunov, h=0.01, every=20),
+    "exponents": lambda: within("pendulum", lv.Spark(2), lv.analysis.lyapunov, h=0.01, every=20),
     "exponents of a field": lambda: within(
-        "abc_flow", lv.VolumeSplitting(), lv.lyapunov, h=0.01, every=20
+        "abc_flow", lv.VolumeSplitting(), lv.analysis.lyapunov, h=0.01, every=20
     ),
     "fit": lambda: within("pendulum", lv.Spark(2), fit),
     "study": lambda: within("pendulum", lv.Spark(2), study),
     "trial runs": lambda: within("abc_flow", lv.VolumeSplitting(), lv.integrate, rtol=1e-6),
     "optimum": lambda: within("pendulum", lv.Spark(2), optimum),
     "derivatives for other libraries": lambda: within("pendulum", lv.Spark(2), bridge),
-    "gradient": lambda: within("pendulum", lv.Spark(2), lv.check_gradient, steps=20, wrt=["v"]),
+    "gradient": lambda: within(
+        "pendulum", lv.Spark(2), lv.analysis.check_gradient, steps=20, wrt=["v"]
+    ),
     "gradient of a field": lambda: within(
-        "abc_flow", lv.VolumeSplitting(), lv.check_gradient, steps=20, wrt=["x"]
+        "abc_flow", lv.VolumeSplitting(), lv.analysis.check_gradient, steps=20, wrt=["x"]
     ),
     "gradients of members": lambda: within("pendulum", lv.HHT(), pulled),
-    "gradients of waves": lambda: lv.check_gradient(
+    "gradients of waves": lambda: lv.analysis.check_gradient(
         lv.Schrodinger(lv.Lattice(4)), lv.Chebyshev(), t=(0, 1), psi=np.eye(2, 4), wrt=["psi"]
     ),
 }

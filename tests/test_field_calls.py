@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 
 import liouville as lv
-from liouville import checksum
+from liouville._basics import checksum
+from liouville._systems import PolynomialField
 from liouville.problems import load
-from liouville.systems import PolynomialField
 
-MODULE = sys.modules["liouville.runners.execute"]
+MODULE = sys.modules["liouville._runs.execute"]
 NAN, INF = math.nan, math.inf
 
 TOP = load("euler_top").system  # m1, m2, m3
@@ -39,7 +39,7 @@ def of(function, **usual):
 
 SPAN = {"t": (0.0, 1.0), "h": 0.1}
 run, many = of(lv.integrate, **SPAN, x=ONE), of(lv.ensemble, **SPAN, x=TWO)
-cut, det = of(lv.section, **SPAN, plane="m1", x=TWO), of(lv.determinant, **SPAN, x=ONE)
+cut, det = of(lv.section, **SPAN, plane="m1", x=TWO), of(lv.analysis.determinant, **SPAN, x=ONE)
 plan = of(lv.plan, h=0.1, x=ONE)
 
 
@@ -381,7 +381,7 @@ def test_a_section_goes_on_without_members_that_fail():
 
 def test_a_failed_determinant_keeps_what_it_has():
     with pytest.raises(lv.IntegrationError, match="'x' is not finite after it") as caught:
-        lv.determinant(BURSTING, V("shears"), t=(0, 2), h=H, x=[1, 1])
+        lv.analysis.determinant(BURSTING, V("shears"), t=(0, 2), h=H, x=[1, 1])
     assert finite(caught.value.solution)
     assert len(caught.value.solution.t) == caught.value.step + 1
 
@@ -443,7 +443,7 @@ def test_an_interrupt_returns_what_was_done(kind, monkeypatch):
     monkeypatch.setattr(MODULE, "SLICE", 0.0)  # a step, or a turn of one block
     function, x = {
         "one": (lv.integrate, ONE),
-        "determinant": (lv.determinant, ONE),
+        "determinant": (lv.analysis.determinant, ONE),
     }[kind]
     span = {"t": (0, 2.0**24), "h": H, "every": 256}
     solution = function(TOP, PLAN, **span, x=x, progress=interrupt(1000))

@@ -9,7 +9,7 @@ import sympy
 from ordinary import solved
 
 import liouville as lv
-from liouville.splitting import Exponential, Natural, Scaling, split
+from liouville._methods.splitting import Exponential, Natural, Scaling, split
 
 TABLE = lv.table(np.linspace(0, 3, 13), 2 + np.sin(np.linspace(0, 6, 13)))
 
@@ -75,7 +75,7 @@ def test_orders_there_and_back_and_volume(name):
         there = lv.integrate(field, method(composition), steps=20, x=start, **run).x[-1]
         back = lv.integrate(field, method(composition), t=(2.0, 0.0), steps=20, x=there)
         np.testing.assert_allclose(back.x[-1], start, rtol=0, atol=1e-13)
-        run = lv.determinant(field, method(composition), t=(0.0, 2.0), steps=10, x=start)
+        run = lv.analysis.determinant(field, method(composition), t=(0.0, 2.0), steps=10, x=start)
         assert run.observed["defect"][-1] < 1e-12
 
 
@@ -88,7 +88,7 @@ def test_volume_over_a_hundred_thousand_steps():
         x=2,
     )
     run = {"t": (0.0, 5000.0), "steps": 100_000, "every": 100_000, "x": [0.5, 0.3]}
-    found = lv.determinant(field, method(), **run).observed
+    found = lv.analysis.determinant(field, method(), **run).observed
     assert abs(found["log_determinant"][-1]) < 1e-11
     assert found["defect"][-1] < 1e-14
 
@@ -157,7 +157,7 @@ def test_a_divergence_with_functions_is_refused_by_name():
 )
 def test_functions_of_time_that_are_singular_are_refused_before_a_run(coefficient, start, where):
     field = lv.PolynomialField(lambda t, x, p: [coefficient(t) * x[1], -x[0]], x=2)
-    for function in (lv.integrate, lv.determinant):
+    for function in (lv.integrate, lv.analysis.determinant):
         with pytest.raises(ValueError, match=where):
             function(field, method(), t=(start, 2.0), steps=10, x=[1.0, 0.5])
 

@@ -81,7 +81,9 @@ def made(name):
 def test_gradients_are_tangents_transposed_and_differences(name, method):
     """Of every kind of piece, by everything."""
     system, wrt, x = made(name)
-    found = lv.check_gradient(system, lv.VolumeSplitting(**method), wrt=wrt, **RUN, every=3, x=x)
+    found = lv.analysis.check_gradient(
+        system, lv.VolumeSplitting(**method), wrt=wrt, **RUN, every=3, x=x
+    )
     assert found.dot < 1e-13
     assert found.differences < 1e-8
 
@@ -91,7 +93,7 @@ def test_gradients_of_the_problems(name):
     """By their starts and parameters, as planned."""
     problem = load(name)
     wrt = ["x", *(f"params.{p}" for p in problem.system.params)]
-    found = lv.check_gradient(
+    found = lv.analysis.check_gradient(
         problem.system, lv.VolumeSplitting(), wrt=wrt, **RUN, x=problem.start["x"], size=2e-4
     )
     assert found.dot < 1e-13
@@ -102,7 +104,7 @@ def test_gradients_of_the_problems(name):
 def test_gradients_of_the_registry(row, name):
     """Of every composition, by the start and the end."""
     problem = registry.ALL[name]
-    found = lv.check_gradient(
+    found = lv.analysis.check_gradient(
         problem.system, row.method, wrt=["x", "t1"], t=(0.0, 0.1), steps=5, size=2e-4,
         **problem.start,
     )  # fmt: skip
@@ -152,7 +154,7 @@ def test_gradients_on_a_grid():
     nodes = np.linspace(0, 2 * np.pi, 12, endpoint=False)
     psi = np.sin(nodes)[:, None] * np.sin(nodes) + 0.3 * np.cos(nodes)[:, None]
     field = lv.GriddedField(nodes, nodes, potential=psi, periodic=("x", "y"), degree=5)
-    found = lv.check_gradient(
+    found = lv.analysis.check_gradient(
         field, lv.VolumeSplitting(), wrt=["x", "t1"], t=(0, 2), steps=20, x=[0.9, 2.4], size=1e-3
     )
     assert found.dot < 1e-13
@@ -238,7 +240,7 @@ def test_parameters_within_functions_are_variables_at_rest(name, value):
     rows = np.zeros((len(weights), 2, 2))
     rows[-1, 0] = weights[-1]
     assert many(x=rows)["params.p"][0] == pytest.approx(gradient["params.p"], rel=1e-12)
-    assert lv.check_gradient(system, method, wrt=["params.p", "x"], **run)
+    assert lv.analysis.check_gradient(system, method, wrt=["params.p", "x"], **run)
 
 
 @pytest.mark.parametrize(

@@ -9,10 +9,10 @@ import pytest
 from ordinary import solved
 
 from liouville import problems
+from liouville._systems import PolynomialField
+from liouville._systems.fields.expand import expand
+from liouville._systems.fields.terms import exact
 from liouville.problems import euler2d, lorenz96, sabra, toda_lattice, volterra_lattice
-from liouville.systems import PolynomialField
-from liouville.systems._expand import expand
-from liouville.terms import exact
 
 FAMILIES = {
     "volterra_lattice of 3": volterra_lattice.build(3),

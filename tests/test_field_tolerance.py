@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 import liouville as lv
+from liouville._runs.fields import trial_steps
 from liouville.problems import load
-from liouville.runners import trial_steps
 
 
 @pytest.mark.parametrize("rtol", [1e-4, 1e-9])

@@ -116,7 +116,7 @@ def test_samples_stand_for_their_spline():
         (lambda: lv.Schrodinger([SZ, [SX, [1.0]]], times=[0.0]), ValueError, "times must be 2 at"),
         (lambda: ends(lv.Schrodinger([SZ, [SX, TIMES[:99]]], times=TIMES[:99]), START), ValueError,
          r"leaves the samples of drive\[0\], which are from 0 to \d.*\nhint: .* zeros after"),
-        (lambda: lv.ground_state(lv.Schrodinger([SZ, [SX, TIMES]], times=TIMES), t=99.0),
+        (lambda: lv.analysis.ground_state(lv.Schrodinger([SZ, [SX, TIMES]], times=TIMES), t=99.0),
          ValueError, r"t = 99 leaves the samples of drive\[0\]"),
         (lambda: lv.Schrodinger([SZ, [np.cos, SX]]), TypeError, r"of pairs \[H1, f\], and has"),
         (lambda: lv.Schrodinger([SZ, [SX, "sin(t)"]]), TypeError, r"drive\[0\] is the text"),

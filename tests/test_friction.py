@@ -487,7 +487,7 @@ def test_inverse_dynamics_presses_friction_by_the_efforts_that_it_finds(kinds, p
     m = driven(kinds, planar, **ways)
     motion = lv.integrate(m.system(), lv.Spark(3), t=(0, 1), h=0.02, **m.start())
     system = driven(kinds, planar).system()
-    found = lv.inverse_dynamics(system, motion, ["J0", "J1"])
+    found = lv.analysis.inverse_dynamics(system, motion, ["J0", "J1"])
     for name, kind in zip(("J0", "J1"), kinds, strict=True):
         joint = motion.joint(name)
         wanted = joint.force[:, 0] if kind == "prismatic" else joint.torque[:, 2]
@@ -512,12 +512,12 @@ def test_inverse_dynamics_refuses_friction_that_jams_or_has_no_normal_force():
         "acceleration": -9 * np.column_stack([x, y, zero]),
     }
     # a motor in the joint presses nothing, a push at the rod presses more than it overcomes
-    lv.inverse_dynamics(tight, turn, ["J0"])
+    lv.analysis.inverse_dynamics(tight, turn, ["J0"])
     with pytest.raises(ValueError, match="friction jams at t = 0: no efforts make this motion"):
-        lv.inverse_dynamics(tight, turn, ["rod0.y"])
+        lv.analysis.inverse_dynamics(tight, turn, ["rod0.y"])
     m = rods(1, Coulomb(mu=0.2, v_s=0.1, radius=0.1), planar=False)
     m.revolute("again", m.ground, "rod0", **AT, axis=(0, 0, 1))
     state = {name: x[None] for name, x in m.start().items()}
     still = {"t": [0.0], **state, "acceleration": np.zeros((1, 7))}
     with pytest.raises(ValueError, match=r"friction in joint 'J0' has no normal force: .* 'again"):
-        lv.inverse_dynamics(m.system(), still, ["J0"])
+        lv.analysis.inverse_dynamics(m.system(), still, ["J0"])

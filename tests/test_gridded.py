@@ -8,7 +8,7 @@ import pytest
 from scipy.interpolate import make_interp_spline
 
 import liouville as lv
-from liouville.systems.gridded.interpolation import Interpolation
+from liouville._systems.fields.gridded.interpolation import Interpolation
 
 V = lv.VolumeSplitting
 PERIOD = 2 * np.pi
@@ -98,7 +98,7 @@ def test_the_velocity_is_the_curl_of_its_potential(mixed):
 @pytest.mark.parametrize("scheme", ["S2", "BM4", "BM6"])
 def test_a_step_has_determinant_one(scheme, mixed, box):
     for field, h, x in ((mixed, 0.2, [0.1, 0.2, 0.3]), (box, 0.05, [0.3, 0.6, 0.45])):
-        found = lv.determinant(field, V(composition=scheme), t=(0, 50 * h), h=h, x=x)
+        found = lv.analysis.determinant(field, V(composition=scheme), t=(0, 50 * h), h=h, x=x)
         assert found.observed["defect"][-1] < 1e-12
         assert abs(found.observed["log_determinant"][-1]) < 1e-12
 
@@ -111,7 +111,7 @@ def test_the_determinant_of_a_long_run_is_one(mixed, box):
         (mixed, 0.2, [0.1, 0.2, 0.3]),
         (box, 0.02, [0.3, 0.6, 0.45]),
     ):
-        found = lv.determinant(field, V(), t=(0, 10**5 * h), h=h, every=10**5, x=x)
+        found = lv.analysis.determinant(field, V(), t=(0, 10**5 * h), h=h, every=10**5, x=x)
         assert found.observed["defect"][-1] < 1e-12
         assert abs(found.observed["log_determinant"][-1]) < 1e-11
 

@@ -9,7 +9,7 @@ import xarray
 from scipy.io import netcdf_file
 
 import liouville as lv
-from liouville.systems.gridded import conventions, potential, reading
+from liouville._systems.fields.gridded import conventions, potential, reading
 
 V = lv.VolumeSplitting
 
@@ -50,7 +50,7 @@ def test_a_field_in_time_is_the_double_gyre():
     found = lv.ensemble(field, V(), t=(0, 20), h=0.1, x=x)
     assert (found.x[:, 2, 0] == 0).all()
     assert (found.x[:, 3, 1] == 1).all()
-    found = lv.determinant(field, V(), t=(0, 20), h=0.1, x=x[0])
+    found = lv.analysis.determinant(field, V(), t=(0, 20), h=0.1, x=x[0])
     assert found.observed["defect"][-1] < 1e-12
 
 
@@ -67,7 +67,9 @@ def test_time_keeps_the_order_of_steps_that_end_at_samples():
 
 def test_a_field_in_time_keeps_volume_over_a_hundred_thousand_steps():
     field, steps = driven(), 10**5
-    found = lv.determinant(field, V(), t=(0, 20), steps=steps, every=steps, x=[0.3, 0.4]).observed
+    found = lv.analysis.determinant(
+        field, V(), t=(0, 20), steps=steps, every=steps, x=[0.3, 0.4]
+    ).observed
     assert found["defect"][-1] < 1e-12
     assert abs(found["log_determinant"][-1]) < 1e-11
 
@@ -408,7 +410,10 @@ def test_field_lines_of_a_torus_stay_on_their_surfaces():
     found = lv.ensemble(field, V(), t=(0, 400), h=0.2, every=20, x=start)
     psi = field.potential(found.x)[..., 1]
     assert abs(psi[-20:] - psi[0]).max() < 3e-4 * psi[0].max()
-    assert lv.determinant(field, V(), t=(0, 20), h=0.2, x=start[1]).observed["defect"][-1] < 1e-12
+    assert (
+        lv.analysis.determinant(field, V(), t=(0, 20), h=0.2, x=start[1]).observed["defect"][-1]
+        < 1e-12
+    )
 
 
 def test_a_section_of_a_torus_is_where_it_closes():

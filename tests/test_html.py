@@ -12,7 +12,8 @@ import pytest
 from rich import progress as of_rich
 
 import liouville as lv
-from liouville import html, problems, progress
+from liouville import problems
+from liouville._basics import html, progress
 from liouville.problems import euler_top, pendulum, tight_binding
 
 

@@ -63,7 +63,7 @@ def test_every_parameter_of_every_function_and_both_ends(method):
         wanted = differences(system, method, t, start, {name: direction}, steps=4)
         assert farthest(found.tangents[name].states, wanted) < 1e-9, name
     assert paired(system, method, t, start, directions, steps=10, every=3) < 1e-12
-    found = lv.check_gradient(system, method, wrt=["y", "params.l"], t=t, steps=4, **start)
+    found = lv.analysis.check_gradient(system, method, wrt=["y", "params.l"], t=t, steps=4, **start)
     assert found.dot < 1e-13
     assert found.differences < 1e-9
 

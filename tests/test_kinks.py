@@ -9,7 +9,7 @@ import pytest
 import sympy
 
 import liouville as lv
-from liouville.systems._branches import branches
+from liouville._systems.mechanics.branches import branches
 
 BOTH = ["tangents", "pullback"]
 
@@ -62,7 +62,7 @@ def test_what_is_smooth_along_the_motion_has_derivatives(name):
     wrt = ["q", "v", "params.k", "params.c"]
     each = [differentiate(which, system, lv.Spark(2), wrt, **run) for which in BOTH]
     assert each[0] == pytest.approx(each[1], rel=1e-11, abs=1e-12)
-    found = lv.check_gradient(system, lv.Spark(2), wrt=wrt, size=1e-5, **run)
+    found = lv.analysis.check_gradient(system, lv.Spark(2), wrt=wrt, size=1e-5, **run)
     assert found.differences < 1e-8
 
 

@@ -8,7 +8,7 @@ from test_invariants import consistent, symplectic_defect
 
 import liouville as lv
 from liouville import _core
-from liouville.methods.lobatto import FORCES
+from liouville._methods.lobatto import FORCES
 
 PRINTED = REFERENCE["lobatto_IIIA_IIIB_one_step_h=1/10"]
 NAMES = {"A": "IIIA", "B": "IIIB", "C": "IIIC", "C*": "IIICstar", "D": "IIID"}

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import liouville as lv
-from liouville.planner.waves.ladder import ROUNDOFF, ladder
-from liouville.planner.waves.propagators import Shears
+from liouville._methods.planner.waves.ladder import ROUNDOFF, ladder
+from liouville._methods.planner.waves.propagators import Shears
 
 SITES = 24
 CHAIN = lv.Schrodinger(lv.Lattice(SITES, potential=np.random.default_rng(0).normal(size=SITES)))

@@ -45,7 +45,7 @@ def variational(x, v, intervals, length):
 
 def test_exponents_are_those_of_the_variational_equation():
     """Of a finite time, to the accuracy of both; in pairs to roundoff."""
-    found = lv.lyapunov(
+    found = lv.analysis.lyapunov(
         henon_heiles(), lv.Spark(4), t=(0, 20), h=0.1, every=20, q=[0, 0.1], v=[0.48, 0.1]
     )
     wanted = variational([0, 0.1], [0.48, 0.1], 10, 2.0)
@@ -61,7 +61,7 @@ def test_pairs_on_constraints(name):
     """2 (n - m) exponents in pairs, with masses that vary too."""
     problem = load(name)
     system = problem.system
-    found = lv.lyapunov(system, lv.Spark(2), t=(0, 1), h=0.02, every=5, **problem.start)
+    found = lv.analysis.lyapunov(system, lv.Spark(2), t=(0, 1), h=0.02, every=5, **problem.start)
     assert len(found.exponents) == 2 * (len(system.coordinates) - len(system.constraints))
     np.testing.assert_allclose(found.pairs, 0.0, atol=1e-11)
 
@@ -79,7 +79,7 @@ def test_units_of_the_model_change_nothing(units):
             q=length * np.array([0.6, 0.1, -0.8]), v=length / time * np.array([0.3, 0.7, 0.2])
         )
         run = {"t": (0, 5 * time), "h": 0.05 * time}
-        return time * lv.lyapunov(spherical, lv.Spark(4), **run, **start).exponents
+        return time * lv.analysis.lyapunov(spherical, lv.Spark(4), **run, **start).exponents
 
     np.testing.assert_allclose(exponents(*units), exponents(1, 1, 1), rtol=0, atol=1e-9)
 
@@ -92,7 +92,7 @@ def test_friction_shifts_all_pairs():
         q=("x", "y"),
         force=lambda t, q, v, params: -0.2 * v,
     )
-    found = lv.lyapunov(system, lv.Spark(4), t=(0, 5), h=0.05, q=[1.0, 0.0], v=[0.0, 1.0])
+    found = lv.analysis.lyapunov(system, lv.Spark(4), t=(0, 5), h=0.05, q=[1.0, 0.0], v=[0.0, 1.0])
     np.testing.assert_allclose(found.pairs, -0.2, atol=1e-9)
 
 
@@ -100,10 +100,10 @@ def test_exponents_of_a_field_sum_to_zero():
     """As volume is kept; of some of them the largest are the same."""
     method = lv.VolumeSplitting(composition="BM4")
     run = {"t": (0, 20), "h": 0.05, "x": [0.1, 0.2, 0.3]}
-    found = lv.lyapunov(abc_flow.system, method, **run)
+    found = lv.analysis.lyapunov(abc_flow.system, method, **run)
     assert abs(found.exponents.sum()) < 1e-12
     assert found.exponents[0] > 0.01
-    first = lv.lyapunov(abc_flow.system, method, exponents=2, **run)
+    first = lv.analysis.lyapunov(abc_flow.system, method, exponents=2, **run)
     np.testing.assert_allclose(first.exponents, found.exponents[:2], atol=1e-12)
 
 
@@ -123,8 +123,8 @@ def test_equations_that_lose_volume_are_half_of_a_hamiltonian_system():
     """The first exponents are theirs, and their sum is the divergence, here -n."""
     n = 6
     run = {"t": (0, 2), "h": 0.01, "y": np.linspace(-1, 4, n), "z": np.zeros(n)}
-    found = lv.lyapunov(lorenz96(n), lv.Spark(3), **run)
-    first = lv.lyapunov(lorenz96(n), lv.Spark(3), exponents=n, **run)
+    found = lv.analysis.lyapunov(lorenz96(n), lv.Spark(3), **run)
+    first = lv.analysis.lyapunov(lorenz96(n), lv.Spark(3), exponents=n, **run)
     np.testing.assert_allclose(first.exponents, found.exponents[:n], atol=1e-12)
     assert abs(first.exponents.sum() + n) < 1e-6
     np.testing.assert_allclose(found.pairs, 0.0, atol=1e-12)
@@ -138,7 +138,9 @@ def test_the_spectrum_of_lorenz96_is_the_published_one():
     y = 8 + 0.01 * np.random.default_rng(0).standard_normal(n)
     run = {"h": 0.02, "z": np.zeros(n)}
     settled = lv.integrate(system, method, t=(0, 50), every=2500, y=y, **run).y[-1]
-    found = lv.lyapunov(system, method, t=(0, 400), exponents=n, y=settled, **run).exponents
+    found = lv.analysis.lyapunov(
+        system, method, t=(0, 400), exponents=n, y=settled, **run
+    ).exponents
     exponents = np.sort(found)[::-1]
     assert abs(np.log(2) / exponents[0] / 0.2 - 2.1) < 0.1
     assert np.count_nonzero(exponents > 0.01) == 13
@@ -160,28 +162,28 @@ def test_the_spectrum_of_lorenz96_is_the_published_one():
 def test_bad_calls_are_refused(more, says):
     """By what is wrong."""
     with pytest.raises((TypeError, ValueError), match=says):
-        lv.lyapunov(henon_heiles(), lv.Spark(2), q=[0, 0.1], v=[0.4, 0], **more)
+        lv.analysis.lyapunov(henon_heiles(), lv.Spark(2), q=[0, 0.1], v=[0.4, 0], **more)
 
 
 def test_nonholonomic_motions_have_none_yet():
     """By the name of the constraint."""
     problem = load("knife_edge")
     with pytest.raises(TypeError, match="go without nonholonomic constraints: 'blade'"):
-        lv.lyapunov(problem.system, lv.Spark(2), t=(0, 1), h=0.1, **problem.start)
+        lv.analysis.lyapunov(problem.system, lv.Spark(2), t=(0, 1), h=0.1, **problem.start)
 
 
 def test_waves_have_none():
     """Their sentence says why."""
     waves = lv.Schrodinger(np.diag([0.0, 1.0]))
     with pytest.raises(TypeError, match="moves linearly"):
-        lv.lyapunov(waves, lv.Chebyshev(), t=(0, 1), h=0.1, psi=[1, 0])
+        lv.analysis.lyapunov(waves, lv.Chebyshev(), t=(0, 1), h=0.1, psi=[1, 0])
 
 
 def test_failed_steps_are_counted_from_the_start():
     """And not from where directions were last made orthogonal."""
     run = {"t": (0, 100), "h": 0.05, "q": [0, 1.5], "v": [0.49, 0]}
     with pytest.raises(lv.IntegrationError, match="step 62 of 2000 at t") as caught:
-        lv.lyapunov(henon_heiles(), lv.Spark(4), **run)
+        lv.analysis.lyapunov(henon_heiles(), lv.Spark(4), **run)
     assert (caught.value.step, caught.value.t) == (62, pytest.approx(3.1))
 
 
@@ -193,5 +195,5 @@ def test_steps_at_jumps_are_counted_from_the_start():
     )
     run = {"t": (0, 10), "steps": 1000, "every": 10, "q": [1.0], "v": [0.0]}
     with pytest.raises(lv.IntegrationError, match="step 114 has no derivative") as caught:
-        lv.lyapunov(rubbed, lv.Spark(2), **run)
+        lv.analysis.lyapunov(rubbed, lv.Spark(2), **run)
     assert caught.value.step == 114

@@ -13,16 +13,17 @@ import pytest
 import scipy.sparse as sp
 
 import liouville as lv
-from liouville import _arguments
+from liouville._basics import arguments as _arguments
 
 CHILD = """
 import os, sys, resource
 os.environ["OPENBLAS_NUM_THREADS"] = "1"
 import numpy as np
 import liouville as lv
-from liouville import _arguments
+from liouville._basics import arguments as _arguments
 from liouville.problems import load
-from liouville.runners import execute, runner
+from liouville._runs import execute
+from liouville._runs import runner
 
 def pendulum(**more):
     module = load("pendulum")
@@ -139,7 +140,8 @@ os.environ["OPENBLAS_NUM_THREADS"] = "1"
 import numpy as np
 import liouville as lv
 from liouville.problems import load
-from liouville.runners import execute, runner
+from liouville._runs import execute
+from liouville._runs import runner
 
 n, many = 10**6, 300_000
 swing, turn = load("pendulum"), load("euler_top")
@@ -221,7 +223,7 @@ call = {{"system": lv.Schrodinger(lv.Lattice(n)), "method": lv.StabilitySplittin
         "t": (0.0, 0.02), "h": 0.01, "psi": np.eye(1, n)[0], "states": False, "threads": 1}}
 lv.integrate(**call, store={folder!r} + "/warm.zarr")
 used = int(open("/proc/self/statm").read().split()[0]) * resource.getpagesize()
-lv._arguments.memory = lambda: 1e18
+lv._basics.arguments.memory = lambda: 1e18
 for room in range(240, 10, -10):  # until the run fits and its state beside it does not
     hard = resource.getrlimit(resource.RLIMIT_AS)[1]
     resource.setrlimit(resource.RLIMIT_AS, (used + room * 2**20, hard))
@@ -350,7 +352,7 @@ def test_a_series_that_does_not_fit_is_refused_and_not_needed_beside_a_splitting
 
 
 def test_too_many_outputs_are_refused_before_they_are_planned(monkeypatch):
-    from liouville.runners import wave
+    from liouville._runs.waves import wave
 
     monkeypatch.setattr(wave, "plan_wave", None)
     call = {"psi": np.ones(10**6), "t": np.linspace(0.0, 1.0, 100_001)}
@@ -367,7 +369,7 @@ LONG = {"t": (0, 1), "steps": 10**15, "q": [1.0], "v": [0.0]}
 @pytest.mark.parametrize(
     ("call", "what"),
     [
-        (lambda: lv.lyapunov(SPRING, lv.Spark(3), **LONG), r"10{14} orthogonalisations"),
+        (lambda: lv.analysis.lyapunov(SPRING, lv.Spark(3), **LONG), r"10{14} orthogonalisations"),
         (
             lambda: lv.optimal_control(
                 SPRING, lv.Spark(2), controls=["k"], cost=lambda t, q, v, p: p.k**2, **LONG

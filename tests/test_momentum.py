@@ -56,12 +56,12 @@ def test_a_run_in_its_sector_is_that_of_the_whole():
 def test_a_ground_state_has_a_momentum():
     terms = [("xx",), ("yy",), ("zz",)]
     least = [
-        lv.ground_state(
+        lv.analysis.ground_state(
             lv.Schrodinger(lv.SpinSystem(10, terms, periodic=True, up=5, momentum=k))
         ).energy
         for k in range(10)
     ]
-    whole = lv.ground_state(lv.Schrodinger(lv.SpinSystem(10, terms, periodic=True, up=5)))
+    whole = lv.analysis.ground_state(lv.Schrodinger(lv.SpinSystem(10, terms, periodic=True, up=5)))
     assert int(np.argmin(least)) == 5
     assert abs(min(least) - whole.energy) < 1e-9
     np.testing.assert_allclose(least[1:5], least[:5:-1], atol=1e-9)

@@ -12,7 +12,7 @@ from families import FAMILIES, rolling_disk
 from registry import REFERENCE
 
 import liouville as lv
-from liouville.convergence import study
+from liouville.analysis.convergence import study
 
 
 def sprung_disk():

@@ -7,7 +7,7 @@ import xarray
 from ordinary import solved
 
 import liouville as lv
-from liouville.systems.gridded.sphere import EARTH
+from liouville._systems.fields.gridded.sphere import EARTH
 
 V = lv.VolumeSplitting
 HEIGHT, DAY = 4000.0, 86400.0
@@ -134,7 +134,7 @@ def test_tracers_are_where_the_equations_on_the_sphere_take_them():
         way = field.points_of(exact) - STARTS[member]
         assert np.abs(apart[:2]).max() < 1e-3 * np.abs(way[:2]).max()
         assert abs(apart[2]) < 1e-3 * abs(way[2])
-    found = lv.determinant(field, V(), t=(0, 60 * DAY), h=DAY / 2, x=x[0]).observed
+    found = lv.analysis.determinant(field, V(), t=(0, 60 * DAY), h=DAY / 2, x=x[0]).observed
     assert found["defect"][-1] < 1e-12
 
 

@@ -8,7 +8,7 @@ import pytest
 from ordinary import solved
 
 import liouville as lv
-from liouville.optimal import program
+from liouville._studies.optimal import program
 
 # A pendulum on a cart, from rest below to rest above in 3 s, with gravity 1: what minimises its
 # effort, in minimal coordinates (X, theta) by Pontryagin and shooting in 34 digits. Costates at the
@@ -273,8 +273,8 @@ def test_redundant_constraints_change_nothing(swung):
 
 
 def test_the_program_grows_with_its_steps_only(general):
-    from liouville.optimal.arguments import Times
-    from liouville.optimal.problem import Problem
+    from liouville._studies.optimal.arguments import Times
+    from liouville._studies.optimal.problem import Problem
 
     def entries(steps):
         times = Times.of((0, 3), None, steps, None)

@@ -12,7 +12,7 @@ import pytest
 from registry import ALL, ALPHA, BS, PROBLEMS, ROWS, SECOND_ORDER
 
 import liouville as lv
-from liouville.convergence import slope, study
+from liouville.analysis.convergence import slope, study
 
 CASES = [(row, name) for row in ROWS for name in row.on if row.order and row not in ALPHA]
 EXTENDED = [(row.method, name) for row in ALPHA if row.keeps for name in row.on]

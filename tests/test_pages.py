@@ -87,17 +87,25 @@ def test_the_reference_has_all_public_names_and_those_members_that_exist():
     public = {known for known, found in given.items() if not inspect.ismodule(found)}
     assert {"GriddedField", "FieldPlan", "Store"} < public
     assert public - set(listed) - {"METHODS"} == set()
-    assert "liouville.methods.METHODS" in listed
+    assert "liouville._methods.METHODS" in listed
+
+
+def test_public_names_are_few_and_have_one_door():
+    assert len(liouville.__all__) == len(set(liouville.__all__)) <= 60
+    assert set(dir(liouville)) == {*liouville.__all__, *liouville._ROOMS, "__version__"}
+    for room in liouville._ROOMS:
+        inside = getattr(liouville, room)
+        shared = set(getattr(inside, "__all__", ())) & set(liouville.__all__)
+        twice = {name for name in shared if getattr(inside, name) is getattr(liouville, name)}
+        assert not twice, f"{room} has {twice} too"
 
 
 # nobody calls these
 MADE_BY_RUNS = {"IntegrationError", "OptimalControl", "OptimizationError", "Pullback", "WavePlan"}
 CALLS = {
     known: found
-    for known in sorted(set(vars(liouville)) | set(liouville._LATER))
-    if known[0] != "_"
-    and known not in MADE_BY_RUNS
-    and callable(found := getattr(liouville, known))
+    for known in liouville.__all__
+    if known not in MADE_BY_RUNS and callable(found := getattr(liouville, known))
 }
 
 

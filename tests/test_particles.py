@@ -157,7 +157,9 @@ def test_plain_cases_are_right():
 def test_a_step_keeps_volume_and_is_undone(c, turn):
     for phi, h in ((well, 0.1), (swaying, 0.1), (well, 1.5)):
         system, method = particles(phi, c), V(turn=turn)
-        found = lv.determinant(system, method, t=(0, 100 * h), h=h, every=100, x=X).observed
+        found = lv.analysis.determinant(
+            system, method, t=(0, 100 * h), h=h, every=100, x=X
+        ).observed
         assert found["defect"][-1] < 1e-13
         there = lv.integrate(system, method, t=(0, 10 * h), h=h, x=X)
         back = lv.integrate(system, method, t=(10 * h, 0), h=h, x=there.x[-1])
@@ -222,7 +224,7 @@ def test_derivatives_are_those_of_the_discrete_run(c, turn):
     wrt = ["x", "params.charge", "params.mass", "params.b", "t0", "t1"]
     wrt += ["params.c"] if c else []
     for phi in (swaying, None):
-        found = lv.check_gradient(
+        found = lv.analysis.check_gradient(
             particles(phi, c), V(turn=turn), wrt=wrt, t=(0.2, 3), steps=15, x=X, seed=1
         )
         assert found.dot < 1e-13
@@ -263,7 +265,7 @@ def test_what_runs_with_a_field_runs_with_particles():
     cuts = lv.section(system, V(), t=(0, 20), h=0.1, plane="z", x=[X])
     assert len(cuts) == 2
     assert np.abs(cuts.x[:, 2]).max() < 1e-14
-    total = lv.lyapunov(system, V(), t=(0, 20), h=0.1, x=X).exponents.sum()
+    total = lv.analysis.lyapunov(system, V(), t=(0, 20), h=0.1, x=X).exponents.sum()
     assert abs(total) < 1e-12
 
 

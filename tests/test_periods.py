@@ -25,18 +25,20 @@ def test_the_propagator_of_a_static_matrix_is_its_exponential():
     parts = np.random.default_rng(0).normal(size=(2, 7, 7))
     h = parts[0] + parts[0].T + 1j * (parts[1] - parts[1].T)
     system = lv.Schrodinger(h, hbar=0.5)
-    assert np.abs(lv.propagator(system, t=(0, 2)) - expm(-4j * h)).max() < 1e-8
-    assert np.abs(lv.propagator(system, t=(2, 0)) - expm(4j * h)).max() < 1e-8
+    assert np.abs(lv.analysis.propagator(system, t=(0, 2)) - expm(-4j * h)).max() < 1e-8
+    assert np.abs(lv.analysis.propagator(system, t=(2, 0)) - expm(4j * h)).max() < 1e-8
 
 
 def test_the_propagator_of_one_component_is_a_phase():
-    assert np.abs(lv.propagator(lv.Schrodinger([[2.0]]), t=(1, 2)) - np.exp(-2j)).max() < 1e-8
+    assert (
+        np.abs(lv.analysis.propagator(lv.Schrodinger([[2.0]]), t=(1, 2)) - np.exp(-2j)).max() < 1e-8
+    )
 
 
 def test_a_turning_field_has_the_quasienergies_of_its_frame():
     system, w, frame = turning()
     period = 2 * np.pi / w
-    modes = lv.floquet(system, period, lv.Chebyshev(1e-10))
+    modes = lv.analysis.floquet(system, period, lv.Chebyshev(1e-10))
     levels = np.linalg.eigvalsh(frame) + w / 2  # the frame turns once with half a phase each
     wanted = np.sort((levels + w / 2) % w - w / 2)
     assert np.abs(modes.quasienergies - wanted).max() < 1e-9
@@ -49,7 +51,7 @@ def test_a_turning_field_has_the_quasienergies_of_its_frame():
 
 def test_modes_are_orthonormal_states_that_return():
     system = chain({"a": 1.0})
-    modes = lv.floquet(system, np.pi, params={"a": 0.7}, t0=0.3)
+    modes = lv.analysis.floquet(system, np.pi, params={"a": 0.7}, t0=0.3)
     assert np.abs(modes.modes @ modes.modes.conj().T - np.eye(6)).max() < 1e-13
     many = lv.ensemble(
         system, lv.Chebyshev(1e-9), t=(0.3, 0.3 + np.pi), psi=modes.modes,
@@ -62,27 +64,27 @@ def test_modes_are_orthonormal_states_that_return():
 
 
 def test_modes_of_equal_quasienergies_are_orthonormal_too():
-    modes = lv.floquet(lv.Schrodinger(np.diag([1.0, 1.0, 1.0, 3.0])), 2 * np.pi)
+    modes = lv.analysis.floquet(lv.Schrodinger(np.diag([1.0, 1.0, 1.0, 3.0])), 2 * np.pi)
     assert np.abs(modes.modes @ modes.modes.conj().T - np.eye(4)).max() < 1e-13
 
 
 def test_a_half_of_a_period_is_no_period():
     with pytest.raises(ValueError, match="H is not periodic: at t = "):
-        lv.floquet(chain({"a": 1.0}), np.pi / 2)
+        lv.analysis.floquet(chain({"a": 1.0}), np.pi / 2)
 
 
 def test_bad_input_is_refused():
     system = chain({"a": 1.0})
     for period in (0.0, -1.0, np.inf):
         with pytest.raises(ValueError, match="period must be positive"):
-            lv.floquet(system, period)
+            lv.analysis.floquet(system, period)
     with pytest.raises(TypeError, match="must be a Schrodinger equation"):
-        lv.propagator(lv.Lattice(3), t=(0, 1))
+        lv.analysis.propagator(lv.Lattice(3), t=(0, 1))
     with pytest.raises(ValueError, match="at most 4096 components, not 5000"):
-        lv.propagator(lv.Schrodinger(lv.Lattice(5000)), t=(0, 1))
+        lv.analysis.propagator(lv.Schrodinger(lv.Lattice(5000)), t=(0, 1))
     with pytest.raises(ValueError, match=r"must be a pair \(start, end\), not 3 times"):
-        lv.propagator(system, t=(0, 1, 2))
-    modes = lv.floquet(system, np.pi)
+        lv.analysis.propagator(system, t=(0, 1, 2))
+    modes = lv.analysis.floquet(system, np.pi)
     with pytest.raises(ValueError, match=r"psi has shape .2,., wanted .6,."):
         modes.after([1, 0], 3)
     with pytest.raises(TypeError, match="whole numbers"):

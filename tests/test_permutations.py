@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from liouville.splitting.permutations import family
+from liouville._methods.splitting.permutations import family
 
 REFERENCE = json.loads((Path(__file__).parent / "data" / "volume_reference.json").read_text())
 

@@ -10,7 +10,8 @@ import pytest
 from scipy.sparse.linalg import LinearOperator
 
 import liouville as lv
-from liouville import problems, tape
+from liouville import problems
+from liouville._systems import tape
 from liouville.problems import chain, load, sabra
 
 METHODS = {

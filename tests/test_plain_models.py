@@ -481,7 +481,7 @@ EQUILIBRIA = [
 def test_a_problem_rests_at_its_equilibrium_by_every_method(name, is_stable):
     problem = load(name)
     q, v = problem.system.states
-    found = lv.equilibrium(problem.system, stable=is_stable, **{q: problem.start[q]})
+    found = lv.analysis.equilibrium(problem.system, stable=is_stable, **{q: problem.start[q]})
     at = found.start | {v: np.zeros_like(found.start[q])}
     for method in (lv.Spark(1), lv.Spark(3), lv.LobattoPair(), *RADAU[:1], *ALPHA):
         if method in ALPHA and name in ("relativistic_particle", "chaplygin_sleigh"):

@@ -11,10 +11,10 @@ import sympy
 from fields import abc_flow, lorenz96, random_exact, toda, volterra
 
 import liouville as lv
-from liouville.planner.fields.structure import affine_part, candidates_of
+from liouville._methods.planner.fields.structure import affine_part, candidates_of
+from liouville._systems import PolynomialField
+from liouville._systems.fields.terms import Terms
 from liouville.problems import load
-from liouville.systems import PolynomialField
-from liouville.terms import Terms
 
 V = lv.VolumeSplitting
 OPEN = V(composition="BM4")
@@ -143,7 +143,7 @@ def test_the_same_seed_gives_the_same_plan():
 
 
 def test_a_plan_is_made_once_for_the_same_call(monkeypatch):
-    from liouville.runners import field as runner
+    from liouville._runs.fields import field as runner
 
     made = []
     plan_field = runner.plan_field

@@ -12,7 +12,7 @@ import pytest
 
 import liouville as lv
 from liouville import plot, problems
-from liouville.convergence import Study
+from liouville.analysis.convergence import Study
 from liouville.plot import canvas, thinning
 
 MEMBERS = 3

@@ -16,7 +16,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from properties import examples
 
-from liouville.systems import PolynomialField
+from liouville._systems import PolynomialField
 
 XYZ = ("x", "y", "z")
 SYMBOLS = sympy.symbols("x y z")

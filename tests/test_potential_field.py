@@ -72,7 +72,7 @@ def test_steps_have_the_order_of_their_composition(name, order):
 def test_a_step_keeps_volume_and_is_undone(make):
     field = make()
     start = X[: len(field.coordinates)]
-    found = lv.determinant(field, V(), t=(0, 100), h=0.1, every=1000, x=start).observed
+    found = lv.analysis.determinant(field, V(), t=(0, 100), h=0.1, every=1000, x=start).observed
     assert found["defect"][-1] < 2e-14
     assert abs(found["log_determinant"][-1]) < 1e-12
     there = lv.integrate(field, V(), t=(0, 10), h=0.1, x=start)
@@ -81,7 +81,7 @@ def test_a_step_keeps_volume_and_is_undone(make):
 
 
 def test_volume_is_kept_over_a_hundred_thousand_steps():
-    found = lv.determinant(space(), V(), t=(0, 1e4), h=0.1, every=10**5, x=X).observed
+    found = lv.analysis.determinant(space(), V(), t=(0, 1e4), h=0.1, every=10**5, x=X).observed
     assert found["defect"][-1] < 1e-12
     assert abs(found["log_determinant"][-1]) < 1e-11
 
@@ -116,7 +116,7 @@ def test_field_lines_of_a_stellarator_stay_on_their_tubes():
 
 def test_derivatives_are_those_of_the_discrete_run():
     field = space()
-    found = lv.check_gradient(
+    found = lv.analysis.check_gradient(
         field, V(), wrt=["x", "params.a", "params.b", "t0", "t1"], t=(0.2, 3), steps=20, x=X,
         size=1e-3,
     )  # fmt: skip

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import liouville as lv
+from liouville._systems.program import SHOWN
+from liouville._systems.tape import record
 from liouville.problems import chain, fekete, pendulum
-from liouville.program import SHOWN
-from liouville.tape import record
 
 OPERATIONS = {
     "assign": lambda a: a,

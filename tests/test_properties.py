@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from properties import examples
 
 import liouville as lv
-from liouville.tape import record
+from liouville._systems.tape import record
 
 FEW = examples(8)
 STEPS, H = 12, 0.05

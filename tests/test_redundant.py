@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import liouville as lv
+from liouville._systems.mechanics.redundant import redundant
 from liouville.problems import bricard, hinged_fourbar, load
-from liouville.systems._redundant import redundant
 
 METHODS = {
     "spark": (lv.Spark(3), 1),
@@ -112,7 +112,7 @@ def test_multipliers_are_those_of_least_norm_and_give_the_motion(name):
 def test_gradients_by_starts_are_checked_along_the_constraints():
     """Beside them redundant constraints contradict each other, which is said in few names."""
     system, start = hinged_fourbar.system, hinged_fourbar.start
-    found = lv.check_gradient(
+    found = lv.analysis.check_gradient(
         system, lv.Spark(2), wrt=["q", "v", "params.g"], t=(0, 0.1), steps=2, **start
     )
     assert found.dot < 1e-13

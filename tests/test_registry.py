@@ -10,7 +10,7 @@ from families import TOLERANT
 from registry import ALL, GENERAL, INDEX2, ROWS
 
 import liouville as lv
-from liouville import methods
+from liouville import _methods as methods
 
 CASES = [(row, name) for row in ROWS for name in row.on]
 FIELDS = [case for case in CASES if ALL[case[1]].of == ("x",)]
@@ -53,7 +53,9 @@ def test_rows_have_every_kind_of_each_method():
 @pytest.mark.parametrize(("row", "name"), FIELDS, ids=str)
 def test_volume_is_kept(row, name):
     problem, h = ALL[name], 0.01
-    found = lv.determinant(problem.system, row.method, t=(0.0, 3 * h), steps=3, **problem.start)
+    found = lv.analysis.determinant(
+        problem.system, row.method, t=(0.0, 3 * h), steps=3, **problem.start
+    )
     assert "volume" in row.keeps
     assert 0 < found.observed["defect"][-1] < 1e-12
 

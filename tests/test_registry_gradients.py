@@ -13,7 +13,7 @@ from registry import ALL, ALPHA, FIELDS, GENERAL, INDEX2
 from test_volume_oracle import flows_of
 
 import liouville as lv
-from liouville.splitting.border import packed
+from liouville._methods.splitting.border import packed
 
 ROWS = [(row, name) for row in (*GENERAL, *ALPHA, *INDEX2, *FIELDS) for name in row.on]
 

@@ -394,7 +394,7 @@ def test_a_reset_may_give_some_entries_by_coordinate_and_the_balance_names_its_w
     run = lv.integrate(point, lv.Spark(2), events={"ground": law}, **call)
     hits = run.events["ground"]
     assert hits.v_after == pytest.approx(hits.v * [1, -0.5], abs=1e-12)
-    balance = lv.power_balance(run)
+    balance = lv.analysis.power_balance(run)
     lost = -0.75 * (hits.v[:, 1] ** 2).sum() / 2
     assert balance.work["impacts"][[0, -1]] == pytest.approx([0, lost], abs=1e-12)
     assert np.abs(balance.defect).max() < 1e-11
@@ -414,7 +414,7 @@ def test_the_balance_parts_steps_at_resets(h):
     call = {"t": (0, 0.8), "h": h, "q": [1.0], "v": [0.0]}
     run = lv.integrate(rubbed, lv.Spark(5), events={"ground": ground}, **call)
     assert len(run.events["ground"].t) == 1
-    assert np.abs(lv.power_balance(run).defect).max() < 1e-10
+    assert np.abs(lv.analysis.power_balance(run).defect).max() < 1e-10
 
 
 FREE = lv.Lagrangian(lambda t, q, v, p: v[0] ** 2 / 2, q=1)

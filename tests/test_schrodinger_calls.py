@@ -415,7 +415,7 @@ def test_products_that_overflow_are_not_said_to_be_of_no_hermitian_matrix():
 
 
 def test_a_wave_that_keeps_too_much_is_told_of_what_it_takes(monkeypatch):
-    monkeypatch.setattr("liouville._arguments.memory", lambda: 2**24)
+    monkeypatch.setattr("liouville._basics.arguments.memory", lambda: 2**24)
     system = lv.Schrodinger(lv.Lattice(10**4))
     with pytest.raises(MemoryError, match=r"fewer times in t="):
         lv.integrate(system, "auto", t=np.linspace(0, 1, 1001), psi=np.ones(10**4))

@@ -17,8 +17,8 @@ from properties import examples
 from scipy.sparse.linalg import LinearOperator, aslinearoperator
 
 import liouville as lv
-from liouville.systems.schrodinger import forms, graph
-from liouville.systems.schrodinger.entries import Entries
+from liouville._systems.waves import forms, graph
+from liouville._systems.waves.entries import Entries
 
 SEEDS = st.integers(0, 2**32 - 1)
 

@@ -9,7 +9,7 @@ from index2_systems import SPINNING, nonlinear, nonlinear_at, pendulum, spinning
 
 import liouville as lv
 from liouville import plot
-from liouville.convergence import slope
+from liouville.analysis.convergence import slope
 from liouville.problems import load
 
 PENDULUM_STEPS = (4000, 6000, 8000), (400, 600, 800), (200, 300, 400), (160, 200, 240)

@@ -8,7 +8,7 @@ import pytest
 from ordinary import propagated
 
 import liouville as lv
-from liouville.systems.schrodinger.sites.matrix import Matrix
+from liouville._systems.waves.sites.matrix import Matrix
 
 
 def spin_matrices(spin):
@@ -299,7 +299,7 @@ def test_what_is_wrong_is_said(make, words):
 
 
 def test_a_chain_of_24_fits_and_what_does_not_is_refused_with_numbers(monkeypatch):
-    monkeypatch.setattr("liouville._arguments.memory", lambda: 18.0 * 2**30)
+    monkeypatch.setattr("liouville._basics.arguments.memory", lambda: 18.0 * 2**30)
     exchange = [("xx", 1.0), ("yy", 1.0), ("zz", 1.0)]
     second = [("+- + h.c.", 0.2, [(i, i + 2) for i in range(22)])]
     chain = lv.SpinSystem(24, [*exchange, *second], up=12)
@@ -326,7 +326,7 @@ def test_the_number_of_entries_is_known_beforehand():
 
 
 def test_a_complex_matrix_is_known_to_take_more(monkeypatch):
-    monkeypatch.setattr("liouville._arguments.memory", lambda: 2.0**30)
+    monkeypatch.setattr("liouville._basics.arguments.memory", lambda: 2.0**30)
     twist = [("xy", 1.0), ("yx", -1.0)]
     assert lv.SpinSystem(18, [("xx", 1.0), ("yy", 1.0), ("x", 1.0)]).size == 2**18
     with pytest.raises(MemoryError, match=r"takes 1\.\d+ GiB, and 1 GiB may be taken"):

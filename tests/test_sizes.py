@@ -40,12 +40,12 @@ def found(length, mass, *, is_spatial):
     m = slider_crank(length, mass, is_spatial=is_spatial)
     system = m.system()
     start = m.start(values={"A": 0.3}, rates={"A": 4.0})
-    rest = lv.equilibrium(system, **m.start())
+    rest = lv.analysis.equilibrium(system, **m.start())
     names = system.coordinates
     units = np.array([length if name[-2:] in (".x", ".y", ".z") else 1.0 for name in names])
     slid = m.start(values={"D": -0.05 * length})
     places = [x / units for x in (start["q"], start["v"], rest.start["q"], slid["q"])]
-    return places, rest, lv.modes(system, **rest.start).hertz
+    return places, rest, lv.analysis.modes(system, **rest.start).hertz
 
 
 @pytest.mark.parametrize("is_spatial", [False, True], ids=["planar", "spatial"])

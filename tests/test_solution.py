@@ -7,7 +7,8 @@ import pytest
 from scipy import integrate
 
 import liouville as lv
-from liouville import points, problems
+from liouville import problems
+from liouville._solution import points
 from liouville.problems import pendulum
 
 

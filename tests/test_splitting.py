@@ -26,7 +26,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from properties import examples
 
-from liouville.splitting import (
+from liouville._methods.splitting import (
     Affine,
     Exponential,
     Natural,
@@ -37,9 +37,9 @@ from liouville.splitting import (
     described,
     split,
 )  # fmt: skip
-from liouville.splitting.directions import along, growth, harmonic, norm, powers
-from liouville.splitting.pieces import same_kind
-from liouville.terms import Terms, Wave
+from liouville._methods.splitting.directions import along, growth, harmonic, norm, powers
+from liouville._methods.splitting.pieces import same_kind
+from liouville._systems.fields.terms import Terms, Wave
 
 REFERENCE = json.loads((Path(__file__).parent / "data" / "volume_reference.json").read_text())
 FIELDS = {field["name"]: field for field in REFERENCE["fields"]}

@@ -25,8 +25,10 @@ import xarray
 from scipy import sparse
 
 import liouville as lv
-from liouville import checksum, export, locks, problems
-from liouville.stored import folder, running, stream
+from liouville import problems
+from liouville._basics import checksum, locks
+from liouville._runs.stored import folder, running, stream
+from liouville._solution import export
 
 GROUPS = ("states", "invariants", "residuals", "observed", "balance")
 FACTS = ("names", "h", "tolerances", "method", "params", "status", "message", "dense_order")
@@ -351,7 +353,7 @@ def test_a_run_that_is_going_on_is_refused_to_others(is_resumed, tmp_path):
 
 @needs_fork
 def test_a_run_that_was_killed_has_its_own_statistics(tmp_path, monkeypatch):
-    monkeypatch.setattr("liouville.stored.stream.PAUSE", 0.0)
+    monkeypatch.setattr("liouville._runs.stored.stream.PAUSE", 0.0)
     path = tmp_path / "run.zarr"
     call = pendulum(steps=10**7)
     process = get_context("fork").Process(target=go, args=(path, call))

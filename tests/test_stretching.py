@@ -29,7 +29,7 @@ def twisting(turns):
 def test_the_exponent_of_a_saddle_is_its_rate(t):
     saddle = lv.PolynomialField(lambda t, x, params: [2 * x[1], 2 * x[0]], x=2)
     starts = np.random.default_rng(0).normal(size=(3, 4, 2))
-    found = lv.ftle(saddle, V(), t=t, h=0.1, x=starts)
+    found = lv.analysis.ftle(saddle, V(), t=t, h=0.1, x=starts)
     exact = np.log(np.cosh(6) + np.sinh(6)) / 3
     assert found.exponents.shape == (3, 4)
     assert np.abs(found.exponents - exact).max() < 1e-5
@@ -41,7 +41,7 @@ def test_exponents_are_those_of_differences_of_neighbours():
     field = lv.PotentialField(gyre, x=("x", "y"))
     starts, d = np.array([[[0.3, 0.4], [1.1, 0.6]], [[1.7, 0.2], [0.9, 0.9]]]), 1e-5
     run = {"t": (0, 10), "steps": 100}
-    found = lv.ftle(field, V(), x=starts, **run)
+    found = lv.analysis.ftle(field, V(), x=starts, **run)
     for place in np.ndindex(2, 2):
         ends = [
             lv.integrate(field, V(), x=starts[place] + sign * d * unit, **run).x[-1]
@@ -65,7 +65,7 @@ def test_lengths_on_a_sphere_and_a_cylinder_are_those_of_space():
         lon, lat, potential=psi, coordinates="spherical", radius=radius, periodic=("lon",)
     )
     starts = globe.states_of([[0.0, 0.0], [10.0, 30.0]])
-    found = lv.ftle(globe, V(), t=(0, 5e5), h=5e3, x=starts)
+    found = lv.analysis.ftle(globe, V(), t=(0, 5e5), h=5e3, x=starts)
     assert np.abs(found.exponents * 5e5).max() < 1e-3
     turned = np.abs(globe.points_of(found.x) - globe.points_of(starts))
     assert turned.max() > 5
@@ -75,14 +75,14 @@ def test_starts_that_fail_have_no_exponent():
     x, y = np.linspace(0, 1, 9), np.linspace(0, 1, 9)
     u, v = np.ones((9, 9)), np.zeros((9, 9))
     field = lv.GriddedField(x, y, velocity=(u, v), walls=("y",))
-    found = lv.ftle(field, V(), t=(0, 0.3), h=0.1, x=[[0.1, 0.5], [0.9, 0.5]])
+    found = lv.analysis.ftle(field, V(), t=(0, 0.3), h=0.1, x=[[0.1, 0.5], [0.9, 0.5]])
     assert found.exponents[0] == pytest.approx(0, abs=1e-12)
     assert np.isnan(found.exponents[1])
     assert list(found.failures) == [1]
     with pytest.raises(ValueError, match=r"x has shape \(2,\), wanted \(..., 2\)"):
-        lv.ftle(field, V(), t=(0, 0.3), h=0.1, x=[0.1, 0.5])
+        lv.analysis.ftle(field, V(), t=(0, 0.3), h=0.1, x=[0.1, 0.5])
     with pytest.raises(TypeError, match="exponents must be those of a field"):
-        lv.ftle(lv.problems.pendulum.system, V(), t=(0, 1), h=0.1, x=[[0.1, 0.5]])
+        lv.analysis.ftle(lv.problems.pendulum.system, V(), t=(0, 1), h=0.1, x=[[0.1, 0.5]])
 
 
 @pytest.mark.parametrize("t", [(0, 200), (200, 0)])
@@ -92,19 +92,19 @@ def test_rotation_numbers_are_the_turns_from_crossing_to_crossing(t):
     cuts = lv.section(
         twisting(0.05), V(composition="SS8s21"), t=t, h=0.1, plane="z", period=1.0, x=starts
     )
-    found = lv.rotation_numbers(cuts, about=(0, 0))
+    found = lv.analysis.rotation_numbers(cuts, about=(0, 0))
     assert np.abs(found - np.sign(t[1] - t[0]) * (0.05 + 0.1 * radii**2)).max() < 1e-9
-    other = lv.rotation_numbers(cuts, about=(0, 0), of=("y", "x"))
+    other = lv.analysis.rotation_numbers(cuts, about=(0, 0), of=("y", "x"))
     assert np.abs(other + found).max() < 1e-13
-    assert np.isfinite(lv.rotation_numbers(cuts, about=np.zeros((3, 2)))).all()
+    assert np.isfinite(lv.analysis.rotation_numbers(cuts, about=np.zeros((3, 2)))).all()
 
 
 def test_a_centre_and_coordinates_that_are_none_are_refused():
     cuts = lv.section(twisting(0.1), V(), t=(0, 3), h=0.1, plane="z", period=1.0, x=[[1, 0, 0.5]])
-    assert np.isnan(lv.rotation_numbers(cuts, about=(0, 0))).all()
+    assert np.isnan(lv.analysis.rotation_numbers(cuts, about=(0, 0))).all()
     with pytest.raises(ValueError, match=r"about has shape \(3,\), wanted \(2,\) or \(1, 2\)"):
-        lv.rotation_numbers(cuts, about=(0, 0, 0))
+        lv.analysis.rotation_numbers(cuts, about=(0, 0, 0))
     with pytest.raises(ValueError, match=r"of= must name two of x, y, z, not \('x', 'r'\)"):
-        lv.rotation_numbers(cuts, about=(0, 0), of=("x", "r"))
+        lv.analysis.rotation_numbers(cuts, about=(0, 0), of=("x", "r"))
     with pytest.raises(TypeError, match="rotation numbers must be those of a section"):
-        lv.rotation_numbers(cuts.x, about=(0, 0))
+        lv.analysis.rotation_numbers(cuts.x, about=(0, 0))

@@ -9,10 +9,10 @@ import scipy.sparse as sp
 import scipy.sparse.linalg
 
 import liouville as lv
-from liouville import fem
-from liouville.systems import _form
-from liouville.systems._linear import Matrix
-from liouville.tape import record
+from liouville._bridges import fem
+from liouville._systems.mechanics import form as _form
+from liouville._systems.tape import record
+from liouville._systems.tracing.linear import Matrix
 
 N = 6
 
@@ -137,7 +137,7 @@ def test_the_skew_part_of_a_stiffness_is_a_force_whose_work_counts():
     works = [run.work[-1] for run in damped]
     assert works[0] == pytest.approx(works[1], rel=1e-6)
     assert works[0] > 0.3
-    balance = lv.power_balance(lv.integrate(own, lv.Spark(3), h=0.02, **call))
+    balance = lv.analysis.power_balance(lv.integrate(own, lv.Spark(3), h=0.02, **call))
     assert np.max(balance.defect) < 1e-11
     flutter = lv.Structure(np.eye(2), [[1, 0.5], [-0.5, 1]], 0.01 * np.eye(2))
     run = lv.integrate(flutter, lv.Spark(3), t=(0, 30), h=0.1, q=[1, 0], v=[0, 0])

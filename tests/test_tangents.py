@@ -15,8 +15,8 @@ from families import TOLERANT
 from registry import ALL, GENERAL, NONHOLONOMIC
 
 import liouville as lv
+from liouville._systems.derivatives.sensitivity import moved_start, pulled_start
 from liouville.problems import load
-from liouville.systems._sensitivity import moved_start, pulled_start
 
 #: Every row of the registry, each on one of its problems in turn, nonholonomic ones apart.
 COVERED = [

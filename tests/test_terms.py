@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from properties import examples
 
-from liouville.terms import Terms, Wave
+from liouville._systems.fields.terms import Terms, Wave
 
 N = 4
 FEW = examples(40)

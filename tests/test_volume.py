@@ -10,9 +10,9 @@ from fields import random_exact
 
 import liouville as lv
 from liouville import _core
-from liouville._job import Job
+from liouville._basics.job import Job
+from liouville._methods.splitting import split, to_core
 from liouville.problems import load
-from liouville.splitting import split, to_core
 
 DATA = Path(__file__).parent / "data"
 REFERENCE = json.loads((DATA / "volume_reference.json").read_text())
@@ -118,7 +118,7 @@ def test_fields_with_a_divergence_are_refused(name):
 
 def defect(field, method, x, h):
     """Return the largest |det - 1| over some steps."""
-    found = lv.determinant(field, method, t=(0.0, 3 * h), steps=3, x=x)
+    found = lv.analysis.determinant(field, method, t=(0.0, 3 * h), steps=3, x=x)
     assert abs(found.observed["log_determinant"][-1]) <= 3 * 2e-12
     return found.observed["defect"][-1]
 
@@ -170,7 +170,7 @@ def test_determinants_leave_the_run_as_it_is(compensated):
     method = lv.VolumeSplitting(composition="BM4", compensated=compensated)
     for every in (1, 7):
         call = {"t": (0, 1), "h": 0.02, "every": every, **problem.start}
-        measured = lv.determinant(problem.system, method, **call)
+        measured = lv.analysis.determinant(problem.system, method, **call)
         assert np.array_equal(measured.x, lv.integrate(problem.system, method, **call).x)
         assert (measured.observed["defect"][1:] > 0).all()
 
@@ -197,7 +197,7 @@ def test_a_spoiled_piece_is_found_out():
 def test_an_unknown_determinant_is_named():
     top = load("euler_top").system
     with pytest.raises(lv.IntegrationError, match="Jacobian of the step is singular to roundoff"):
-        lv.determinant(
+        lv.analysis.determinant(
             top, lv.VolumeSplitting(composition="S2"), t=(0, 1), steps=1, x=[1e9, 1e9, 1e9]
         )
 

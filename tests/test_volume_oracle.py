@@ -8,9 +8,9 @@ from mpmath import mp, mpf
 
 import liouville as lv
 from liouville import _core
-from liouville._job import Job
-from liouville.splitting import split, to_core
-from liouville.splitting.border import packed
+from liouville._basics.job import Job
+from liouville._methods.splitting import split, to_core
+from liouville._methods.splitting.border import packed
 
 
 @pytest.mark.parametrize("scheme", ["S2", "BM4", "KL6"])

@@ -134,7 +134,7 @@ def test_pullbacks_tangents_and_differences_are_of_one_discrete_map(name):
     system = make()
     # potentials change energies that series take to high powers
     size = {"size": 1e-4} if system.grid is not None else {}
-    found = lv.check_gradient(
+    found = lv.analysis.check_gradient(
         system, method, wrt=wrt, **{"t": TIMES, **run}, psi=state(system.size), **size
     )
     assert found.dot < 1e-12
@@ -187,7 +187,9 @@ def test_methods_of_the_registry_have_pullbacks(row, name):
     run = {"t": (problem.t[0], problem.t[0] + 1.0)}
     if isinstance(row.method, lv.Magnus | lv.GrayManolopoulos | lv.StabilitySplitting):
         run["steps"] = row.steps[-1]
-    found = lv.check_gradient(problem.system, row.method, wrt=["psi"], **run, **problem.start)
+    found = lv.analysis.check_gradient(
+        problem.system, row.method, wrt=["psi"], **run, **problem.start
+    )
     assert found.dot < 1e-12
     assert found.differences < 1e-10
 
@@ -412,7 +414,7 @@ def test_members_with_parameters_of_their_own_have_the_bits_of_runs_alone(name):
                 np.testing.assert_array_equal(own.invariants[x], energy)
             for x, tangent in one.tangents.items():
                 np.testing.assert_array_equal(own.tangents[x].psi, tangent.psi)
-    found = lv.check_gradient(
+    found = lv.analysis.check_gradient(
         system, method, wrt=wrt, **run, psi=psi, params={which: [0.5, 0.7, 1.1]}, size=1e-4
     )
     assert found.dot < 1e-12
@@ -434,7 +436,9 @@ def test_tangents_pullbacks_and_differences_of_ensembles_agree(name):
     make, method, wrt, run = ROWS[name]
     system = make()
     rows = np.array([state(system.size) for _ in range(3)])
-    found = lv.check_gradient(system, method, wrt=wrt, **{"t": TIMES, **run}, psi=rows, size=1e-4)
+    found = lv.analysis.check_gradient(
+        system, method, wrt=wrt, **{"t": TIMES, **run}, psi=rows, size=1e-4
+    )
     assert found.dot < 1e-12
     assert found.differences < 1e-10
 
@@ -456,7 +460,7 @@ def test_a_member_that_fails_has_no_tangents():
 
 
 def test_what_does_not_fit_in_memory_is_refused_beforehand(monkeypatch):
-    monkeypatch.setattr("liouville._arguments.memory", lambda: 1e8)
+    monkeypatch.setattr("liouville._basics.arguments.memory", lambda: 1e8)
     run = {"t": (0, 4), "steps": 10**6, "every": 10**6, "psi": state()}
     with pytest.raises(MemoryError, match="keeps 1000000 of its states"):
         lv.vjp(driven(C), lv.Magnus(2, tol=1e-7), wrt=["psi"], **run)

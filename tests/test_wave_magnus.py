@@ -11,7 +11,7 @@ from ordinary import propagated
 from scipy.linalg import expm
 
 import liouville as lv
-from liouville.planner.waves.driven import driving
+from liouville._methods.planner.waves.driven import driving
 from liouville.problems import walker_preston
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))

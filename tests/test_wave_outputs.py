@@ -6,7 +6,7 @@ import scipy.sparse as sp
 from test_wave_plans import eigen, random_state
 
 import liouville as lv
-from liouville.planner.waves import choice, windows
+from liouville._methods.planner.waves import choice, windows
 
 #: A chain whose spectrum times the span is 200 wide.
 CHAIN = lv.Schrodinger(lv.Lattice(200))

@@ -12,8 +12,8 @@ from mpmath import mp
 from properties import examples
 
 import liouville as lv
-from liouville import checksum
-from liouville.planner.waves.ladder import ROUNDOFF, SHORTER, cheapest, ladder
+from liouville._basics import checksum
+from liouville._methods.planner.waves.ladder import ROUNDOFF, SHORTER, cheapest, ladder
 from liouville.problems import load
 
 METHODS = {

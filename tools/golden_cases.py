@@ -22,7 +22,7 @@ import numpy as np
 
 import liouville as lv
 from liouville import problems
-from liouville.methods.composition import SCHEMES
+from liouville._methods.composition import SCHEMES
 
 DATA = Path(__file__).resolve().parent.parent / "tests" / "data"
 

@@ -12,9 +12,9 @@ from types import ModuleType
 import mpmath as mp
 import numpy as np
 
+from liouville._systems import Grid
+from liouville._systems.waves.entries import Entries
 from liouville.problems import heisenberg, lattice2d, lattice3d, tight_binding, walker_preston
-from liouville.systems import Grid
-from liouville.systems.schrodinger.entries import Entries
 
 #: The results have so many digits; terms of the series are larger than their sum by 10^30.
 DIGITS = 40

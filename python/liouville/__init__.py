@@ -3,145 +3,169 @@
 import typing as _typing
 from importlib import import_module as _import_module
 
+from liouville._basics.errors import IntegrationError, OptimizationError
 from liouville._core import VERSION as _VERSION
-from liouville.control import Adaptive as Adaptive
-from liouville.control import Reversible as Reversible
-from liouville.determinant import determinant as determinant
-from liouville.ensemble import ensemble as ensemble
-from liouville.errors import IntegrationError as IntegrationError
-from liouville.errors import OptimizationError as OptimizationError
-from liouville.events import Event as Event
-from liouville.events import Impact as Impact
-from liouville.failure import Failure as Failure
-from liouville.integrate import integrate as integrate
-from liouville.methods import HHT as HHT
-from liouville.methods import METHODS as METHODS
-from liouville.methods import ArnoldBruls as ArnoldBruls
-from liouville.methods import Chebyshev as Chebyshev
-from liouville.methods import Composition as Composition
-from liouville.methods import GeneralizedAlpha as GeneralizedAlpha
-from liouville.methods import GrayManolopoulos as GrayManolopoulos
-from liouville.methods import Lanczos as Lanczos
-from liouville.methods import LobattoPair as LobattoPair
-from liouville.methods import Magnus as Magnus
-from liouville.methods import SchrodingerSplitting as SchrodingerSplitting
-from liouville.methods import Spark as Spark
-from liouville.methods import SplitOperator as SplitOperator
-from liouville.methods import StabilitySplitting as StabilitySplitting
-from liouville.methods import VolumeSplitting as VolumeSplitting
-from liouville.points import Points as Points
-from liouville.section import Section as Section
-from liouville.section import section as section
-from liouville.solution import Solution as Solution
-from liouville.systems import BosonSystem as BosonSystem
-from liouville.systems import FermionSystem as FermionSystem
-from liouville.systems import Grid as Grid
-from liouville.systems import Hamiltonian as Hamiltonian
-from liouville.systems import Lagrangian as Lagrangian
-from liouville.systems import Lattice as Lattice
-from liouville.systems import Mechanical as Mechanical
-from liouville.systems import PolynomialField as PolynomialField
-from liouville.systems import Schrodinger as Schrodinger
-from liouville.systems import SemiExplicit as SemiExplicit
-from liouville.systems import SpinChain as SpinChain
-from liouville.systems import SpinSystem as SpinSystem
-from liouville.systems import Structure as Structure
-from liouville.tangents import Tangent as Tangent
+from liouville._methods import (
+    HHT,
+    ArnoldBruls,
+    Chebyshev,
+    Composition,
+    GeneralizedAlpha,
+    GrayManolopoulos,
+    Lanczos,
+    LobattoPair,
+    Magnus,
+    SchrodingerSplitting,
+    Spark,
+    SplitOperator,
+    StabilitySplitting,
+    VolumeSplitting,
+)
+from liouville._methods.control import Adaptive, Reversible
+from liouville._runs.ensemble import ensemble
+from liouville._runs.integrate import integrate
+from liouville._solution.failure import Failure
+from liouville._solution.points import Points
+from liouville._solution.solution import Solution
+from liouville._solution.tangents import Tangent
+from liouville._studies.section import Section, section
+from liouville._systems import (
+    BosonSystem,
+    FermionSystem,
+    Grid,
+    Hamiltonian,
+    Lagrangian,
+    Lattice,
+    Mechanical,
+    PolynomialField,
+    Schrodinger,
+    SemiExplicit,
+    SpinChain,
+    SpinSystem,
+    Structure,
+)
+from liouville._systems.events import Event, Impact
 
 __version__ = _VERSION
 
 if _typing.TYPE_CHECKING:
     from liouville import analysis as analysis
     from liouville import bodies as bodies
-    from liouville.analysis.equilibrium import equilibrium as equilibrium
-    from liouville.analysis.ground_state import ground_state as ground_state
-    from liouville.analysis.imaginary_time import imaginary_time as imaginary_time
-    from liouville.analysis.inverse_dynamics import inverse_dynamics as inverse_dynamics
-    from liouville.analysis.linearization import linearize as linearize
-    from liouville.analysis.modes import modes as modes
-    from liouville.analysis.power import power_balance as power_balance
-    from liouville.analysis.thermal_state import thermal_state as thermal_state
-    from liouville.bridges import casadi as casadi
-    from liouville.bridges import jax as jax
-    from liouville.bridges import torch as torch
-    from liouville.contacts import Contact as Contact
-    from liouville.exponents import lyapunov as lyapunov
-    from liouville.export import load as load
-    from liouville.extrapolation import extrapolate as extrapolate
-    from liouville.fitting import Trial as Trial
-    from liouville.fitting import fit as fit
-    from liouville.gradients import GradientCheck as GradientCheck
-    from liouville.gradients import Pullback as Pullback
-    from liouville.gradients import check_gradient as check_gradient
-    from liouville.gradients import vjp as vjp
-    from liouville.optimal.control import optimal_control as optimal_control
-    from liouville.optimal.result import OptimalControl as OptimalControl
-    from liouville.periods import Floquet as Floquet
-    from liouville.periods import floquet as floquet
-    from liouville.periods import propagator as propagator
-    from liouville.planner import FieldPlan as FieldPlan
-    from liouville.planner import Plan as Plan
-    from liouville.planner import WavePlan as WavePlan
-    from liouville.planner import plan as plan
-    from liouville.rotation import rotation_numbers as rotation_numbers
-    from liouville.stored import Store as Store
-    from liouville.stored import resume as resume
-    from liouville.stretching import ftle as ftle
-    from liouville.systems._sympy_mechanics import from_sympy as from_sympy
-    from liouville.systems._table import table as table
-    from liouville.systems.gridded import GriddedField as GriddedField
-    from liouville.systems.particles import ChargedParticles as ChargedParticles
-    from liouville.systems.vector_potential import PotentialField as PotentialField
+    from liouville import plot as plot
+    from liouville import problems as problems
+    from liouville._bridges import casadi as casadi
+    from liouville._bridges import fem as fem
+    from liouville._bridges import jax as jax
+    from liouville._bridges import torch as torch
+    from liouville._methods.planner import FieldPlan, Plan, WavePlan, plan
+    from liouville._runs.contacts import Contact
+    from liouville._runs.gradients import Pullback, vjp
+    from liouville._runs.stored import Store, resume
+    from liouville._solution.export import load
+    from liouville._studies.fitting import Trial, fit
+    from liouville._studies.optimal import OptimalControl, optimal_control
+    from liouville._systems.fields.gridded import GriddedField
+    from liouville._systems.fields.particles import ChargedParticles
+    from liouville._systems.fields.vector_potential import PotentialField
+    from liouville._systems.sympy.mechanics import from_sympy
+    from liouville._systems.tracing.table import table
+
+__all__ = [
+    "HHT",
+    "Adaptive",
+    "ArnoldBruls",
+    "BosonSystem",
+    "ChargedParticles",
+    "Chebyshev",
+    "Composition",
+    "Contact",
+    "Event",
+    "Failure",
+    "FermionSystem",
+    "FieldPlan",
+    "GeneralizedAlpha",
+    "GrayManolopoulos",
+    "Grid",
+    "GriddedField",
+    "Hamiltonian",
+    "Impact",
+    "IntegrationError",
+    "Lagrangian",
+    "Lanczos",
+    "Lattice",
+    "LobattoPair",
+    "Magnus",
+    "Mechanical",
+    "OptimalControl",
+    "OptimizationError",
+    "Plan",
+    "Points",
+    "PolynomialField",
+    "PotentialField",
+    "Pullback",
+    "Reversible",
+    "Schrodinger",
+    "SchrodingerSplitting",
+    "Section",
+    "SemiExplicit",
+    "Solution",
+    "Spark",
+    "SpinChain",
+    "SpinSystem",
+    "SplitOperator",
+    "StabilitySplitting",
+    "Store",
+    "Structure",
+    "Tangent",
+    "Trial",
+    "VolumeSplitting",
+    "WavePlan",
+    "ensemble",
+    "fit",
+    "from_sympy",
+    "integrate",
+    "load",
+    "optimal_control",
+    "plan",
+    "resume",
+    "section",
+    "table",
+    "vjp",
+]
 
 #: Names that few runs need, by the modules that are imported when they are first used.
 _LATER = {
-    "equilibrium": "analysis",
-    "ground_state": "analysis",
-    "imaginary_time": "analysis",
-    "inverse_dynamics": "analysis",
-    "linearize": "analysis",
-    "modes": "analysis",
-    "power_balance": "analysis",
-    "thermal_state": "analysis",
-    "Contact": "contacts",
-    "lyapunov": "exponents",
-    "load": "export",
-    "extrapolate": "extrapolation",
-    "Trial": "fitting",
-    "fit": "fitting",
-    "GradientCheck": "gradients",
-    "Pullback": "gradients",
-    "check_gradient": "gradients",
-    "vjp": "gradients",
-    "OptimalControl": "optimal",
-    "optimal_control": "optimal",
-    "Floquet": "periods",
-    "floquet": "periods",
-    "propagator": "periods",
-    "FieldPlan": "planner",
-    "Plan": "planner",
-    "WavePlan": "planner",
-    "plan": "planner",
-    "rotation_numbers": "rotation",
-    "Store": "stored",
-    "resume": "stored",
-    "ftle": "stretching",
-    "GriddedField": "systems.gridded",
-    "ChargedParticles": "systems.particles",
-    "PotentialField": "systems.vector_potential",
-    "from_sympy": "systems._sympy_mechanics",
-    "table": "systems._table",
+    "ChargedParticles": "_systems.fields.particles",
+    "Contact": "_runs.contacts",
+    "FieldPlan": "_methods.planner",
+    "GriddedField": "_systems.fields.gridded",
+    "OptimalControl": "_studies.optimal",
+    "Plan": "_methods.planner",
+    "PotentialField": "_systems.fields.vector_potential",
+    "Pullback": "_runs.gradients",
+    "Store": "_runs.stored",
+    "Trial": "_studies.fitting",
+    "WavePlan": "_methods.planner",
+    "fit": "_studies.fitting",
+    "from_sympy": "_systems.sympy.mechanics",
+    "load": "_solution.export",
+    "optimal_control": "_studies.optimal",
+    "plan": "_methods.planner",
+    "resume": "_runs.stored",
+    "table": "_systems.tracing.table",
+    "vjp": "_runs.gradients",
 }
 
-#: Modules that few runs need, by where they are.
+#: Public modules, by where they are; each is imported when it is first used.
 _ROOMS = {
     "analysis": "analysis",
     "bodies": "bodies",
-    "casadi": "bridges.casadi",
-    "jax": "bridges.jax",
+    "casadi": "_bridges.casadi",
+    "fem": "_bridges.fem",
+    "jax": "_bridges.jax",
     "plot": "plot",
     "problems": "problems",
-    "torch": "bridges.torch",
+    "torch": "_bridges.torch",
 }
 
 
@@ -156,5 +180,5 @@ def __getattr__(name: str) -> _typing.Any:
 
 
 def __dir__() -> list[str]:
-    """List these names too."""
-    return sorted({*globals(), *_LATER, *_ROOMS})
+    """List the public names and modules."""
+    return sorted([*__all__, *_ROOMS, "__version__"])

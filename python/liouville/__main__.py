@@ -6,7 +6,7 @@ import sys
 def main() -> None:
     """Run the command line; without its extra say in a line what to install."""
     try:
-        from liouville.cli import main as run
+        from liouville._cli import main as run
     except ImportError as error:
         sys.exit(str(error).replace("\nhint: ", ": "))
     run()

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from liouville.errors import hinted
-from liouville.systems import Schrodinger
+from liouville._basics.errors import hinted
+from liouville._systems import Schrodinger
 
 Array = NDArray[np.float64]
 

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from liouville._options import started
+from liouville._basics.options import started
+from liouville._systems import Mechanics
 from liouville.analysis.point import LARGE, Array, Point, mechanical
 from liouville.analysis.searches import Dense, Sparse
-from liouville.systems import Mechanics
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -33,8 +33,8 @@ class Equilibrium:
         The largest generalised force left.
     is_stable : bool or None
         Whether stiffness pushes back in every free direction, or in none away; None of systems of
-        more than 1000 coordinates. :func:`~liouville.modes` tells more, and of follower forces what
-        is true.
+        more than 1000 coordinates. :func:`~liouville.analysis.modes` tells more, and of follower
+        forces what is true.
     iterations : int
         Corrections that were made.
     """
@@ -108,7 +108,7 @@ def equilibrium(
     --------
     >>> from liouville.problems import pendulum
     >>> import liouville as lv
-    >>> lv.equilibrium(pendulum.system, q=[0.6, -0.8])
+    >>> lv.analysis.equilibrium(pendulum.system, q=[0.6, -0.8])
     <Equilibrium at t = 0: stable, largest force left ...
     """
     point = Point.given(

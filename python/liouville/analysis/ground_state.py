@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from liouville._arguments import number
+from liouville._basics.arguments import number
+from liouville._basics.errors import hinted
+from liouville._systems import Schrodinger
+from liouville._systems.waves.foreign import check_sampled
 from liouville.analysis.condensate import Condensate, condensate
 from liouville.analysis.lowest_level import RESTARTS, Scale, lowest_level
-from liouville.errors import hinted
-from liouville.systems import Schrodinger
-from liouville.systems.schrodinger.foreign import check_sampled
 
 Array = NDArray[np.float64]
 
@@ -130,7 +130,7 @@ def ground_state(
     --------
     >>> import liouville as lv
     >>> ring = lv.SpinSystem(8, ["xx", "yy", "zz"], periodic=True, up=4)
-    >>> ground = lv.ground_state(lv.Schrodinger(ring))
+    >>> ground = lv.analysis.ground_state(lv.Schrodinger(ring))
     >>> round(ground.energy, 9), ground.multiplicity
     (-3.651093409, 1)
     """

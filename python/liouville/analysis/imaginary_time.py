@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from liouville._arguments import number
+from liouville._basics.arguments import number
+from liouville._systems import Schrodinger
 from liouville.analysis.ground_state import Array, Counted, lowest, wave
 from liouville.analysis.thermal_state import COLD, coefficients, cooled
-from liouville.systems import Schrodinger
 
 #: A part of the time is halved where it leaves less of a state: roundoff grows as one over it.
 LEAST = 1e-4
@@ -106,7 +106,7 @@ def imaginary_time(
     >>> import numpy as np
     >>> import liouville as lv
     >>> qubit = lv.Schrodinger(np.diag([0.0, 1.0]))
-    >>> cool = lv.imaginary_time(qubit, 2.0, psi=[1, 1])
+    >>> cool = lv.analysis.imaginary_time(qubit, 2.0, psi=[1, 1])
     >>> round(float(cool.psi[1] / cool.psi[0]), 9)  # exp(-2)
     0.135335283
     """

@@ -11,14 +11,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from liouville import _core
+from liouville._basics.errors import hinted, quoted
+from liouville._solution.solution import Solution
+from liouville._systems import Mechanics
+from liouville._systems.mechanics.motion import rates as recorded
+from liouville._systems.mechanics.singular import dense
+from liouville._systems.tracing import trace as _trace
 from liouville.analysis.point import Array, Point, Split, mechanical
 from liouville.bodies import Mechanism
 from liouville.bodies.normal_forces import Rubs
-from liouville.errors import hinted, quoted
-from liouville.solution import Solution
-from liouville.systems import Mechanics, _trace
-from liouville.systems._motion import rates as recorded
-from liouville.systems._singular import dense
 
 #: A motion may miss its constraints by this part of their size, and near zero by so much.
 CONSISTENT, FLOOR = 1e-6, 1e-9
@@ -117,7 +118,7 @@ def inverse_dynamics(
     >>> import liouville as lv
     >>> spring, mass = lv.Structure([1.0], [[4.0]]), lv.Structure([1.0], [[0.0]])
     >>> motion = lv.integrate(spring, lv.Spark(3), t=(0, 1), h=0.1, q=[1.0], v=[0.0])
-    >>> found = lv.inverse_dynamics(mass, motion, ["q0"])
+    >>> found = lv.analysis.inverse_dynamics(mass, motion, ["q0"])
     >>> bool(abs(found.efforts["q0"] + 4.0 * motion.q[:, 0]).max() < 1e-12)
     True
     """

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from liouville._options import started
+from liouville._basics.errors import check_name, hinted, quoted
+from liouville._basics.options import started
+from liouville._systems import Mechanics
 from liouville.analysis.point import LARGE, Array, Point, Split, mechanical
-from liouville.errors import check_name, hinted, quoted
-from liouville.systems import Mechanics
 
 #: Named coordinates tell the freedoms apart where the smallest singular value is above this.
 APART = 1e-8
@@ -131,7 +131,7 @@ def linearize(
     >>> import liouville as lv
     >>> from liouville.problems import pendulum
     >>> import numpy as np
-    >>> linear = lv.linearize(pendulum.system, q=[0, -1], v=[0, 0])
+    >>> linear = lv.analysis.linearize(pendulum.system, q=[0, -1], v=[0, 0])
     >>> f"{abs(np.linalg.eigvals(linear.state)[0]):.6f}"  # the root of 9.81
     '3.132092'
     """

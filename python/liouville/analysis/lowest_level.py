@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from liouville._arguments import check_memory
+from liouville._basics.arguments import check_memory
 
 Vectors = NDArray[Any]
 

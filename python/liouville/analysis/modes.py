@@ -9,15 +9,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from liouville import html
-from liouville._arguments import count as counted
-from liouville._options import started
-from liouville._scipy import scipy
+from liouville._basics import html
+from liouville._basics.arguments import count as counted
+from liouville._basics.errors import hinted
+from liouville._basics.options import started
+from liouville._basics.scipy import scipy
+from liouville._systems import Mechanics
 from liouville.analysis.linearization import Linearization, linearized_at
 from liouville.analysis.point import LARGE, Array, Point, mechanical
 from liouville.analysis.sparse_modes import GROWTH, sparse_modes, with_double_zeros
-from liouville.errors import hinted
-from liouville.systems import Mechanics
 
 Complex = NDArray[np.complex128]
 
@@ -201,7 +201,7 @@ def modes(
     Examples
     --------
     >>> import liouville as lv
-    >>> lv.modes(lv.Structure([1.0, 1.0], [[2.0, -1.0], [-1.0, 2.0]]), q=[0, 0])
+    >>> lv.analysis.modes(lv.Structure([1.0, 1.0], [[2.0, -1.0], [-1.0, 2.0]]), q=[0, 0])
     <Modes: 2, none unstable
      0: 0.159155 Hz 1 rad damping 0
      1: 0.275664 Hz 1.73205 rad damping 0>

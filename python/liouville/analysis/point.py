@@ -10,14 +10,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from liouville._scipy import scipy
+from liouville._basics.errors import hinted
+from liouville._basics.scipy import scipy
+from liouville._systems import Mechanics
+from liouville._systems.mechanics.motion import linearized
+from liouville._systems.mechanics.singular import dense, unit
+from liouville._systems.mechanics.traced import FLOOR, ROUNDINGS, finite_time
+from liouville._systems.tracing.linear import Pattern
 from liouville.bodies import Mechanism, scales
-from liouville.errors import hinted
-from liouville.systems import Mechanics
-from liouville.systems._linear import Pattern
-from liouville.systems._motion import linearized
-from liouville.systems._singular import dense, unit
-from liouville.systems.traced import FLOOR, ROUNDINGS, finite_time
 
 Array = NDArray[np.float64]
 

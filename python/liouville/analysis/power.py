@@ -8,13 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from liouville._basics.errors import hinted
+from liouville._solution.parts import system_of
+from liouville._solution.solution import Solution
+from liouville._systems import Mechanics
+from liouville._systems.events import sides_of
+from liouville._systems.mechanics.motion import power
 from liouville.analysis.point import mechanical
-from liouville.errors import hinted
-from liouville.events import sides_of
-from liouville.parts import system_of
-from liouville.solution import Solution
-from liouville.systems import Mechanics
-from liouville.systems._motion import power
 
 Array = NDArray[np.float64]
 

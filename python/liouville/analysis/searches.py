@@ -6,10 +6,10 @@ from abc import ABC, abstractmethod
 
 import numpy as np
 
-from liouville._scipy import scipy
+from liouville._basics.errors import hinted
+from liouville._basics.scipy import scipy
 from liouville.analysis.point import Array, Point, Split
 from liouville.analysis.sparse_modes import independent
-from liouville.errors import hinted
 
 #: The most corrections; the longest of one, in the size of the coordinates.
 MOST, STRIDE = 300, 0.3
@@ -132,7 +132,7 @@ class Search(ABC):
         if self.follows():
             hint = (
                 "the stiffness is not symmetric, as under follower forces: stable=False finds any "
-                "state of rest, and lv.modes says whether it is stable"
+                "state of rest, and lv.analysis.modes says whether it is stable"
             )
         raise ValueError(hinted(sentence, hint))
 

@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from liouville import _core
-from liouville._scipy import scipy
+from liouville._basics.errors import hinted
+from liouville._basics.scipy import scipy
 from liouville.analysis.multiplicities import largest, nearest
 from liouville.analysis.point import Array, Point
-from liouville.errors import hinted
 
 #: Parts of gradients of length one that are their own are larger than this.
 INDEPENDENT = 1e-10

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from liouville._arguments import check_memory, count, number
-from liouville._scipy import scipy
+from liouville._basics.arguments import check_memory, count, number
+from liouville._basics.errors import hinted
+from liouville._basics.scipy import scipy
+from liouville._systems import Schrodinger
 from liouville.analysis.ground_state import Array, Counted, lowest, wave
-from liouville.errors import hinted
-from liouville.systems import Schrodinger
 
 #: The sum of the terms that are left out, as a part of the norm of the random state.
 TAIL = 1e-14
@@ -139,7 +139,7 @@ def thermal_state(
     --------
     >>> import liouville as lv
     >>> chain = lv.Schrodinger(lv.SpinSystem(10, ["xx", "yy", "zz"]))
-    >>> hot = lv.thermal_state(chain, 1e6, states=20)
+    >>> hot = lv.analysis.thermal_state(chain, 1e6, states=20)
     >>> abs(hot.energy) < 4 * hot.energy_error
     True
     """

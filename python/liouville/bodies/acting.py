@@ -8,14 +8,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from liouville import _casadi as ca
+from liouville._basics import casadi as ca
+from liouville._basics.errors import hinted
+from liouville._systems.tracing import trace as _trace
 from liouville.bodies.body import Value, check_size, column, given, numbers, unit
 from liouville.bodies.chaining import Which
 from liouville.bodies.elements import Element, beam_stiffness, check_matrix
 from liouville.bodies.joining import Joining
 from liouville.bodies.registry import Frames, apart, points_of, tried, two_points
-from liouville.errors import hinted
-from liouville.systems import _trace
 
 #: Sizes of what the function of a force or a torque is given, by name.
 FUNCTIONS = {

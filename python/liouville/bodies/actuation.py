@@ -6,10 +6,10 @@ import re
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from liouville import _casadi as ca
+from liouville._basics import casadi as ca
+from liouville._basics.errors import hinted
 from liouville.bodies.body import numbers
 from liouville.bodies.unmodelled import is_off, named
-from liouville.errors import hinted
 
 #: A signal: a function of time, angle, rate and parameters.
 Signal = Callable[..., Any]

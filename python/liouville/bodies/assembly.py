@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from liouville._basics.errors import hinted, quoted
+from liouville._systems.tracing import trace as _trace
 from liouville.bodies import rotations as rot
 from liouville.bodies.acting import Acting
 from liouville.bodies.body import (
@@ -23,8 +25,6 @@ from liouville.bodies.body import (
 from liouville.bodies.elements import check_matrix, matrix_functions, parameter_functions
 from liouville.bodies.mechanism import Mechanism
 from liouville.bodies.registry import with_height
-from liouville.errors import hinted, quoted
-from liouville.systems import _trace
 
 
 class Assembly(Acting):
@@ -209,8 +209,8 @@ class Assembly(Acting):
         Returns
         -------
         Mechanism
-            A Lagrangian whose solutions have :meth:`~liouville.motions.Motions.joint`
-            and :meth:`~liouville.motions.Motions.body`.
+            A Lagrangian whose solutions have :meth:`~liouville._solution.motions.Motions.joint`
+            and :meth:`~liouville._solution.motions.Motions.body`.
 
         Raises
         ------

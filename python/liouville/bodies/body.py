@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from liouville import _casadi as ca
+from liouville._basics import casadi as ca
+from liouville._basics.errors import hinted
+from liouville._systems.tracing import trace as _trace
+from liouville._systems.tracing.signatures import check_signature
 from liouville.bodies import rotations as rot
-from liouville.errors import hinted
-from liouville.systems import _trace
-from liouville.systems._signatures import check_signature
 
 #: The coordinates of each kind of body, after its name.
 PARTS = {

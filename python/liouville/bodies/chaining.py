@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from liouville._basics.errors import hinted
 from liouville.bodies import rotations as rot
 from liouville.bodies.body import Body, Value, check_size, given, numbers, unit
 from liouville.bodies.friction import frictions_of_axes
 from liouville.bodies.joints import RATES, Axis, Joint
 from liouville.bodies.registry import Registry, check_damping, coordinate_values, functions_of
-from liouville.errors import hinted
 
 Which = Body | str
 Effort = Callable[..., Any]

@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from functools import cached_property
 from typing import Any
 
-from liouville import _casadi as ca
+from liouville._basics import casadi as ca
 from liouville.bodies import rotations as rot
 from liouville.bodies import turns
 from liouville.bodies.body import Value, column, inertia_matrix

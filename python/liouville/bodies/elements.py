@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from liouville import _casadi as ca
+from liouville._basics import casadi as ca
 from liouville.bodies import rotations as rot
 from liouville.bodies.body import Body, Value, called, column, row
 from liouville.bodies.joints import RATES, Ends, Group, Joint

@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
+from liouville._basics.errors import hinted
 from liouville.bodies import expansion, unmodelled
 from liouville.bodies.assembly import Assembly
 from liouville.bodies.body import numbers
 from liouville.bodies.reading import Reader
-from liouville.errors import hinted
 
 #: The prefix of the sites that are links.
 LINK = "link "

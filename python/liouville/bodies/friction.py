@@ -22,12 +22,12 @@ from typing import Any
 
 import numpy as np
 
-from liouville import _casadi as ca
+from liouville._basics import casadi as ca
+from liouville._basics.errors import hinted
 from liouville.bodies.body import EXCESS, Value, check_size, column, given
 from liouville.bodies.compound import Compound
 from liouville.bodies.joints import ALONG, AT, SPINS, Group, Joint
 from liouville.bodies.turns import is_planar
-from liouville.errors import hinted
 
 #: Normal forces are rounded off below these parts of a body's weight, and of what turns it on a
 #: path of the joint's size at the velocity v_s.

@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from liouville._basics.errors import hinted
 from liouville.bodies.body import Value, given, numbers
 from liouville.bodies.chaining import Effort, Which
 from liouville.bodies.friction import Coulomb, frictions
 from liouville.bodies.joints import Joint
 from liouville.bodies.linking import Linking
 from liouville.bodies.registry import along, check_plane, pair_of, points_of
-from liouville.errors import hinted
 
 
 class Joining(Linking):

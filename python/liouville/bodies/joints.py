@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from liouville import _casadi as ca
+from liouville._basics import casadi as ca
 from liouville.bodies import rotations as rot
 from liouville.bodies import turns
 from liouville.bodies.body import Body, Value, called, check_rows, column, resolved, row

@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from liouville._basics.errors import hinted
 from liouville.bodies.body import Value, check_rows, check_size, given, unit
 from liouville.bodies.chaining import Chaining, Which
 from liouville.bodies.friction import Coulomb, frictions
 from liouville.bodies.joints import Joint
 from liouville.bodies.registry import along, apart, check_plane, points_of, tried, two_points
-from liouville.errors import hinted
 
 #: Sizes of what the equations of a guide are given, by name.
 AT_PLACE = {"position": 3}

@@ -8,8 +8,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from liouville import _casadi as ca
 from liouville import _core
+from liouville._basics import casadi as ca
+from liouville._basics.errors import Description, hinted, quoted
+from liouville._systems import Lagrangian, members
+from liouville._systems.mechanics.general import Mechanics
+from liouville._systems.tape import record
+from liouville._systems.tracing.expressions import Expressions
 from liouville.bodies import turns
 from liouville.bodies.body import Body, Layout, Value, check_numbers, check_size, numbers
 from liouville.bodies.chaining import Coupling
@@ -18,11 +23,6 @@ from liouville.bodies.joints import RATES, Joint
 from liouville.bodies.model import Model, Place
 from liouville.bodies.normal_forces import Rubs
 from liouville.bodies.poses import Poses
-from liouville.errors import Description, hinted, quoted
-from liouville.systems import Lagrangian, members
-from liouville.systems._expressions import Expressions
-from liouville.systems.mechanics import Mechanics
-from liouville.tape import record
 
 if TYPE_CHECKING:
     from liouville.bodies.chaining import Gear

@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from liouville import _casadi as ca
+from liouville._basics import casadi as ca
+from liouville._systems.mechanics.traced import HALF_TURN
 from liouville.bodies import rotations as rot
 from liouville.bodies import turns
 from liouville.bodies.body import (
@@ -36,7 +37,6 @@ from liouville.bodies.joints import KINDS, MOTION, Joint, drawn
 from liouville.bodies.normal_forces import multipliers, normal_forces, pushes
 from liouville.bodies.poses import Poses, kinetic
 from liouville.bodies.rolling import is_across, rolled
-from liouville.systems.traced import HALF_TURN
 
 
 @dataclass(frozen=True)

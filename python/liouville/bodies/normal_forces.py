@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from liouville import _casadi as ca
+from liouville._basics import casadi as ca
+from liouville._systems.tracing.sparse import jacobian, solve
 from liouville.bodies.friction import Contact
-from liouville.systems._derivatives import jacobian, solve
 
 #: Normal forces of several slips are found in turn, this many times, then by so many corrections
 #: of Newton's method; they are found where these leave no more than this part of them.

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from liouville import _casadi as ca
+from liouville._basics import casadi as ca
 from liouville.bodies import rotations as rot
 from liouville.bodies.body import Body, Layout, column, inertia_matrix, row, stacked
 

@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from liouville._basics.errors import hinted
 from liouville.bodies import rotations as rot
 from liouville.bodies.actuation import Actuation, controls_of
 from liouville.bodies.assembly import Assembly
 from liouville.bodies.body import Body
 from liouville.bodies.joints import KINDS, Joint
 from liouville.bodies.unmodelled import EQUALITIES, JOINTS, active, is_off, named, plain_actuators
-from liouville.errors import hinted
 
 Array = NDArray[np.float64]
 

@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from liouville import _casadi as ca
+from liouville._basics import casadi as ca
+from liouville._basics.errors import hinted, quoted
+from liouville._systems.tracing import trace as _trace
 from liouville.bodies import rotations as rot
 from liouville.bodies.body import Body, Value, check_size, column, given, numbers, resolved, unit
 from liouville.bodies.elements import Element
 from liouville.bodies.joints import ANGLES, KINDS, RATES, Joint
-from liouville.errors import hinted, quoted
-from liouville.systems import _trace
 
 Z = (0.0, 0.0, 1.0)
 #: Kinds of joints about a point that one of the bodies turns about.

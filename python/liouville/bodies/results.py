@@ -10,17 +10,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from liouville._basics.errors import hinted
+from liouville._solution.parts import system_of
+from liouville._systems.mechanics.redundant import _gradients
 from liouville.bodies import rotations as rot
 from liouville.bodies.body import numbers
 from liouville.bodies.joints import ANGLES, RATES
 from liouville.bodies.mechanism import Mechanism
 from liouville.bodies.model import Place
-from liouville.errors import hinted
-from liouville.parts import system_of
-from liouville.systems._redundant import _gradients
 
 if TYPE_CHECKING:
-    from liouville.solution import Solution
+    from liouville._solution.solution import Solution
 
 Array = NDArray[np.float64]
 

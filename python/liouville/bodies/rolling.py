@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from liouville import _casadi as ca
+from liouville._basics import casadi as ca
 from liouville.bodies import rotations as rot
 
 if TYPE_CHECKING:

@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from liouville._systems.mechanics.singular import unit
 from liouville.bodies.body import PARTS
 from liouville.bodies.joints import MOTION
 from liouville.bodies.turns import row_name
-from liouville.systems._singular import unit
 
 if TYPE_CHECKING:
     from liouville.bodies.mechanism import Mechanism

@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from liouville._basics.errors import hinted, quoted
+from liouville._systems.mechanics.singular import unit
+from liouville._systems.mechanics.traced import finite_time
+from liouville._systems.tracing import trace as _trace
 from liouville.bodies import scales, turns
 from liouville.bodies.joints import MOTION, RATES
 from liouville.bodies.model import Place
 from liouville.bodies.tree import Tree
-from liouville.errors import hinted, quoted
-from liouville.systems import _trace
-from liouville.systems._singular import unit
-from liouville.systems.traced import finite_time
 
 if TYPE_CHECKING:
     from liouville.bodies.mechanism import Mechanism

@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from liouville import _casadi as ca
+from liouville._basics import casadi as ca
+from liouville._systems.tracing.trace import Parameters
 from liouville.bodies import rotations as rot
 from liouville.bodies.body import Body, called, inertia_matrix
-from liouville.systems._trace import Parameters
 
 #: The beginning of the names of rows that keep counted angles, after the joint's.
 TURNS = ".turns"

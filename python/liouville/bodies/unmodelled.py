@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from liouville.errors import hinted, quoted
+from liouville._basics.errors import hinted, quoted
 
 #: Bits of ``opt.disableflags``.
 OFF = {

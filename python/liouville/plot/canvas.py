@@ -11,14 +11,14 @@ from pathlib import Path
 from shutil import which
 from typing import TYPE_CHECKING, Any
 
-from liouville.errors import check_name, hinted
-from liouville.states import unit_of
+from liouville._basics.errors import check_name, hinted
+from liouville._solution.states import unit_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from liouville.solution import Solution
+    from liouville._solution.solution import Solution
 
 FIGURES, ANIMATIONS = (".png", ".pdf", ".svg"), (".gif", ".html", ".mp4")
 

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import numpy as np
 
-from liouville.errors import hinted
+from liouville._basics.errors import hinted
+from liouville._solution.solution import Array, Solution
 from liouville.plot.canvas import (
     FLOOR,
     GREY,
@@ -22,7 +23,6 @@ from liouville.plot.canvas import (
 )
 from liouville.plot.fans import chosen, draw_fans
 from liouville.plot.thinning import extremes
-from liouville.solution import Array, Solution
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -8,10 +8,10 @@ from warnings import catch_warnings
 
 import numpy as np
 
-from liouville.errors import hinted
+from liouville._basics.errors import hinted
+from liouville._solution.solution import Array, Solution
 from liouville.plot.canvas import colours
 from liouville.plot.thinning import few, thinned
-from liouville.solution import Array, Solution
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

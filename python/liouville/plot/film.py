@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from liouville._solution.solution import Array, Solution
 from liouville.bodies import rotations as rot
 from liouville.plot.canvas import ANIMATIONS, GREY, blank, check, colours, matplotlib
 from liouville.plot.scene import Outline, Scene, Trace, scene_of
-from liouville.solution import Array, Solution
 
 if TYPE_CHECKING:
     from matplotlib.animation import FuncAnimation

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from liouville.errors import hinted
+from liouville._basics.errors import hinted
+from liouville._solution.solution import Array, Solution
 from liouville.plot.canvas import names_of, text
 from liouville.plot.curves import draw_curves, of_solution
 from liouville.plot.fans import chosen
-from liouville.solution import Array, Solution
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

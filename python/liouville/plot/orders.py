@@ -11,7 +11,7 @@ from liouville.plot.canvas import GREY, UNITS, colours, drawn_on, legend, scale_
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from liouville.convergence import Study
+    from liouville.analysis.convergence import Study
 
 
 def convergence(study: Study, *, ax: Axes | None = None) -> Axes:
@@ -20,7 +20,7 @@ def convergence(study: Study, *, ax: Axes | None = None) -> Axes:
     Parameters
     ----------
     study : Study
-        What :func:`liouville.convergence.study` returned.
+        What :func:`liouville.analysis.convergence.study` returned.
     ax : Axes, optional
         Where to draw; a new figure by default.
 

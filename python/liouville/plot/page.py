@@ -13,10 +13,10 @@ from typing import Any
 
 import numpy as np
 
+from liouville._solution.solution import Array, Solution
 from liouville.plot.scene import Outline, Scene, Trace, scene_of
 from liouville.plot.shapes import LEAST, LINE, Part
 from liouville.plot.thinning import thinned
-from liouville.solution import Array, Solution
 
 #: A page has no more frames than this, and no more numbers in all of them.
 FRAMES, NUMBERS = 2000, 300_000

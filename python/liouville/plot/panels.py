@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from liouville.errors import check_name, hinted
+from liouville._basics.errors import check_name, hinted
+from liouville._solution.points import STATES
+from liouville._solution.solution import Solution
 from liouville.plot.canvas import (
     COLOURS,
     UNITS,
@@ -25,8 +27,6 @@ from liouville.plot.fans import chosen
 from liouville.plot.observed import observed, scalars
 from liouville.plot.quantum import shown
 from liouville.plot.thinning import POINTS, few, some, thinned, varied
-from liouville.points import STATES
-from liouville.solution import Solution
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -156,9 +156,9 @@ def invariants(
     Returns
     -------
     Axes
-        Dots are :meth:`~liouville.drifts.Drifts.invariant_drift`, the largest of an ensemble, lines
-        their maximum so far. The label of the axis, or the name, states where it is absolute or
-        relative to the kinetic energy.
+        Dots are ``solution.invariant_drift``, the largest of an ensemble, lines their maximum so
+        far. The label of the axis, or the name, states where it is absolute or relative to the
+        kinetic energy.
 
     Raises
     ------

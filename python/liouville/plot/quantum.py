@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from liouville.errors import hinted
+from liouville._basics.errors import hinted
+from liouville._solution.solution import Array, Solution
 from liouville.plot.canvas import FLOOR, GREY, UNITS, colours, drawn_on, legend, scale_by_decades
 from liouville.plot.curves import draw_curves, of_chosen, of_solution
 from liouville.plot.fans import chosen
-from liouville.solution import Array, Solution
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

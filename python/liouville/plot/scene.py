@@ -9,14 +9,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from liouville._solution.solution import Array, Solution
+from liouville._systems.tracing.trace import Namespace
 from liouville.bodies import Mechanism
 from liouville.bodies import rotations as rot
 from liouville.bodies.body import numbers
 from liouville.plot.curves import check_solution, of_chosen
 from liouville.plot.shapes import Part, parts_of, planar, poses_of, springs_of
 from liouville.plot.thinning import thinned
-from liouville.solution import Array, Solution
-from liouville.systems._trace import Namespace
 
 Outline = Callable[[Array, Any], Sequence[ArrayLike]]
 Trace = str | Sequence[str] | Mapping[str, ArrayLike]

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from liouville._solution.solution import Array
+from liouville._studies.section import Section
 from liouville.plot.canvas import GREY, UNITS, colours, matplotlib, single, text
-from liouville.section import Section
-from liouville.solution import Array
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

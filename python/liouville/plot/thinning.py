@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from liouville.solution import Array, Solution
+from liouville._solution.solution import Array, Solution
 
 #: More points than this do not show; a curve keeps the extremes of what it leaves out.
 POINTS = 4000

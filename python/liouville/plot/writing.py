@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from liouville.errors import hinted
+from liouville._basics.errors import hinted
 
 Picture = NDArray[np.uint8]
 Pictures = Callable[[Sequence[int] | None], Iterator[Picture]]

@@ -37,7 +37,7 @@ from typing import Protocol
 
 import casadi as ca
 
-from liouville.errors import hinted, meant
+from liouville._basics.errors import hinted, meant
 
 #: The mechanical systems with holonomic constraints.
 MECHANICAL = (

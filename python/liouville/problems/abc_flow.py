@@ -14,8 +14,8 @@ T. Dombre, U. Frisch, J. M. Greene, M. Henon, A. Mehr, A. M. Soward, J. Fluid Me
 
 import casadi as ca
 
+from liouville._systems import PolynomialField
 from liouville.problems import Parameters
-from liouville.systems import PolynomialField
 
 
 def field(t: ca.SX, x: ca.SX, params: Parameters) -> list[ca.SX]:

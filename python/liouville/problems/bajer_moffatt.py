@@ -17,8 +17,8 @@ K. Bajer, H. K. Moffatt, J. Fluid Mech. 212 (1990) 337-363. The references are b
 
 import casadi as ca
 
+from liouville._systems import PolynomialField
 from liouville.problems import Parameters
-from liouville.systems import PolynomialField
 
 
 def field(t: ca.SX, x: ca.SX, params: Parameters) -> list[ca.SX]:

@@ -21,9 +21,9 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from liouville._systems import Lagrangian
 from liouville.problems import Parameters
 from liouville.problems._directors import coordinates, ends, frames, hinge, kinetic, rigid, row
-from liouville.systems import Lagrangian
 
 BARS = 5
 RADIUS = 0.1

@@ -24,8 +24,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from liouville._systems import Lagrangian
 from liouville.problems import Parameters
-from liouville.systems import Lagrangian
 
 
 def foot(t: ca.SX, params: Parameters) -> tuple[ca.SX, ca.SX]:

@@ -21,8 +21,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from liouville._systems import Lagrangian
 from liouville.problems import Parameters
-from liouville.systems import Lagrangian
 
 J0_ZERO = 2.404825557695772768622  # the first zero of the Bessel function J0
 

@@ -17,8 +17,8 @@ Volume preservation for charged particles: Y. He, Y. Sun, J. Liu, H. Qin, J. Com
 
 import casadi as ca
 
+from liouville._systems import PolynomialField
 from liouville.problems import Parameters
-from liouville.systems import PolynomialField
 
 
 def magnetic(x: ca.SX, params: Parameters) -> ca.SX:

@@ -16,8 +16,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from liouville._systems import Lagrangian
 from liouville.problems import Parameters, pendulum
-from liouville.systems import Lagrangian
 
 
 def constraint(t: ca.SX, q: ca.SX, params: Parameters) -> dict[str, ca.SX]:

@@ -23,8 +23,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from liouville._systems import PolynomialField
 from liouville.problems import Parameters
-from liouville.systems import PolynomialField
 
 Mode = tuple[int, int]
 Terms = list[tuple[int, Fraction, tuple[int, ...]]]

@@ -14,8 +14,8 @@ The references are by extrapolation in 45 digits, two tolerances 3e-33 apart
 
 import casadi as ca
 
+from liouville._systems import PolynomialField
 from liouville.problems import Parameters
-from liouville.systems import PolynomialField
 
 
 def field(t: ca.SX, x: ca.SX, params: Parameters) -> ca.SX:

@@ -26,8 +26,8 @@ from math import cos, pi, sin
 
 import casadi as ca
 
+from liouville._systems import Lagrangian, SemiExplicit
 from liouville.problems import Parameters
-from liouville.systems import Lagrangian, SemiExplicit
 
 #: The particles stand in rings: how many, from which azimuth on, and at which latitude.
 RINGS = (

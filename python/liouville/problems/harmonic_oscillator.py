@@ -16,8 +16,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from liouville._systems import Grid, Schrodinger
 from liouville.problems import Parameters
-from liouville.systems import Grid, Schrodinger
 
 DISPLACEMENT = 2.0
 

@@ -25,8 +25,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from liouville._systems import Lagrangian
 from liouville.problems import Parameters
-from liouville.systems import Lagrangian
 
 
 def angular_velocity(q: ca.SX, v: ca.SX) -> ca.SX:

@@ -14,7 +14,7 @@ W. Heisenberg, Z. Phys. 49 (1928) 619-636. The references are by Taylor series i
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from liouville.systems import Schrodinger, SpinChain
+from liouville._systems import Schrodinger, SpinChain
 
 
 def build(

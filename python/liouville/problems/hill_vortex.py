@@ -22,8 +22,8 @@ two tolerances 2e-33 apart (``tools/field_references.py``).
 
 import casadi as ca
 
+from liouville._systems import PolynomialField
 from liouville.problems import Parameters
-from liouville.systems import PolynomialField
 
 
 def turn(x: ca.SX, params: Parameters) -> ca.SX:

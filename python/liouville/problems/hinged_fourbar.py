@@ -24,9 +24,9 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from liouville._systems import Lagrangian
 from liouville.problems import Parameters
 from liouville.problems._directors import coordinates, ends, frames, hinge, kinetic, rigid, row
-from liouville.systems import Lagrangian
 
 LENGTHS = (0.5, 1.0, 0.9)
 MASSES = (1.0, 2.0, 1.8)

@@ -20,8 +20,8 @@ one, :math:`T = M^{-1} \oint (1 + \cot^2\theta)^{-1} d\varphi`.
 
 import casadi as ca
 
+from liouville._systems import Lagrangian
 from liouville.problems import Parameters
-from liouville.systems import Lagrangian
 
 
 def cotangent(q: ca.SX) -> ca.SX:

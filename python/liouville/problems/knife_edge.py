@@ -17,8 +17,8 @@ Instead of gaining speed for ever the blade traces a cycloid across the slope,
 
 import casadi as ca
 
+from liouville._systems import Lagrangian
 from liouville.problems import Parameters
-from liouville.systems import Lagrangian
 
 
 def lagrangian(t: ca.SX, q: ca.SX, v: ca.SX, params: Parameters) -> ca.SX:

@@ -14,7 +14,7 @@ of one by Taylor series in 40 digits (``tools/quantum_references.py``).
 import numpy as np
 from numpy.typing import NDArray
 
-from liouville.systems import Lattice, Schrodinger
+from liouville._systems import Lattice, Schrodinger
 
 #: Number of sites along each axis.
 SITES = 16

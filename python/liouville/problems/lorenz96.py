@@ -15,7 +15,7 @@ E. N. Lorenz, Predictability: a problem partly solved, in: Seminar on Predictabi
 import numpy as np
 from numpy.typing import NDArray
 
-from liouville.systems import PolynomialField
+from liouville._systems import PolynomialField
 
 
 def build(sites: int) -> PolynomialField:

@@ -16,8 +16,8 @@ digits, two tolerances 1e-32 apart (``tools/field_references.py``).
 
 import casadi as ca
 
+from liouville._systems import PolynomialField
 from liouville.problems import Parameters
-from liouville.systems import PolynomialField
 
 
 def field(t: ca.SX, x: ca.SX, params: Parameters) -> list[ca.SX]:

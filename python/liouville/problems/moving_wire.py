@@ -13,8 +13,8 @@ The reference is a motion computed in 69 digits, error below 1e-29.
 
 import casadi as ca
 
+from liouville._systems import Lagrangian
 from liouville.problems import Parameters
-from liouville.systems import Lagrangian
 
 
 def lagrangian(t: ca.SX, q: ca.SX, v: ca.SX, params: Parameters) -> ca.SX:

@@ -17,8 +17,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from liouville._systems import Grid, Schrodinger
 from liouville.problems import Parameters
-from liouville.systems import Grid, Schrodinger
 
 #: Depth of the well, and how many of its states the packet has.
 LAMBDA, STATES = 16, 12

@@ -16,8 +16,8 @@ tolerances 7e-32 apart (``tools/references.py``).
 
 import casadi as ca
 
+from liouville._systems import Lagrangian
 from liouville.problems import Parameters
-from liouville.systems import Lagrangian
 
 
 def vector_potential(q: ca.SX, params: Parameters) -> ca.SX:

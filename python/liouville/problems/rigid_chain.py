@@ -29,8 +29,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from liouville._systems import Lagrangian
 from liouville.problems import Parameters
-from liouville.systems import Lagrangian
 
 AXES = "xyzwijk"
 

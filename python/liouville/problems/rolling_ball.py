@@ -21,8 +21,8 @@ attitude extrapolation in 45 digits, two tolerances 2e-35 apart (``tools/referen
 
 import casadi as ca
 
+from liouville._systems import Lagrangian
 from liouville.problems import Parameters
-from liouville.systems import Lagrangian
 
 
 def angular_velocity(q: ca.SX, v: ca.SX) -> ca.SX:

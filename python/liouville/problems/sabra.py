@@ -31,8 +31,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from liouville._systems import PolynomialField
 from liouville.problems import Parameters
-from liouville.systems import PolynomialField
 
 
 class Complex(NamedTuple):

@@ -26,8 +26,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from liouville._systems import Lagrangian
 from liouville.problems import Parameters
-from liouville.systems import Lagrangian
 
 
 def lagrangian(t: ca.SX, q: ca.SX, v: ca.SX, params: Parameters) -> ca.SX:

@@ -16,7 +16,7 @@ P. W. Anderson, Phys. Rev. 109 (1958) 1492-1505. The references are by Taylor se
 import numpy as np
 from numpy.typing import NDArray
 
-from liouville.systems import Lattice, Schrodinger
+from liouville._systems import Lattice, Schrodinger
 
 
 def disorder(sites: int, width: float) -> NDArray[np.float64]:

@@ -23,8 +23,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from liouville._systems import Grid, Schrodinger
 from liouville.problems import Parameters
-from liouville.systems import Grid, Schrodinger
 
 MASS = 1745.0
 PARAMS = {"D": 0.2251, "alpha": 1.1741, "A": 0.011025, "omega": 0.01787}

@@ -1,0 +1,203 @@
+"""Plans of wave functions: method, steps, products and the bound of the error."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any, ClassVar, Self
+
+import numpy as np
+
+from liouville import _core
+from liouville._basics.errors import hinted
+from liouville._methods import Chebyshev, SchrodingerSplitting, WaveMethod
+from liouville._methods.planner.plan import AGAIN, Plan, check_fields, decoded
+from liouville._methods.planner.waves.driven import driving
+from liouville._methods.planner.waves.propagators import (
+    Driven,
+    Krylov,
+    MagnusSteps,
+    Processed,
+    Propagator,
+    Series,
+    Shears,
+    read_propagator,
+)
+from liouville._methods.planner.waves.span import Span
+from liouville._systems import Schrodinger
+
+#: Products of a splitting to a tolerance are fewer than so many for a state that is kept, and for
+#: each 1 / beta: the tightest tolerances take 20.
+MOST = 100.0
+
+#: What plans that can be saved have for the core, besides shears.
+Planned = Series | Krylov | Driven | MagnusSteps
+
+
+@dataclass(frozen=True, repr=False)
+class WavePlan(Plan):
+    r"""The steps of a wave function with nothing left to choose, and why; see :class:`Plan`.
+
+    Attributes
+    ----------
+    method : Method
+        The method that was planned, with its tolerance.
+    scheme : str
+        What it takes, in words, such as ``"L32_9.4 (stable splitting of 32 shears)"``.
+    t0 : float
+        Time of the start.
+    stops : tuple of (float, int)
+        Times of the states that are kept, and the steps to each from the one before; a series
+        makes the states of a window without steps, and counts one for each.
+    theta : float
+        Length of the longest step or window in units of :math:`1/\beta`, with :math:`\beta` half
+        the width of the spectrum; for :class:`Magnus` without steps of a given size an estimate.
+    bounds : tuple of float
+        Smallest and largest eigenvalue it is safe for, in units of :math:`\hbar/t`.
+    guarantee : str
+        What these bounds are: ``"rigorous"``, ``"probable"``, ``"with probability 1 - 1e-6"`` or
+        ``"given"``.
+    products : float
+        Products :math:`H \psi` it takes, two real ones each; for Lanczos an estimate, for
+        :class:`Magnus` without steps of a given size an estimate of how many there may be, for
+        :math:`H(t)` known by its products the least.
+    bound : float or None
+        A-priori bound of the error at the end, relative to the norm, roundings included; None
+        where none is known.
+    reasons : tuple of str
+        Why, and what else there was.
+    is_complex : bool
+        Whether H is complex, and no gauge makes it real.
+    """
+
+    form: ClassVar[str] = "wave"
+    method: WaveMethod
+    reasons: tuple[str, ...]
+    scheme: str
+    t0: float
+    stops: tuple[tuple[float, int], ...]
+    theta: float
+    bounds: tuple[float, float]
+    guarantee: str
+    products: float
+    bound: float | None
+    core: Propagator = field(repr=False, compare=False)
+    is_complex: bool = False
+
+    @property
+    def steps(self) -> int:
+        """Number of steps in all."""
+        return sum(steps for _, steps in self.stops)
+
+    @property
+    def windows(self) -> int:
+        """Number of series, each of which makes several states; 0 where steps make them."""
+        if isinstance(self.core, Driven):
+            return self.core.windows
+        return len(self.core.windows) if isinstance(self.core, Series) else 0
+
+    @property
+    def times(self) -> tuple[float, ...]:
+        """Times of the start and of the states that are kept."""
+        return (self.t0, *(t for t, _ in self.stops))
+
+    @property
+    def is_settled(self) -> bool:
+        """Whether it is for an H without time, which a drive may be a part of."""
+        return isinstance(self.core, Shears | Series | Krylov | Processed)
+
+    def check(self, times: Sequence[float], system: Schrodinger) -> None:
+        """Refuse another equation, or other times, than it was made for."""
+        if self.times != tuple(times):
+            raise ValueError(hinted("the plan was made for other times", AGAIN))
+        system = system.settled if self.is_settled else system
+        of_time = isinstance(self.core, Driven | MagnusSteps)
+        if not isinstance(self.core, MagnusSteps) and of_time != system.is_driven:
+            kind = "without time" if system.is_driven else "that depends on time"
+            raise ValueError(hinted(f"the plan was made for an H {kind}", AGAIN))
+        span = float(np.abs(np.diff(times)).sum())
+        tol = getattr(self.method, "tol", None) if isinstance(self.core, Driven) else None
+        driven = driving(system, times, tol) if of_time else None
+        known = [driven.spectrum] if driven else [system.spectrum(0.0), system.spectrum(span)]
+        if self.bounds not in [spectrum.bounds for spectrum in known]:
+            raise ValueError(hinted("the plan was made for another spectrum", AGAIN))
+        if self.is_complex == system.is_real:
+            kind = "complex" if self.is_complex else "real"
+            raise ValueError(hinted(f"the plan was made for a {kind} H", AGAIN))
+        if driven is not None:
+            core, points = self.core, system.points_between(times[0], times[-1])
+            assert isinstance(core, Driven | MagnusSteps)
+            # derivatives add breaks of their own
+            if core.parts != driven.parts or not set(points) <= set(core.breaks):
+                raise ValueError(hinted("the plan was made for another H(t)", AGAIN))
+        self._check_work(Span(times[0], tuple(times[1:]), known[-1]))
+
+    def _check_work(self, span: Span) -> None:
+        """Refuse what only a crafted file says, and whose run would not end."""
+        core, counts = self.core, np.array([float(count) for _, count in self.stops])
+        for name in ("dimension", "tol"):
+            own = getattr(core, name, None)
+            if own is not None and own != getattr(self.method, name, None):
+                raise ValueError(hinted(f"{self.method!r} has no {name} {own:g}", AGAIN))
+        most = np.ones(counts.size)
+        if isinstance(core, Shears):
+            most = MOST * (span.thetas + 1.0) / max(0.5 * core.coefficients.size, 1.0)
+        else:
+            assert isinstance(core, Planned)
+            error = core.rate * float(span.intervals.sum())
+            if not 0.5 * (span.least - span.roundoff) <= error <= 1.0:
+                said = f"errors of {error:.3g} in all are none that a plan allows"
+                raise ValueError(hinted(said, AGAIN))
+        if (counts > most).any():
+            k = int((counts > most).argmax())
+            said = f"{self.stops[k][1]} steps to t = {span.times[k]:g} are more than a plan has"
+            raise ValueError(hinted(said, AGAIN))
+
+    def propagated(self, system: Schrodinger) -> _core.Hamiltonian:
+        """Return H as the plan has it: that of products may be the sum that it was found to be."""
+        if isinstance(self.core, Driven) and self.core.by_differences:
+            assert isinstance(self.method, SchrodingerSplitting | Chebyshev)
+            found = system.separated(self.t0, self.stops[-1][0], self.method.tol)
+            if found is not None:
+                return found.hamiltonian
+        return system.settled.hamiltonian if self.is_settled else system.hamiltonian
+
+    def __repr__(self) -> str:
+        """Name the scheme, steps and products."""
+        return f"<WavePlan by {self.scheme}: {self._stages}, {self.products:g} products>"
+
+    @property
+    def _stages(self) -> str:
+        """Windows or steps, by number."""
+        count, word = (self.windows, "window") if self.windows else (self.steps, "step")
+        return f"{count} {word}{'' if count == 1 else 's'}"
+
+    def _lines(self) -> list[str]:
+        low, high = self.bounds
+        to = self.stops[-1][0]
+        kept = f", {len(self.stops)} states kept" if len(self.stops) > 1 else ""
+        bound = "not known beforehand" if self.bound is None else f"{self.bound:.1e}"
+        return [
+            self.scheme,
+            f"  t = {self.t0:g} to {to:g} in {self._stages}{kept}; "
+            f"{self.products:g} products H psi",
+            f"  spectrum within [{low:.6g}, {high:.6g}] ({self.guarantee}), "
+            f"theta = {self.theta:.4g} a {'window' if self.windows else 'step'}",
+            f"  error at most {bound}",
+            *self._why,
+        ]
+
+    @classmethod
+    def _read(cls, given: dict[str, Any]) -> Self:
+        core = read_propagator(decoded(given["core"]))
+        plan = cls(
+            **decoded({**given, "method": None, "core": None})
+            | {"method": given["method"], "core": core}
+        )
+        if not isinstance(plan.method, WaveMethod) or not isinstance(core, Planned | Shears):
+            raise TypeError(f"its method is {plan.method!r}, by {core.kind}")
+        for each in (plan, core):
+            check_fields(each)
+        if not plan.stops:
+            raise ValueError("it has no steps")
+        return plan

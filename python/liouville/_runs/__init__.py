@@ -1,0 +1,1 @@
+"""Runs: single ones, ensembles, gradients, those in stores, and systems with contacts."""

@@ -1,0 +1,10 @@
+r"""Contacts: a system that changes its smooth mode where a contact hits, leaves, sticks or slips.
+
+In each mode a contact adds constraints and reactions that SPARK was made for, so nothing is
+regularised. At a change a complementarity problem decides which mode goes on, and impulses obey
+another; see :doc:`/theory/contacts`.
+"""
+
+from liouville._runs.contacts.contact import Contact as Contact
+from liouville._runs.contacts.contact import Mode as Mode
+from liouville._runs.contacts.run import integrate as integrate

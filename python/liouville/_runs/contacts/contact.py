@@ -1,0 +1,118 @@
+"""A contact, as a user gives it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Any
+
+from liouville._basics.errors import hinted
+
+
+class Mode(IntEnum):
+    """What a contact does: it is open, closed, slips one way or the other, or sticks."""
+
+    OPEN = 0
+    CLOSED = 1
+    SLIP_UP = 2
+    SLIP_DOWN = 3
+    STICK = 4
+
+    @property
+    def sign(self) -> int:
+        """The sign of the slip, 0 where there is none."""
+        return {Mode.SLIP_UP: 1, Mode.SLIP_DOWN: -1}.get(self, 0)
+
+
+@dataclass(frozen=True)
+class Contact:
+    r"""A unilateral contact: a gap that does not become negative, with impacts and dry friction.
+
+    .. math::
+
+        \varphi(t, q) \ge 0, \quad N \ge 0, \quad N \varphi = 0, \qquad
+        |T| \le \mu_s N \ (s = 0), \quad T = -\mu N \operatorname{sign} s \ (s \ne 0)
+
+    The contact adds the forces :math:`\varphi_q^T N + s_v^T T`. In each of its modes it is a smooth
+    system with constraints, so nothing is regularised: gaps are zero to roundoff while it is
+    closed, and what sticks does not creep. At an impact compression and expansion follow Poisson's
+    law: the impulses of the expansion are `restitution` times those of the compression.
+
+    Parameters
+    ----------
+    gap : callable
+        ``gap(t, q, params)``, a scalar: the distance, negative where bodies would overlap.
+    restitution : float, default 0
+        From 0 (no rebound) to 1.
+    friction : float, default 0
+        The coefficient :math:`\mu` of sliding friction.
+    static_friction : float, optional
+        The coefficient :math:`\mu_s` of what sticks, at least `friction`; `friction` by default.
+    slip : callable, optional
+        ``slip(t, q, v, params)``, the velocity along the contact, affine in v: a scalar. Friction
+        needs it.
+
+    Raises
+    ------
+    TypeError, ValueError
+        An argument is of the wrong kind, or out of range.
+
+    References
+    ----------
+    :cite:t:`glocker2001`; :doc:`/theory/contacts`.
+
+    Examples
+    --------
+    >>> import casadi as ca
+    >>> import liouville as lv
+    >>> block = lv.Lagrangian(
+    ...     lambda t, q, v, params: ca.sumsqr(v) / 2 - 9.81 * q[1],
+    ...     q=("x", "y"),
+    ...     contacts={
+    ...         "floor": lv.Contact(
+    ...             lambda t, q, params: q[1], friction=0.5, slip=lambda t, q, v, params: v[0]
+    ...         )
+    ...     },
+    ... )
+    >>> run = lv.integrate(block, lv.Spark(2), t=(0, 1), h=0.1, q=[0.0, 0.0], v=[2.0, 0.0])
+    >>> f"{run.q[-1, 0]:.6f}"  # v^2 / (2 mu g)
+    '0.407747'
+    >>> run.contacts["floor"].changes[-1].kind
+    'stick'
+    """
+
+    gap: Callable[..., Any]
+    restitution: float = 0.0
+    friction: float = 0.0
+    static_friction: float | None = None
+    slip: Callable[..., Any] | None = None
+
+    def __post_init__(self) -> None:
+        """Refuse what makes no contact."""
+        for what, function in (("gap", self.gap), ("slip", self.slip)):
+            if function is not None and not callable(function):
+                raise TypeError(f"{what} must be a function, not {function!r}")
+        for what in ("restitution", "friction", "static_friction"):
+            value = getattr(self, what)
+            if value is None:
+                continue
+            if isinstance(value, bool) or not isinstance(value, int | float):
+                raise TypeError(f"{what} must be a number, not {value!r}")
+            if not 0 <= value < float("inf"):
+                raise ValueError(f"{what} must be zero or positive, not {value!r}")
+        if self.restitution > 1:
+            raise ValueError(f"restitution must be from 0 to 1, not {self.restitution!r}")
+        if self.static_friction is not None and self.static_friction < self.friction:
+            raise ValueError(
+                f"static_friction must be at least friction = {self.friction:g}, "
+                f"not {self.static_friction!r}"
+            )
+        if self.largest and self.slip is None:
+            sentence = "a contact with friction needs slip=, the velocity along it"
+            raise TypeError(hinted(sentence, "slip=lambda t, q, v, params: v[0] of a block on x"))
+
+    @property
+    def largest(self) -> float:
+        """The coefficient of friction where the contact sticks."""
+        return self.friction if self.static_friction is None else float(self.static_friction)

@@ -1,0 +1,258 @@
+r"""The laws of contact: accelerations and impulses as complementarity problems.
+
+Unknown are normal forces N and friction T of the closed contacts, with
+
+.. math::
+
+    \ddot\varphi = A_{nn} N + A_{nt} T + b_n \ge 0, \quad N \ge 0, \quad N \ddot\varphi = 0,
+
+and, where the slip is zero, :math:`|T| \le \mu N` with :math:`\dot s \ne 0` only where
+:math:`T = -\mu N \operatorname{sign} \dot s`. Two forms of the problem are solved, one after the
+other: that of Glocker and Pfeiffer (Nonlinear Dynamics 3, 1992), with
+:math:`x = T + \mu N` and the parts of :math:`\dot s`, and that of Stewart and Trinkle (IJNME 39,
+1996), for which Lemke's method finds impulses wherever there are some (Anitescu and Potra 1997).
+Impulses obey the same problem with rates in the place of accelerations.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from liouville._runs.contacts.complementarity import SOLVED, Array, lemke
+
+#: Contacts act on one another by more than this part of how they act on themselves.
+COUPLED = 1e-13
+#: Rows are dependent where an eigenvalue of A is below this part of the largest.
+DEPENDENT = 1e-13
+#: What a compression brings to rest is within this part of the largest rate.
+STOPPED = 1e-12
+#: The largest number of sweeps, which end where they change nothing but by this part.
+MOST_SWEEPS, SETTLED = 20_000, 1e-15
+#: They diverge where forces are so many times those of single contacts.
+UNBOUNDED = 1e9
+
+
+@dataclass(frozen=True)
+class Forces:
+    """Normal forces and friction of all contacts, and what they lead to.
+
+    ``across`` and ``along`` are accelerations of gaps and slips, or rates after an impact.
+    """
+
+    normal: Array
+    friction: Array
+    across: Array
+    along: Array
+
+
+def solve(
+    A: Array, b: Array, closed: Array, slip: Array, mu: Array, borne: Array | None = None
+) -> Forces | None:
+    """Return the forces of the closed contacts; None where none are found.
+
+    Parameters
+    ----------
+    A, b : ndarray
+        Of gaps, then of slips, of all c contacts.
+    closed : ndarray of bool, shape (c,)
+        The contacts that may bear a force.
+    slip : ndarray of int, shape (c,)
+        The sign of the slip, 0 where friction is to be found.
+    mu : ndarray, shape (c,)
+        The coefficients of friction.
+    borne : ndarray, optional
+        Normal impulses that there are in any case, as of an expansion.
+    """
+    c = len(mu)
+    extra = np.zeros(c) if borne is None else borne
+    base = b + A[:, :c] @ extra
+    normal, friction = extra.copy(), np.zeros(c)
+    for i in _coupled_ones(A, np.flatnonzero(closed)):
+        j = np.flatnonzero((slip[i] == 0) & (mu[i] > 0))  # friction is to be found
+        group = _Group(
+            A[:, i] - A[:, c + i] * (mu * slip)[i],
+            A[:, c + i[j]],
+            base,
+            i,
+            j,
+            mu[i[j]],
+            extra[i[j]],
+        )
+        for form in (_glocker_pfeiffer, _stewart_trinkle, _by_sweeps):
+            found = form(group)
+            if found is not None:
+                break
+        else:
+            return None
+        normal[i] += found[0]
+        friction[i] = -(mu * slip)[i] * normal[i]
+        friction[i[j]] = found[1]
+    both = A @ np.concatenate([normal, friction]) + b
+    return Forces(normal, friction, both[:c], both[c:])
+
+
+def _coupled_ones(A: Array, contacts: Array) -> list[Array]:
+    """Return the contacts in groups that do not act on one another."""
+    c = len(A) // 2
+    both = np.concatenate([contacts, c + contacts])
+    acts = np.abs(A[np.ix_(both, both)])
+    own = np.sqrt(np.diag(acts))
+    acts = acts > COUPLED * np.outer(own, own)
+    n = len(contacts)
+    near = acts[:n, :n] | acts[:n, n:] | acts[n:, :n] | acts[n:, n:]
+    found, left = [], np.ones(n, dtype=bool)
+    for k in range(n):
+        if not left[k]:
+            continue
+        group = np.arange(n) == k
+        while (wider := group | near[group].any(axis=0)).sum() > group.sum():
+            group = wider
+        left &= ~group
+        found.append(contacts[group])
+    return found
+
+
+@dataclass(frozen=True)
+class _Group:
+    """Contacts that act on one another.
+
+    Attributes
+    ----------
+    normals, tangents : ndarray
+        How N of each, with its friction if it slips, and T of those with friction to be found act
+        on all gaps and slips.
+    b : ndarray
+        What there is without them.
+    i, j : ndarray of int
+        The contacts, and the places among them of those with friction to be found.
+    mu, borne : ndarray
+        Coefficients of friction, and normal impulses that there are in any case, of these.
+    """
+
+    normals: Array
+    tangents: Array
+    b: Array
+    i: Array
+    j: Array
+    mu: Array
+    borne: Array
+
+    @property
+    def rows(self) -> tuple[Array, Array]:
+        """The rows of the gaps, and of the slips whose friction is to be found."""
+        return self.i, len(self.b) // 2 + self.i[self.j]
+
+
+def _glocker_pfeiffer(group: _Group) -> tuple[Array, Array] | None:
+    """Return N and T; with z = (N, x = T + mu N_all, ds-) and w = (dds, ds+, 2 mu N_all - x)."""
+    p, m, mu, tangents = len(group.i), len(group.j), group.mu, group.tangents
+    b, normals = group.b - tangents @ (mu * group.borne), group.normals.copy()
+    normals[:, group.j] -= tangents * mu
+    Z = np.zeros((p + 2 * m, p + 2 * m))
+    for rows, own in zip((slice(p), slice(p, p + m)), group.rows, strict=True):
+        Z[rows, :p], Z[rows, p : p + m] = normals[own], tangents[own]
+    Z[p : p + m, p + m :] = np.eye(m)
+    Z[np.arange(p + m, p + 2 * m), group.j] = 2 * mu
+    Z[p + m :, p : p + m] = -np.eye(m)
+    z = lemke(Z, np.concatenate([*(b[own] for own in group.rows), 2 * mu * group.borne]))
+    if z is None:
+        return None
+    return z[:p], z[p : p + m] - mu * (z[group.j] + group.borne)
+
+
+def _stewart_trinkle(group: _Group) -> tuple[Array, Array] | None:
+    """Return N and T; with z = (N, T+, T-, size).
+
+    There w = (dds, size + ds, size - ds, mu N_all - T+ - T-).
+    """
+    p, m, b = len(group.i), len(group.j), group.b
+    gaps, slips = group.rows
+    both = np.hstack([group.normals, group.tangents, -group.tangents])
+    Z = np.zeros((p + 3 * m, p + 3 * m))
+    Z[: p + 2 * m, : p + 2 * m] = np.vstack([both[gaps], both[slips], -both[slips]])
+    one = np.eye(m)
+    Z[p : p + 2 * m, p + 2 * m :] = np.vstack([one, one])
+    Z[p + 2 * m :, p : p + 2 * m] = -np.hstack([one, one])
+    Z[np.arange(p + 2 * m, p + 3 * m), group.j] = group.mu
+    z = lemke(Z, np.concatenate([b[gaps], b[slips], -b[slips], group.mu * group.borne]))
+    if z is None:
+        return None
+    return z[:p], z[p : p + m] - z[p + m : p + 2 * m]
+
+
+def _by_sweeps(group: _Group) -> tuple[Array, Array] | None:
+    """Return N and T by sweeps over the contacts, where a body is wedged in between others.
+
+    There rows are redundant and a self-stress is within the cones, and Lemke's method ends in a ray
+    by roundoff.
+    """
+    p, j, mu, q = len(group.i), group.j, group.mu, group.b[np.concatenate(group.rows)]
+    K = np.hstack([group.normals, group.tangents])[np.concatenate(group.rows)]
+    x, own = np.zeros(len(q)), np.diag(K)
+    if not (own > 0).all():
+        return None
+    for _ in range(MOST_SWEEPS):
+        before = x.copy()
+        for k in range(len(q)):
+            x[k] -= (K[k] @ x + q[k]) / own[k]
+            if k < p:
+                x[k] = max(x[k], 0.0)
+            else:
+                most = mu[k - p] * (x[j[k - p]] + group.borne[k - p])
+                x[k] = min(max(x[k], -most), most)
+        change, size = np.abs(x - before).max(), np.abs(x).max()
+        if change <= SETTLED * size:
+            break
+        if not size < UNBOUNDED * (np.abs(q) / own).max():
+            return None
+    w, N, T = K @ x + q, x[:p], x[p:]
+    small, weak = SOLVED * (np.abs(K) @ np.abs(x) + np.abs(q)).max(), SOLVED * np.abs(x).max()
+    sticks = np.abs(T) < mu * (N[j] + group.borne) - weak
+    off = [-w[:p].min(), *np.abs(w[:p][weak < N]), *np.abs(w[p:][sticks]), *(w[p:] * np.sign(T))]
+    return (N, T) if max(off) <= small else None
+
+
+def without_contradictions(A: Array, rates: Array, touching: Array) -> Array:
+    """Return rates whose part that dependent rows say twice, and not alike, is left out."""
+    k = np.flatnonzero(touching)
+    rows, found = np.concatenate([k, len(touching) + k]), rates.copy()
+    values, vectors = np.linalg.eigh(A[np.ix_(rows, rows)])
+    twice = vectors[:, values <= DEPENDENT * values.max(initial=0.0)]
+    if twice.size:
+        found[rows] -= twice @ (twice.T @ rates[rows])
+    return found
+
+
+def impact(
+    A: Array, before: Array, touching: Array, restitution: Array, mu: Array, law: str
+) -> Forces | None:
+    """Return the impulses of an impact of contacts that touch, and the rates after it.
+
+    `before` are the rates before it, of gaps and then of slips. Poisson's law has a compression,
+    after which nothing approaches, and an expansion with at least `restitution` of its impulses.
+    Newton's law has rates of at least `restitution` of those before.
+    """
+    c = len(mu)
+    free, hit = np.zeros(c, dtype=int), np.zeros(c, dtype=bool)
+    for group in _coupled_ones(A, np.flatnonzero(touching)):
+        hit[group] = (before[group] < 0).any()
+    if law == "newton":
+        bounced = before + np.append(restitution * np.minimum(before[:c], 0.0), np.zeros(c))
+        found = solve(A, bounced, hit, free, mu)
+        if found is None:
+            return None
+        after = A @ np.concatenate([found.normal, found.friction]) + before
+        return Forces(found.normal, found.friction, after[:c], after[c:])
+    pressed = solve(A, before, hit, free, mu)
+    if pressed is None or not (restitution * pressed.normal).any():
+        return pressed
+    middle = np.concatenate([pressed.across, pressed.along])
+    middle[np.abs(middle) <= STOPPED * np.abs(before).max()] = 0.0
+    rest = solve(A, middle, hit, free, mu, borne=restitution * pressed.normal)
+    if rest is None:
+        return None
+    normal, friction = pressed.normal + rest.normal, pressed.friction + rest.friction
+    after = A @ np.concatenate([normal, friction]) + before
+    return Forces(normal, friction, after[:c], after[c:])

@@ -1,0 +1,239 @@
+"""Runs with contacts: one smooth stretch after another, each a run of the system of its mode."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from liouville._basics.errors import IntegrationError, hinted, quoted
+from liouville._runs.contacts.complementarity import Array
+from liouville._runs.contacts.contact import Mode
+from liouville._runs.contacts.joined import PENETRATES, Stretch, joined
+from liouville._runs.contacts.margin import margin
+from liouville._runs.contacts.switching import CLOSED, EPS, ROUNDINGS, Switching
+from liouville._runs.contacts.traced import Contacts, Matrices, ModeSystem
+from liouville._systems.events import Event, named
+
+if TYPE_CHECKING:
+    from liouville._methods.control import Steps
+    from liouville._runs.runner import Request
+    from liouville._solution.solution import Solution
+    from liouville._systems import Mechanics
+
+    #: Makes a stretch: of a system, from a time to another, with a step, events and a start; the
+    #: step is the first of controlled ones, None where the method chooses it.
+    Make = Callable[
+        [
+            ModeSystem,
+            tuple[float, float],
+            float | None,
+            Mapping[str, Event],
+            Mapping[str, Array],
+        ],
+        Solution,
+    ]
+
+TINY = float(np.finfo(float).tiny)
+
+#: Flights shorter than so many steps are made with a step of this part of them.
+SHORT, PARTS = 3.0, 3
+#: A start of a stretch is moved onto its constraints by at most this part of its size.
+MOVED = 1e-7
+#: Where a method chooses its first step, sizes are those of this part of the whole time.
+FIRST = 0.01
+#: So many stretches in turn that do not move the time are said to be without end.
+MOST_AT_ONCE = 100
+
+
+def integrate(system: Mechanics, request: Request, steps: Steps, make: Make) -> Solution:
+    """Integrate a system with contacts from a checked request, with these steps."""
+    assert system.contacts is not None
+    course = Course(system.contacts, make, request, steps)
+    y, z = system.start(request.start)
+    system.check(course.now.t, y, z, course.now.params)
+    course.check(y, z)
+    try:
+        y, z = course.now.settle(y, z, set())
+        while True:
+            y, z, stopped = course.advance(y, z)
+            if course.is_over:
+                return course.solution()
+            y, z = course.now.settle(y, z, stopped)
+    except IntegrationError as error:
+        course.status, course.ending = "failed", str(error)
+        error.solution = course.solution() if course.stretches else None
+        raise
+
+
+class Course:
+    """A run with contacts as it goes on.
+
+    Parameters
+    ----------
+    contacts : Contacts
+        The contacts of the system.
+    make : callable
+        ``make(system, t, h, events, start)``, which makes a stretch to the end or to an event.
+    request : Request
+        What is asked for.
+    steps : Steps
+        The steps asked for.
+    """
+
+    def __init__(self, contacts: Contacts, make: Make, request: Request, steps: Steps) -> None:
+        self.contacts, self.make, self.request = contacts, make, request
+        start, self.end = steps.t0, steps.t1
+        self.steps, self.is_controlled = steps, steps.control is not None
+        #: The longest step that a stretch begins with: a time scale of accelerations knows no rest.
+        self.longest = np.inf
+        #: The step that the next stretch begins with, None where the method chooses it.
+        self.step: float | None = (self.end - start) / steps.count
+        if steps.control is not None:
+            self.step = steps.control[-2] or None
+            if steps.control[0] == "reversible" and request.control.monitor is None:
+                self.longest = steps.control[-2]
+        h = self.step or FIRST * (self.end - start)
+        self.now = Switching(contacts, start, h, contacts.system.values(request.params))
+        self._at_once = 0
+        self.events = named(request.events)
+        self.stretches: list[Stretch] = []
+        self.status, self.ending = "done", ""
+
+    @property
+    def is_over(self) -> bool:
+        """Whether the run has come to its end."""
+        return self.now.t >= self.end or self.status != "done" or bool(self.ending)
+
+    def check(self, y: Array, z: Array) -> None:
+        """Refuse a start that penetrates."""
+        at = self.now.at(self.now.t, y, z)
+        for name, gap, size in zip(self.contacts.names, at.gap, at.size, strict=True):
+            if gap < -PENETRATES * size:
+                sentence = f"contact '{name}' penetrates by {-gap:.3g} at the start"
+                raise ValueError(hinted(sentence, "its gap must not be negative"))
+
+    def advance(self, y: Array, z: Array) -> tuple[Array, Array, set[int]]:
+        """Make a stretch; return the state at its end and the contacts whose slip came to zero."""
+        now, (first, second) = self.now, self.contacts.system.states
+        at = now.at(now.t, y, z)
+        system = self.contacts.mode(now.modes, self.contacts.independent(now.modes, at))
+        start = self._moved(system, at, y, z)
+        events = {name: Event(_recorded, "down", terminal=True) for name in system.own_events}
+        begin, (until, h) = now.t, self._limits(at)
+        try:
+            run = self.make(
+                system, (now.t, until), h, {**events, **of_own(self.events, system)}, start
+            )
+        except IntegrationError as error:
+            if error.solution is not None and len(error.solution.t):
+                self.stretches.append(Stretch(error.solution, system, len(error.solution.t)))
+            raise
+        count, now.t = len(run.t), float(run.t[-1])
+        y, z = run.states[first][-1].copy(), run.states[second][-1].copy()
+        if system.is_shared:
+            count, now.t, (y, z) = self._torn(run, (y, z))
+        self.stretches.append(Stretch(run, system, count))
+        self._go_on(run, begin, h)
+        if run.status != "done":
+            self.status, self.ending = run.status, run.message
+        ends = [name for name, event in self.events.items() if event.terminal]
+        if any(now.t in run.events[name].t[-1:] for name in ends):
+            self.ending = run.message
+        stopped = {
+            k
+            for name, (k, kind) in system.own_events.items()
+            if kind == "stop" and now.t in run.events[name].t
+        }
+        return y, z, stopped
+
+    def solution(self) -> Solution:
+        """Join all stretches."""
+        found = joined(self.stretches, self.now, self.request.every)
+        message = "; ".join(filter(None, [self.ending, found.message]))
+        tolerances = self.steps.tolerances
+        return replace(found, status=self.status, message=message, tolerances=tolerances)
+
+    def _moved(self, system: ModeSystem, at: Matrices, y: Array, z: Array) -> dict[str, Array]:
+        """Return the start of a stretch on the constraints of its mode."""
+        (first, second), t = system.states, self.now.t
+        start = system.consistent(t, self.request.params, None, **{first: y, second: z})
+        off = float(np.abs(start[first] - y).max() / max(at.way, TINY))
+        if off > MOVED:
+            names = quoted(system.constraints)
+            sentence = f"at t = {t:g} the state is {off:.1g} of its size off constraints {names}"
+            raise IntegrationError(sentence, t=t)
+        return start
+
+    def _limits(self, at: Matrices) -> tuple[float, float | None]:
+        """Return where the stretch ends at most, and its step, which short flights shorten."""
+        now, shortest = self.now, np.inf
+        for k, mode in enumerate(now.modes):
+            rate, fall = at.rate[k], now.lifts[k]
+            if mode is Mode.OPEN and at.gap[k] <= CLOSED * at.size[k] and rate > 0 > fall:
+                shortest = min(shortest, 2 * rate / -fall)
+        left = self.end - now.t
+        if not shortest < SHORT * now.h:
+            return self.end, self.step and min(self.step, left)
+        until = self.end if self.is_controlled else min(self.end, now.t + 2 * shortest)
+        return until, min(shortest / PARTS, until - now.t)
+
+    def _go_on(self, run: Solution, begin: float, h: float | None) -> None:
+        """Take the step to go on with, and end where the time does not go on."""
+        now = self.now
+        goes_on = now.t - begin > ROUNDINGS * EPS * max(abs(begin), abs(self.end))
+        self._at_once = 0 if goes_on else self._at_once + 1
+        if self._at_once > MOST_AT_ONCE:
+            sentence = f"at t = {now.t:g} contacts change without end"
+            raise IntegrationError(f"{sentence}: {quoted(self.contacts.names)}", t=now.t)
+        if self.is_controlled and run.stats["steps"]:
+            sizes: Any = run.stats
+            was_shortened = self.step is not None and h is not None and h < self.step
+            own = max(sizes["h_next"], self.step or 0.0 if was_shortened else 0.0)
+            self.step = now.h = min(own, self.longest)
+
+    def _torn(
+        self, run: Solution, end: tuple[Array, Array]
+    ) -> tuple[int, float, tuple[Array, Array]]:
+        """Return how many records a mode of shared forces lasts, when and where it gives way."""
+        first, second = self.contacts.system.states
+        modes = self.now.modes
+
+        def left(t: float, y: Array, z: Array) -> float:
+            return margin(self.contacts, self.now.at(t, y, z), modes)
+
+        def at(t: float) -> tuple[Array, Array]:
+            found = run(t)
+            return found.states[first], found.states[second]
+
+        rows = zip(run.t, run.states[first], run.states[second], strict=True)
+        below = [k for k, row in enumerate(rows) if k and left(float(row[0]), *row[1:]) < 0]
+        if not below:
+            return len(run.t), float(run.t[-1]), end
+        low, high = float(run.t[below[0] - 1]), float(run.t[below[0]])
+        while low < (middle := low + (high - low) / 2) < high:
+            if left(middle, *at(middle)) < 0:
+                high = middle
+            else:
+                low = middle
+        return below[0], high, at(high)
+
+
+def _recorded(*args: Any) -> Any:
+    """Stand for the function of an event whose tape a mode has."""
+    raise AssertionError("the tapes of a mode are recorded")
+
+
+def of_own(events: Mapping[str, Event], system: ModeSystem) -> dict[str, Event]:
+    """Return a user's events for a mode, whose functions see the system's own multipliers."""
+    own = system.own.tolist()
+
+    def seen(function: Callable[..., Any]) -> Callable[..., Any]:
+        def value(t: Any, y: Any, z: Any, lam: Any, params: Any) -> Any:
+            return function(t, y, z, lam[own], params)
+
+        return value
+
+    return {name: replace(event, function=seen(event.function)) for name, event in events.items()}

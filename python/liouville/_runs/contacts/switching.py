@@ -1,0 +1,256 @@
+"""Changes of contacts: impacts, and which mode goes on after them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from liouville._basics.errors import IntegrationError, hinted, quoted
+from liouville._runs.contacts import law
+from liouville._runs.contacts.complementarity import Array
+from liouville._runs.contacts.contact import Mode
+from liouville._runs.contacts.record import Change
+from liouville._runs.contacts.traced import Contacts, Matrices
+
+EPS = float(np.finfo(float).eps)
+
+#: A gap is closed within this part of the sizes of its terms, or so many roundings of its time.
+CLOSED, ROUNDINGS = 1e-12, 4
+#: Rates and slips are zero within this part of the sizes of their terms.
+AT_REST = 1e-9
+#: Rates before an impact are known to this part of the sizes of their terms.
+ROUNDED = 1e-14
+#: Accelerations and forces are zero within this part of the largest, ahead within the second.
+ZERO, ZERO_AHEAD = 1e-9, 1e-12
+#: A look ahead goes this part of a step.
+AHEAD = 1e-6
+#: A contact that bounces closes where its next flight is as low as so many roundings of the gap.
+LOW = 64
+#: An impact gains energy where it is more than this part of the work of its impulses.
+GAINED = 1e-9
+#: Impacts at one time, after which contacts are said to hit one another without end.
+MOST_AT_ONCE = 200
+
+
+class Switching:
+    """What contacts do at a time.
+
+    Attributes
+    ----------
+    t : float
+        The time.
+    modes : tuple of Mode
+        What each contact does.
+    changes : list of list of Change
+        The changes of each contact so far.
+    lifts : ndarray, shape (c,)
+        Accelerations of the gaps in these modes.
+    messages : list of str
+        What is to be said of impacts.
+    """
+
+    def __init__(self, contacts: Contacts, t: float, h: float, params: Array) -> None:
+        self.contacts, self.t, self.h, self.params = contacts, t, h, params
+        self.c = len(contacts.names)
+        self.modes: tuple[Mode, ...] = (Mode.OPEN,) * self.c
+        self.changes: list[list[Change]] = [[] for _ in range(self.c)]
+        self.lifts: Array = np.zeros(self.c)
+        self.messages: list[str] = []
+
+    def at(self, t: float, y: Array, z: Array) -> Matrices:
+        """Return the matrices at a state."""
+        return self.contacts.at(t, y, z, self.params, self.h)
+
+    def settle(self, y: Array, z: Array, stopped: set[int]) -> tuple[Array, Array]:
+        """Make impacts until nothing approaches, and choose the mode that goes on."""
+        fixed, before = len(self.at(self.t, y, z).rows) - 2 * self.c, self.modes
+        closing: dict[int, float | None] = {}
+        for _ in range(MOST_AT_ONCE):
+            at = self.at(self.t, y, z)
+            sizes = np.abs(at.rows[fixed:]).sum(axis=1) * at.speed
+            still = AT_REST * sizes[: self.c]
+            touching = at.gap <= CLOSED * at.size + ROUNDINGS * EPS * np.abs(at.rate) * abs(self.t)
+            if (touching & (at.rate < -still)).any():
+                z, stopped = self._hit(at, z, touching, sizes, closing), set()
+                continue
+            low = self._low(at, touching, still, closing)
+            if low is not None:
+                z, stopped = z + at.moves[:, low] * (-at.rate[low] / at.A[low, low]), set()
+                continue
+            closed = touching & (np.abs(at.rate) <= still)
+            self.modes = self._modes(at, y, z, closed, stopped, sizes[self.c :])
+            self._note(before, closing)
+            return self._lifted(at, y), z
+        sentence = f"at t = {self.t:g} contacts hit one another without end"
+        raise IntegrationError(f"{sentence}: {quoted(self.contacts.names)}", t=self.t)
+
+    def _hit(
+        self,
+        at: Matrices,
+        z: Array,
+        touching: Array,
+        sizes: Array,
+        closing: dict[int, float | None],
+    ) -> Array:
+        """Return z after the impact of all contacts that touch."""
+        own = self.contacts
+        restitution = self._restitution(at, touching, sizes, closing)
+        rates = np.concatenate([at.rate, at.slip])
+        before = law.without_contradictions(at.A, rates, touching)
+        before[np.abs(before) <= ROUNDED * sizes] = 0.0
+        found = law.impact(at.A, before, touching, restitution, own.static, own.law)
+        if found is None:
+            found = law.impact(at.A, before, touching, 0 * own.restitution, own.static, "poisson")
+            names = quoted([own.names[k] for k in np.flatnonzero(touching)])
+            if found is None:
+                sentence = f"at t = {self.t:g} the impact of contacts {names} has no solution"
+                raise IntegrationError(sentence, t=self.t)
+            self.messages.append(f"the impact of {names} at t = {self.t:g} was made plastic")
+        impulses = np.concatenate([found.normal, found.friction])
+        rates = before + np.concatenate([found.across, found.along])
+        if impulses @ rates > GAINED * np.abs(impulses) @ np.abs(rates):
+            gained = float(impulses @ rates) / 2
+            self.messages.append(f"the impact at t = {self.t:g} gained energy, {gained:.3g}")
+        for k in np.flatnonzero(found.normal > 0):
+            change = Change(self.t, "hit", float(found.normal[k]), float(found.friction[k]))
+            self.changes[k].append(change)
+        after: Array = z + at.moves @ impulses
+        return after
+
+    def _restitution(
+        self, at: Matrices, touching: Array, sizes: Array, closing: dict[int, float | None]
+    ) -> Array:
+        """Return the restitutions of an impact: none where the flight after it would be low."""
+        found, still = self.contacts.restitution.copy(), AT_REST * sizes[: self.c]
+        rates = -found * at.rate
+        near = touching & (rates > 0) & (rates**2 < self._low_square(at, np.abs(at.b[: self.c])))
+        if not near.any():
+            return found
+        held = touching & (np.abs(at.rate) <= still)
+        falls = -self._forces(at, held, np.zeros(self.c, dtype=int)).across
+        for k in np.flatnonzero(near):
+            if falls[k] > 0 and found[k] < 1:
+                closing[int(k)] = self.t + 2 * rates[k] / falls[k] / (1 - found[k])
+            found[k] = 0.0
+        return found
+
+    def _low_square(self, at: Matrices, falls: Array) -> Array:
+        """Return the squares of the rates whose flights are low."""
+        return 2 * falls * LOW * EPS * at.size
+
+    def _low(
+        self, at: Matrices, touching: Array, still: Array, closing: dict[int, float | None]
+    ) -> int | None:
+        """Return a contact that would fly no higher than roundoff of its gap."""
+        own = self.contacts
+        for k in np.flatnonzero(touching & (at.rate > still)):
+            if k in closing:
+                continue
+            held = touching & (np.abs(at.rate) <= still)
+            fall = self._forces(at, held, np.zeros(self.c, dtype=int)).across[k]
+            if fall < 0 and at.rate[k] ** 2 < self._low_square(at, -fall)[k]:
+                closing[int(k)] = None
+                has_hit = bool(self.changes[k]) and self.changes[k][-1].t == self.t
+                if has_hit and 0 < own.restitution[k] < 1:
+                    closing[int(k)] = self.t + 2 * at.rate[k] / -fall / (1 - own.restitution[k])
+                return int(k)
+        return None
+
+    def _modes(
+        self, at: Matrices, y: Array, z: Array, closed: Array, stopped: set[int], sizes: Array
+    ) -> tuple[Mode, ...]:
+        """Return what each contact does, given those that may bear a force."""
+        own = self.contacts
+        moves = closed & (own.static > 0) & (np.abs(at.slip) > AT_REST * sizes)
+        moves[list(stopped)] = False
+        slip = np.where(moves, np.sign(at.slip), 0).astype(int)
+        found = self._forces(at, closed, slip)
+        verdict, self.lifts = self._verdict(at, found, closed, slip, ZERO), found.across
+        if any(mode is None for mode in verdict):
+            d = AHEAD * self.h
+            dz = at.free + at.moves @ np.concatenate([found.normal, found.friction])
+            ahead = self.at(self.t + d, y + d * at.v + d**2 / 2 * dz, z + d * dz)
+            later = self._forces(ahead, closed, slip)
+            sure = self._verdict(ahead, later, closed, slip, ZERO_AHEAD)
+            verdict = [b if a is None else a for a, b in zip(verdict, sure, strict=True)]
+        return tuple(Mode.OPEN if mode is None else mode for mode in verdict)
+
+    def _forces(self, at: Matrices, closed: Array, slip: Array) -> law.Forces:
+        """Return the forces; what begins to slip has the friction of what slips."""
+        own = self.contacts
+        mu = np.where(slip == 0, own.static, own.friction)
+        found = law.solve(at.A, at.b, closed, slip, mu)
+        if found is not None and (own.static > own.friction).any():
+            size = ZERO * np.abs(np.concatenate([found.along, at.b])).max()
+            torn = (slip == 0) & closed & (np.abs(found.along) > size)
+            if torn.any():
+                turned = np.where(torn, np.sign(found.along), slip).astype(int)
+                mu = np.where(turned == 0, own.static, own.friction)
+                found = law.solve(at.A, at.b, closed, turned, mu)
+        if found is None:
+            names = quoted([own.names[k] for k in np.flatnonzero(closed)])
+            sentence = f"at t = {self.t:g} no accelerations obey the laws of contacts {names}"
+            hint = "rigid contact with this friction jams there (Painlevé): lower the friction"
+            raise IntegrationError(hinted(sentence, hint), t=self.t)
+        return found
+
+    def _verdict(
+        self, at: Matrices, found: law.Forces, closed: Array, slip: Array, zero: float
+    ) -> list[Mode | None]:
+        """Return the modes that forces mean, None where they are on an edge."""
+        own = self.contacts
+        fast = zero * max(np.abs(at.b).max(), np.abs(found.across).max(), np.abs(found.along).max())
+        diagonal = np.abs(np.diag(at.A))
+        strong = zero * (
+            np.abs(found.normal).max()
+            + (np.abs(at.b) / np.maximum(diagonal, 1e-300))[: self.c].max()
+        )
+        modes: list[Mode | None] = []
+        for k in range(self.c):
+            pressed, lifts = found.normal[k] > strong, found.across[k] > fast
+            mode: Mode | None
+            if not closed[k] or (lifts and not pressed):
+                mode = Mode.OPEN
+            elif not pressed and zero == ZERO:
+                mode = None
+            elif not own.static[k]:
+                mode = Mode.CLOSED
+            elif slip[k]:
+                mode = Mode.SLIP_UP if slip[k] > 0 else Mode.SLIP_DOWN
+            else:
+                left = own.static[k] * found.normal[k] - abs(found.friction[k])
+                turns = abs(found.along[k]) > fast
+                if not turns and left <= strong and zero == ZERO:
+                    mode = None
+                elif turns:
+                    mode = Mode.SLIP_UP if found.along[k] > 0 else Mode.SLIP_DOWN
+                else:
+                    mode = Mode.STICK
+            modes.append(mode)
+        return modes
+
+    def _note(self, before: tuple[Mode, ...], closing: Mapping[int, float | None]) -> None:
+        """Keep what changed."""
+        for k, (old, new) in enumerate(zip(before, self.modes, strict=True)):
+            kinds = []
+            if old is Mode.OPEN and new is not Mode.OPEN:
+                has_hit = bool(self.changes[k]) and self.changes[k][-1].t == self.t
+                if k in closing or not has_hit:
+                    kinds.append("close")
+            elif new is Mode.OPEN and old is not Mode.OPEN:
+                kinds.append("leave")
+            if new is Mode.STICK and old is not Mode.STICK:
+                kinds.append("stick")
+            if new.sign and old is not new and old is not Mode.OPEN:
+                kinds.append("slip")
+            for kind in kinds:
+                rest = closing.get(k) if kind == "close" else None
+                self.changes[k].append(Change(self.t, kind, rest=rest))
+
+    def _lifted(self, at: Matrices, y: Array) -> Array:
+        """Return y with gaps that open below zero, by roundings, as much above it."""
+        for k, mode in enumerate(self.modes):
+            if mode is Mode.OPEN and at.gap[k] < 0 and at.A[k, k] > 0:
+                y = y - at.moves[:, k] * (2 * at.gap[k] / at.A[k, k])
+        return y

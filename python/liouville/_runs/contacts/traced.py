@@ -1,0 +1,328 @@
+"""Contacts of a system as expressions: matrices at a state, and the systems of modes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from liouville import _core
+from liouville._basics import casadi as ca
+from liouville._basics.errors import hinted
+from liouville._runs.contacts.complementarity import Array
+from liouville._runs.contacts.contact import Contact, Mode
+from liouville._systems.events import Event
+from liouville._systems.mechanics.form import Nonholonomic, total_derivative
+from liouville._systems.mechanics.general import Mechanics
+from liouville._systems.mechanics.traced import INVARIANT
+from liouville._systems.tape import record
+from liouville._systems.tracing import trace as _trace
+from liouville._systems.tracing.sparse import entries, jacobian
+
+#: Rows are independent of others where so much of their length is left.
+INDEPENDENT = 1e-9
+
+
+@dataclass(frozen=True)
+class Matrices:
+    r"""What contacts feel at a state, bilateral constraints taken out.
+
+    With :math:`W` the inverse mass on the motions that these leave, rates :math:`\dot\varphi` and
+    accelerations without contact forces :math:`b`, of gaps first and of slips behind them,
+
+    .. math:: (\ddot\varphi, \dot s) = A\, (N, T) + b .
+
+    Attributes
+    ----------
+    gap, rate, slip : ndarray, shape (c,)
+        The gaps, their rates and the slips.
+    size : ndarray, shape (c,)
+        Sizes of the terms of the gaps, whose roundings the gaps have: what they change by over the
+        largest coordinate, and over the way of a step from there.
+    way, speed : float
+        That coordinate and way; the largest velocity, and what a step adds to it.
+    A, b : ndarray, shape (2 c, 2 c) and (2 c,)
+        As above.
+    moves : ndarray, shape (n, 2 c)
+        How a unit of each N and T changes z'.
+    free, v : ndarray, shape (n,)
+        z' without contact forces, and y'.
+    rows : ndarray, shape (2 c + b, n)
+        Derivatives of all rates, those of the bilateral constraints first, by z.
+    """
+
+    gap: Array
+    rate: Array
+    slip: Array
+    size: Array
+    way: float
+    speed: float
+    A: Array
+    b: Array
+    moves: Array
+    free: Array
+    v: Array
+    rows: Array
+
+
+class Contacts:
+    """The contacts of a system, traced.
+
+    Parameters
+    ----------
+    system : Mechanics
+        The system without them.
+    given : mapping of str to Contact
+        The contacts by name.
+    law : str
+        The law of impacts, "poisson" or "newton".
+    """
+
+    def __init__(self, system: Mechanics, given: Mapping[str, Contact], law: str) -> None:
+        if law not in ("poisson", "newton"):
+            raise ValueError(f"impacts must be 'poisson' or 'newton', not {law!r}")
+        for name, contact in _trace.mapping("contacts", given).items():
+            if not isinstance(contact, Contact):
+                raise TypeError(f"contact '{name}' must be a Contact, not {contact!r}")
+        self.system, self.given, self.law = system, dict(given), law
+        self.names = tuple(given)
+        self._systems: dict[tuple[tuple[Mode, ...], tuple[int, ...]], ModeSystem] = {}
+        s, model = system._symbols, system._model
+        slopes = ca.vertcat(entries(jacobian(model.p, s.z)), entries(jacobian(model.v, s.z)))
+        reactions = entries(jacobian(model.r, model.lam))
+        if ca.depends_on(slopes, s.z) or ca.depends_on(reactions, model.lam):
+            sentence = (
+                "contacts want a momentum that is linear in the velocity, and linear reactions"
+            )
+            raise TypeError(hinted(sentence, "write the system as a Lagrangian"))
+        first = system.states[0]
+        u = ca.SX.sym("u", s.y.numel())  # in the place of v
+        gaps, slips = [], []
+        for name, contact in self.given.items():
+            what = f"contact '{name}'"
+            if name in system.constraints:
+                raise ValueError(f"{what} has the name of a constraint")
+            at = {"t": s.t, first: s.y, "params": s.params}
+            gap = _trace.scalar(f"the gap of {what}", contact.gap, at)
+            if not ca.depends_on(gap, s.y):
+                sentence = f"the gap of {what} is the same for all coordinates"
+                raise ValueError(hinted(sentence, f"return a distance, a function of {first}"))
+            gaps.append(gap)
+            slip = ca.SX(0)
+            if contact.slip is not None:
+                moving = {"t": s.t, first: s.y, "v": u, "params": s.params}
+                slip = _trace.scalar(f"the slip of {what}", contact.slip, moving)
+                if ca.depends_on(jacobian(slip, u), u):
+                    raise ValueError(f"the slip of {what} must be affine in the velocity")
+                if not ca.depends_on(slip, u):
+                    raise ValueError(f"the slip of {what} is the same for all velocities")
+            slips.append(slip)
+        self.phi, slip_of_u = ca.vertcat(*gaps), ca.vertcat(*slips)
+        self.across = ca.densify(jacobian(self.phi, s.y))  # G
+        self.along = ca.densify(jacobian(slip_of_u, u))  # D
+        self.slips = ca.substitute(slip_of_u, u, model.v)
+        self.rates = total_derivative(self.phi, s, model.v)
+
+    @property
+    def restitution(self) -> Array:
+        """The restitutions."""
+        return np.array([x.restitution for x in self.given.values()])
+
+    @property
+    def friction(self) -> Array:
+        """The coefficients of sliding friction."""
+        return np.array([x.friction for x in self.given.values()])
+
+    @property
+    def static(self) -> Array:
+        """The coefficients of static friction."""
+        return np.array([x.largest for x in self.given.values()])
+
+    @cached_property
+    def _tape(self) -> tuple[_core.Tape, list[tuple[int, int]]]:
+        system = self.system
+        s, model = system._symbols, system._model
+        own = model.nonholonomic
+        w = total_derivative(model.g, s, model.v)
+        bilateral, rates = ca.vertcat(w, own.k), ca.vertcat(self.rates, self.slips)
+        r_lam, rn_nu = jacobian(model.r, model.lam), jacobian(own.rn, own.nu)
+        parts = {
+            "gap": self.phi,
+            "slopes": ca.sum2(ca.fabs(self.across)),
+            "rates": rates,
+            "p_z": jacobian(model.p, s.z),
+            "f": model.f - total_derivative(model.p, s, model.v),
+            "v": model.v,
+            "B": jacobian(bilateral, s.z),
+            "B_t": total_derivative(bilateral, s, model.v),
+            "R": ca.horzcat(r_lam, rn_nu),
+            "C": jacobian(rates, s.z),
+            "C_t": total_derivative(rates, s, model.v),
+            "F": ca.horzcat(self.across.T, self.along.T),
+        }
+        shapes = [x.shape for x in parts.values()]
+        columns = [ca.densify(ca.reshape(x, -1, 1)) for x in parts.values()]
+        return record("contacts", s.inputs(z=s.z), *columns), shapes
+
+    def at(self, t: float, y: Array, z: Array, params: Array, h: float) -> Matrices:
+        """Return the matrices at a state; h is the step that sizes are of."""
+        tape, shapes = self._tape
+        rows = [np.array([[t]]), y[None].copy(), z[None].copy()]
+        flat = tape.map(params, rows)[0]
+        cuts = np.cumsum([int(np.prod(shape)) for shape in shapes])[:-1]
+        parts = [
+            x.reshape(shape, order="F")
+            for x, shape in zip(np.split(flat, cuts), shapes, strict=True)
+        ]
+        gap, slopes, rates, p_z, f, v, B, B_t, R, C, C_t, F = parts
+        c = len(self.names)
+        solved = np.linalg.solve(p_z, np.hstack([f, R, F]))
+        free, R, F = solved[:, 0], solved[:, 1 : 1 + R.shape[1]], solved[:, 1 + R.shape[1] :]
+        if B.size:
+            back = R @ np.linalg.pinv(B @ R)
+            free = free - back @ (B @ free + B_t[:, 0])
+            F = F - back @ (B @ F)
+        speed = np.abs(v).max() + h * np.abs(free).max()
+        way = np.abs(y).max() + h * speed
+        size = slopes[:, 0] * way + np.abs(gap[:, 0])
+        return Matrices(
+            gap[:, 0], rates[:c, 0], rates[c:, 0], size, float(way), float(speed), C @ F,
+            C @ free + C_t[:, 0], F, free, v[:, 0], np.vstack([B, C]),
+        )  # fmt: skip
+
+    def independent(self, modes: tuple[Mode, ...], at: Matrices) -> tuple[int, ...]:
+        """Return the rows of a mode that no rows before them imply, those of gaps first.
+
+        Rows are numbered as in :class:`Matrices`, 0..c-1 for gaps and c..2c-1 for slips.
+        """
+        c = len(modes)
+        wanted = [k for k, mode in enumerate(modes) if mode is not Mode.OPEN]
+        wanted += [c + k for k, mode in enumerate(modes) if mode is Mode.STICK]
+        fixed = len(at.rows) - 2 * c
+        basis: list[Array] = []
+        found = []
+        for row in [*range(fixed), *(fixed + k for k in wanted)]:
+            x = at.rows[row]
+            size = np.linalg.norm(x)
+            for _ in range(2):
+                for e in basis:
+                    x = x - (e @ x) * e
+            if np.linalg.norm(x) > INDEPENDENT * size:
+                basis.append(x / np.linalg.norm(x))
+                if row >= fixed:
+                    found.append(row - fixed)
+        return tuple(found)
+
+    def mode(self, modes: tuple[Mode, ...], rows: tuple[int, ...]) -> ModeSystem:
+        """Return the system in these modes, which steps these rows; it is made once."""
+        key = modes, rows
+        if key not in self._systems:
+            self._systems[key] = ModeSystem(self, modes, rows)
+        return self._systems[key]
+
+
+class ModeSystem(Mechanics):
+    """A system in one mode of its contacts: smooth, with the constraints and reactions of the mode.
+
+    Attributes
+    ----------
+    modes : tuple of Mode
+        What each contact does.
+    normals, tangents : dict of int to int
+        The places of the multipliers -N and -T among all, by the number of the contact.
+    own : ndarray
+        The places of the multipliers of the system's own constraints.
+    is_shared : bool
+        Whether more contacts bear than rows are independent: their forces are not determined.
+    own_events : dict of str to tuple
+        The events of the mode by name: the contact, and what happens there.
+    """
+
+    def __init__(self, contacts: Contacts, modes: tuple[Mode, ...], rows: tuple[int, ...]) -> None:
+        base, c = contacts.system, len(modes)
+        s, model = base._symbols, base._model
+        self.modes = modes
+        stuck = sum(mode is Mode.STICK for mode in modes)
+        self.is_shared = len(rows) < stuck + sum(mode is not Mode.OPEN for mode in modes)
+        self._counts = len(base._holonomic), len(base.nonholonomic)
+        gaps = [k for k in rows if k < c]
+        slips = [k - c for k in rows if k >= c]
+        m, own = model.lam.numel(), model.nonholonomic
+        lam = ca.SX.sym("lam", m + len(gaps))
+        nu = ca.SX.sym("nu", own.nu.numel() + len(slips))
+        r = ca.substitute(model.r, model.lam, lam[:m]) if m else model.r
+        for place, k in enumerate(gaps):
+            friction = contacts.friction[k] * modes[k].sign
+            across = contacts.across[k, :].T
+            r += (-across + friction * contacts.along[k, :].T) * lam[m + place]
+        count = own.nu.numel()
+        rn = ca.substitute(own.rn, own.nu, nu[:count]) if count else ca.SX(s.y.numel(), 1)
+        for place, k in enumerate(slips):
+            rn -= contacts.along[k, :].T * nu[count + place]
+        names = contacts.names
+        holonomic = base.constraints[:m] + tuple(names[k] for k in gaps)
+        rolling = base.nonholonomic + tuple(f"{names[k]} sticks" for k in slips)
+        self.normals = {k: m + place for place, k in enumerate(gaps)}
+        first = m + len(gaps)
+        self.tangents = {k: first + own.nu.numel() + place for place, k in enumerate(slips)}
+        self.own = np.r_[np.arange(m), first + np.arange(own.nu.numel())].astype(int)
+        columns = base._expressions.columns
+        invariants = {name: columns[INVARIANT + name] for name in base.invariants}
+        rows_g = [contacts.phi[k] for k in gaps]
+        super().__init__(
+            s,
+            replace(
+                model,
+                r=r,
+                g=ca.vertcat(model.g, *rows_g),
+                lam=lam,
+                is_ideal=model.is_ideal and not any(mode.sign for mode in modes),
+                nonholonomic=Nonholonomic(
+                    ca.vertcat(own.k, *(contacts.slips[k] for k in slips)), rn, nu
+                ),
+                g_y=None,
+            ),
+            states=base.states,
+            coordinates=base.coordinates,
+            constraints=holonomic + rolling,
+            invariants=invariants,
+        )
+        self.own_events: dict[str, tuple[int, str]] = {}
+        self._tapes_of_events: dict[str, Any] = {}
+        self._record_events(contacts)
+
+    def _record_events(self, contacts: Contacts) -> None:
+        """Record the functions whose fall to zero ends the mode."""
+        found: dict[str, tuple[int, str, ca.SX]] = {}
+        multipliers = self._multipliers
+        for k, (name, mode) in enumerate(zip(contacts.names, self.modes, strict=True)):
+            if mode is Mode.OPEN:
+                found[f"{name}: hit"] = k, "hit", contacts.phi[k]
+                continue
+            if mode.sign:
+                found[f"{name}: stop"] = k, "stop", mode.sign * contacts.slips[k]
+            if self.is_shared:
+                continue  # how long forces last is found by the margin
+            normal = -multipliers[self.normals[k]]
+            found[f"{name}: leave"] = k, "leave", normal
+            if mode is Mode.STICK:
+                tangent, most = -multipliers[self.tangents[k]], contacts.static[k] * normal
+                found[f"{name}: tear up"] = k, "tear", most - tangent
+                found[f"{name}: tear down"] = k, "tear", most + tangent
+        inputs = self._symbols.inputs(z=self._symbols.z, lam=multipliers)
+        for name, (k, kind, value) in found.items():
+            self.own_events[name] = k, kind
+            needs = kind in ("leave", "tear")
+            self._tapes_of_events[name] = record(f"event '{name}'", inputs, value), needs, None
+
+    def rows_of(self, residual: str) -> int:
+        """Return how many rows of residuals are those of the system itself."""
+        return self._counts[residual == "nonholonomic"]
+
+    def event(self, name: str, event: Event) -> Any:
+        """Return the tapes of an event, those of the mode as they were recorded."""
+        own = self._tapes_of_events.get(name)
+        return own if own is not None else super().event(name, event)

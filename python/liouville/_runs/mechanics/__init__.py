@@ -1,0 +1,1 @@
+"""Runs of systems on constraints: mechanical ones and semi-explicit ones."""

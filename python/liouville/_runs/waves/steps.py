@@ -1,0 +1,76 @@
+"""The start, the steps and the times of a run of a Schrödinger equation, from the arguments."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from itertools import pairwise
+from typing import Any
+
+from liouville._basics.errors import hinted
+from liouville._methods import Magnus, Stepped, WaveMethod
+from liouville._methods.control import Steps, Takes, steps_of
+from liouville._methods.planner import WavePlan
+from liouville._runs.runner import Request, kept
+
+
+def is_stepped(method: WaveMethod | WavePlan, request: Request) -> bool:
+    """Return whether steps have a given size; without one a Magnus method chooses its own."""
+    if isinstance(method, Magnus) and request.h is None and request.steps is None:
+        return False
+    return isinstance(method, Stepped)
+
+
+def start_of(start: Mapping[str, Any]) -> Any:
+    """Return psi of a start; TypeError where there is anything else."""
+    if set(start) != {"psi"}:
+        given = ", ".join(sorted(start)) or "nothing"
+        raise TypeError(f"a Schrodinger equation starts with psi=, not with {given}")
+    return start["psi"]
+
+
+def stops_of(
+    times: tuple[float, ...],
+    method: WaveMethod | WavePlan,
+    request: Request,
+    check: Callable[[int], None],
+) -> list[tuple[float, int]]:
+    """Return the times of the states that are kept, with the steps to each.
+
+    How many there are is checked before they are made.
+    """
+    takes = Takes(type(method).__name__, hint="give h or steps")
+    if len(times) > 2:
+        if request.h is None or request.steps is not None or request.every != 1:
+            sentence = f"a sequence of times are those to keep, for which {takes.name} takes h="
+            given = [name for name in ("steps", "every") if getattr(request, name) not in (None, 1)]
+            hint = f"leave {' and '.join(given)} out, and " * bool(given) + "give h"
+            raise TypeError(hinted(sentence, hint))
+        check(len(times))
+        ends = [_steps(pair, request, takes) for pair in pairwise(times)]
+        return [(each.t1, each.count) for each in ends]
+    steps = _steps(times, request, takes)
+    every = kept(steps, request.every)
+    check(-(-steps.count // every) + 1)
+    size = steps.mean(steps.t1, steps.count)
+    whole = [(steps.t0 + k * size, every) for k in range(every, steps.count, every)]
+    return [*whole, (steps.t1, steps.count - every * len(whole))]
+
+
+def _steps(times: tuple[float, ...], request: Request, takes: Takes) -> Steps:
+    return steps_of(
+        times, request.h, request.steps, takes,
+        rtol=request.rtol, atol=request.atol, control=request.control,
+    )  # fmt: skip
+
+
+def check_no_steps(name: str, request: Request) -> None:
+    """Refuse steps for a method that chooses its own."""
+    hint = "give the times of all states you want: t=np.linspace(t0, t1, 101)"
+    for option in ("h", "steps", "rtol", "atol", "control"):
+        if getattr(request, option) is not None:
+            sentence = f"{name} chooses its steps by its tol and takes no {option}"
+            raise TypeError(hinted(sentence, f"the tolerance is the method's, tol=1e-8; {hint}"))
+    if request.every != 1:
+        raise TypeError(
+            hinted(f"{name} keeps the states at the times of t= and takes no every", hint)
+        )

@@ -1,0 +1,1 @@
+"""Solutions of runs: what they hold, their parts, and their files."""

@@ -1,0 +1,217 @@
+"""Measurements of a motion: quantities at given times, some of them missing, with deviations."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from itertools import accumulate
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from liouville._basics.arguments import interval, number
+from liouville._basics.errors import hinted
+from liouville._systems import Mechanics, SemiExplicit
+
+#: The quantities that are fitted.
+System: TypeAlias = Mechanics | SemiExplicit
+
+#: The square of a smaller number has no exact reciprocal.
+LEAST = 1e-150
+
+#: Times may be so far from equal distances, in units of these.
+EVEN = 1e-9
+
+#: A tolerance is compared with this part of it, and the tangents of a start are those of a step
+#: that is one part in so many of the time.
+FINER, FEW = 1e-2, 1000
+
+
+def _numbers(what: str, value: Any) -> np.ndarray:
+    """Return real numbers as an array of floats; None and what is masked are NaN."""
+    try:
+        array = np.ma.asanyarray(value) if np.ma.isMaskedArray(value) else np.asarray(value)
+        if array.dtype.kind in "iufO":
+            return np.ma.filled(array.astype(float), np.nan)
+    except (TypeError, ValueError):
+        pass
+    raise TypeError(f"{what} is made of real numbers")
+
+
+def _of_frame(frame: Any) -> dict[str, Any]:
+    """Return the columns of a DataFrame by name; its index has the times where no column does."""
+    found = {name: np.asarray(frame[name]) for name in frame.columns}
+    index = getattr(frame, "index", None)
+    if "t" not in found and getattr(index, "name", None) == "t":
+        found["t"] = np.asarray(index)
+    return found
+
+
+def _are_whole(places: np.ndarray) -> bool:
+    """Return whether numbers are whole but for roundoff."""
+    return bool(np.abs(places - np.round(places)).max() <= EVEN * max(len(places), places.max()))
+
+
+class Measurements:
+    """Quantities that were measured, and the steps of a run that meets their times.
+
+    Attributes
+    ----------
+    t : ndarray, shape (k,)
+        Times of the measurements.
+    t0 : float
+        Time of the start.
+    run : dict
+        Interval, steps and kept times of a run that meets them, as arguments of ``integrate``.
+    finer : dict
+        The same with half the step, or a hundredth of the tolerance.
+    first_step : dict
+        Interval and number of steps of its first step, likewise.
+    first : int
+        The record of the run that the first measurement is of.
+    values : ndarray, shape (k, w)
+        All quantities side by side, NaN where nothing was measured.
+    weights : ndarray, shape (k, w)
+        Standard deviations, ones where none were given, in the unit that all trials share.
+    is_there : ndarray of bool, shape (k, w)
+        What was measured.
+    """
+
+    def __init__(
+        self, places: Mapping[str, tuple[str, ...]], data: Any, sigma: Any, t0: float | None,
+        steps: Mapping[str, float],
+    ) -> None:  # fmt: skip
+        if not isinstance(data, Mapping) and hasattr(data, "columns"):
+            data = _of_frame(data)
+        self._take_times(data, steps, t0)
+        self._take_data(places, data, sigma)
+
+    def _take_times(self, data: Any, given: Mapping[str, float], t0: Any) -> None:
+        if not isinstance(data, Mapping) or "t" not in data:
+            raise TypeError(hinted("data has no 't'", 'write data={"t": times, "q": values}'))
+        times = _numbers("data 't'", data["t"])
+        if times.ndim != 1 or not times.size or not np.isfinite(times).all():
+            raise ValueError(f"data 't' must be finite times in a row, not {times!r}")
+        if not (np.diff(times) > 0).all():
+            k = int(np.argmin(np.diff(times) > 0))
+            sentence = f"data 't' rise: {times[k]:g} is followed by {times[k + 1]:g}"
+            raise ValueError(hinted(sentence, "sort measurements by time, and join those of one"))
+        self.t = times
+        self.t0 = float(times[0]) if t0 is None else number("t0 must be a number", t0)
+        if self.t0 > times[0]:
+            raise ValueError(f"t0 = {self.t0:g} is after the first measurement")
+        if self.t0 == times[-1]:
+            sentence = f"the only measurement is at the start, t0 = {self.t0:g}"
+            raise ValueError(hinted(sentence, "give t0=, the time of a start before it"))
+        self.first = 0
+        begin, end = interval((self.t0, float(times[-1])))
+        self.run: dict[str, Any] = {"t": (begin, end), "t_eval": times}
+        if "rtol" in given:
+            self.run |= given
+            self.finer = self.run | {"rtol": FINER * given["rtol"]}
+            self._step_first(begin, end, 1 / FEW)
+            return
+        distance = (end - (self.t0 if times.size == 1 else float(times[0]))) / max(
+            times.size - 1, 1
+        )
+        places = (times - self.t0) / distance
+        if _are_whole(places):
+            del self.run["t_eval"]
+            self.first = round(float(places[0]))
+            every = max(1, int(np.ceil(distance / given["h"] * (1 - EVEN))))
+            steps = every * round(float(places[-1]))
+            self.run |= {"every": every, "steps": steps}
+            self.finer = self.run | {"every": 2 * every, "steps": 2 * steps}
+        else:
+            steps = max(1, int(np.ceil((end - begin) / given["h"] * (1 - EVEN))))
+            self.run |= {"steps": steps}
+            self.finer = self.run | {"steps": 2 * steps}
+        self._step_first(begin, end, 1 / steps)
+
+    def _step_first(self, begin: float, end: float, part: float) -> None:
+        self.first_step: dict[str, Any] = {"t": (begin, begin + part * (end - begin)), "steps": 1}
+
+    def _take_data(
+        self, places: Mapping[str, tuple[str, ...]], data: Mapping[str, Any], sigma: Any
+    ) -> None:
+        ends, count = [*accumulate(map(len, places.values()), initial=0)], self.t.size
+        parts: dict[str, Any] = {x: slice(*ends[k : k + 2]) for k, x in enumerate(places)}
+        components: dict[str, int] = {}
+        for k, name in enumerate(x for own in places.values() for x in own):
+            components.setdefault(name, k)  # of mechanics those of positions, which come first
+        self.values = np.full((count, ends[-1]), np.nan)
+        self.weights = np.ones((count, ends[-1]))
+        given = np.zeros(ends[-1], dtype=bool)
+        for name in data:
+            if name == "t":
+                continue
+            if name not in parts and name not in components:
+                hint = f"there are {', '.join(dict.fromkeys((*places, *components)))}"
+                raise ValueError(hinted(f"data has {name!r}, which is no state", hint))
+            place: Any = parts[name] if name in parts else components[name]
+            values = _numbers(f"data {name!r}", data[name])
+            wanted = self.values[:, place].shape
+            if values.shape == (count,) and wanted == (count, 1):
+                values = values[:, None]
+            if values.shape != wanted:
+                sentence = f"data {name!r} has shape {values.shape}, wanted {wanted}"
+                column = next(iter(components))
+                hint = f"one column alone is given by its name: data={{{column!r}: ...}}"
+                raise ValueError(hinted(sentence, hint) if values.ndim == 1 else sentence)
+            if given[place].any():
+                sentence = f"data {name!r} gives again what other data of the same state give"
+                raise ValueError(hinted(sentence, "give the state, or its coordinates"))
+            given[place] = True
+            self.values[:, place] = values
+            deviation = sigma.get(name) if isinstance(sigma, Mapping) else sigma
+            if deviation is None and sigma is not None:
+                raise ValueError(f"sigma has no value for {name!r}")
+            if deviation is None:
+                continue
+            weights = _numbers("sigma", deviation)
+            if weights.shape == (count,) and wanted == (count, 1):
+                weights = weights[:, None]
+            if weights.shape not in ((), values.shape[1:], values.shape):
+                sentence = f"sigma of {name!r} has shape {weights.shape}"
+                raise ValueError(f"{sentence}, wanted a number or {values.shape}")
+            self.weights[:, place] = weights
+        for name in sigma if isinstance(sigma, Mapping) else ():
+            if name not in data or name == "t":
+                raise ValueError(f"sigma has {name!r}, of which there are no data")
+        self.is_there = np.isfinite(self.values)
+        if np.isinf(self.values).any():
+            raise ValueError("data are finite numbers, and NaN where nothing was measured")
+        if not self.is_there.any():
+            raise ValueError("data have no measurement: nothing, or NaN alone, is with their times")
+        sizes = self.weights[self.is_there]
+        if not (sizes > 0).all() or not np.isfinite(sizes).all():
+            raise ValueError("sigma is positive and finite")
+
+
+def shared_unit(trials: Sequence[Measurements], is_absolute: bool) -> float:
+    """Give all trials weights in one unit, and return how many deviations it is.
+
+    In units of their weights measurements are one at most, so that their squares are numbers. Where
+    no deviations were given, the unit is the root mean square of all that was measured.
+    """
+    values = np.concatenate([np.abs(each.values[each.is_there]) for each in trials])
+    sizes = np.concatenate([each.weights[each.is_there] for each in trials])
+    if is_absolute:
+        unit, times = _deviations(values, sizes), 1.0
+    else:
+        largest = values.max() or 1.0
+        unit, times = 1.0, largest * np.sqrt(np.mean((values / largest) ** 2)) or 1.0
+    for each in trials:
+        each.weights *= unit * times
+    return unit
+
+
+def _deviations(values: np.ndarray, sizes: np.ndarray) -> float:
+    """Return how many deviations of these sizes the largest measurement is."""
+    with np.errstate(over="ignore", under="ignore"):
+        found = values / sizes
+    place = int(np.argmax(found))
+    if LEAST < (most := float(found[place]) or 1.0) < 1 / LEAST:
+        return most
+    sentence = f"sigma is {sizes[place]:g} of a measurement of {values[place]:g}"
+    sentence += ": the square of their ratio is no number"
+    raise ValueError(hinted(sentence, "give the deviation in the unit of the data"))

@@ -1,0 +1,1 @@
+"""Derivatives of systems by states, time and parameters, recorded at their first use."""

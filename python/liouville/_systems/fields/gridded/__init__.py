@@ -1,0 +1,3 @@
+"""Divergence-free fields that are given on grids."""
+
+from liouville._systems.fields.gridded.field import GriddedField as GriddedField

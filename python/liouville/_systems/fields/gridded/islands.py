@@ -1,0 +1,135 @@
+"""Islands: the stream function is constant on the land of each, so that nothing flows there.
+
+A function of the spline that meets land has a coefficient on which the velocity there depends; with
+one constant for all of an island, the stream function is constant on it, and so is its slope on the
+rim. The constants are those that change the velocity least.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from liouville._basics.errors import hinted
+from liouville._basics.scipy import scipy
+from liouville._systems.fields.gridded.axis import WHAT, Array, Axis
+
+Mask = NDArray[np.bool_]
+
+
+def cells_of_nodes(is_land: Mask, axes: Sequence[Axis]) -> Mask:
+    """Return the cells all of whose corners are land."""
+    for k, axis in enumerate(axes):
+        other = np.roll(is_land, -1, k)
+        both = is_land & other
+        is_land = both if axis.is_periodic else np.take(both, range(axis.n), k)
+    return is_land
+
+
+def at(x: Array, land: Mask, axes: Sequence[Axis]) -> Mask:
+    """Return which of the states x, shape (..., 2), are in cells of land."""
+    places = []
+    for axis, each in zip(axes, np.moveaxis(x, -1, 0), strict=True):
+        first = axis.edges[0]
+        inside = first + (each - first) % axis.length if axis.is_periodic else each
+        found = np.searchsorted(axis.edges, inside, side="right") - 1
+        places.append(np.clip(found, 0, axis.n - 1))
+    return np.asarray(land[tuple(places)])
+
+
+def with_islands(
+    psi: Array, mean: Array, land: Mask, axes: Sequence[Axis], lead: int
+) -> tuple[Array, int]:
+    """Return the stream function with islands, and their number."""
+    label = scipy("ndimage", WHAT).label
+    numbers, count = label(land, structure=np.ones((3, 3)))
+    numbers = _joined(numbers, axes)
+    islands, is_wall = [], []
+    for number in np.unique(numbers[numbers > 0]):
+        cells = numbers == number
+        islands.append(_touched(cells, axes))
+        walls = [np.take(cells, [0, -1], k).any() for k, a in enumerate(axes) if a.bounds == "wall"]
+        is_wall.append(any(walls))
+        for k, axis in enumerate(axes):
+            is_seam = axis.is_periodic and np.take(cells, [0, -1], k).any(1 - k).all()
+            if is_seam and np.any(mean[..., 1 - k]):
+                sentence = f"land crosses the seam of '{axis.name}', where the mean flow goes by"
+                raise ValueError(hinted(sentence, "let the axis begin in the water: np.roll"))
+    del count
+    flat = psi.reshape(-1, *psi.shape[lead:])
+    means = np.broadcast_to(mean, (len(flat), 2))
+    found = np.stack(
+        [_constant(p, m, islands, is_wall, axes) for p, m in zip(flat, means, strict=True)]
+    )
+    return found.reshape(psi.shape), len(islands)
+
+
+def _constant(
+    psi: Array, mean: Array, islands: list[Mask], is_wall: list[bool], axes: Sequence[Axis]
+) -> Array:
+    """Return one stream function with its constants."""
+    x, y = (axis.greville[: psi.shape[k]] for k, axis in enumerate(axes))
+    linear = mean[0] * y[None, :] - mean[1] * x[:, None]
+    rest = psi.copy()
+    for island in islands:
+        rest[island] = -linear[island]
+    free = [island for island, fixed in zip(islands, is_wall, strict=True) if not fixed]
+    for island, fixed in zip(islands, is_wall, strict=True):
+        if fixed:
+            # the shore goes on along the wall, where psi is zero but for the mean flow
+            wall = _wall_value(island, linear, axes)
+            rest[island] += wall
+    if not free:
+        return rest
+    change = _slopes(rest - psi, axes)
+    columns = np.stack([_slopes(island.astype(float), axes) for island in free], axis=1)
+    constants = np.linalg.lstsq(columns, -change, rcond=None)[0]
+    for island, constant in zip(free, constants, strict=True):
+        rest[island] += constant
+    return rest
+
+
+def _wall_value(island: Mask, linear: Array, axes: Sequence[Axis]) -> float:
+    for k, axis in enumerate(axes):
+        if axis.bounds == "wall":
+            for end in (0, -1):
+                if np.take(island, end, k).any():
+                    return float(np.take(linear, end, k)[np.take(island, end, k)].mean())
+    return 0.0
+
+
+def _slopes(psi: Array, axes: Sequence[Axis]) -> Array:
+    parts = [axis.difference(psi, k).ravel() for k, axis in enumerate(axes)]
+    return np.concatenate(parts)
+
+
+def _touched(cells: Mask, axes: Sequence[Axis]) -> Mask:
+    """Return the functions that are not zero on these cells."""
+    for k, axis in enumerate(axes):
+        shape = list(cells.shape)
+        shape[k] = axis.n if axis.is_periodic else axis.n + axis.p
+        found = np.zeros(shape, dtype=bool)
+        for m in range(axis.p + 1):
+            places = np.arange(axis.n) + m
+            index = [slice(None)] * cells.ndim
+            index[k] = places % axis.n if axis.is_periodic else places  # type: ignore[call-overload]
+            found[tuple(index)] |= cells
+        cells = found
+    return cells
+
+
+def _joined(numbers: NDArray[np.int64], axes: Sequence[Axis]) -> NDArray[np.int64]:
+    """Give islands one number that meet across the seam of a periodic axis."""
+    for k, axis in enumerate(axes):
+        if not axis.is_periodic:
+            continue
+        for shift in (-1, 0, 1):
+            first, last = np.take(numbers, 0, k), np.roll(np.take(numbers, -1, k), shift)
+            for a, b in zip(first, last, strict=True):
+                if a and b and a != b:
+                    numbers[numbers == max(a, b)] = min(a, b)
+                    first[first == max(a, b)] = min(a, b)
+                    last[last == max(a, b)] = min(a, b)
+    return numbers

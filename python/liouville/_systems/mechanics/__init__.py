@@ -1,0 +1,1 @@
+"""Systems of mechanics, and others on constraints."""

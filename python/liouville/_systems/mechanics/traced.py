@@ -1,0 +1,387 @@
+"""The base of systems whose functions are traced: parameters, records, start values, pickles."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from liouville import _core
+from liouville._basics import casadi as ca
+from liouville._basics.arguments import read_only
+from liouville._basics.errors import Description, describe, hinted
+from liouville._basics.job import Reset
+from liouville._systems.events import Event, Impact
+from liouville._systems.mechanics.form import total_derivative
+from liouville._systems.mechanics.monitor import traced
+from liouville._systems.program import Program, elements, parameters
+from liouville._systems.tape import record
+from liouville._systems.tracing import trace as _trace
+from liouville._systems.tracing.expressions import Expressions, Pickled, Symbols, recorded
+from liouville._systems.tracing.layout import POINT, Layout
+
+#: A start may miss its constraints by this much of the size of what they are made of.
+TOLERANCE = 1e-10
+
+#: Coordinates that are all below this start at zero but for roundoff, which is as large.
+FLOOR = 1e-14
+
+#: A start may miss its constraints by so many times what roundings make of them.
+ROUNDINGS = 64
+
+#: More names than these are not all shown.
+SHOWN = 20
+
+#: The prefix of invariants among the expressions and in a record.
+INVARIANT = "invariant "
+
+#: The beginning of the names of switches where springs of ball joints change sides.
+HALF_TURN = "half a turn of "
+#: The prefix of switches among the expressions.
+SWITCH = "switch "
+
+Function = Callable[..., Any]
+
+#: Tapes of an event and of its reset, and whether the event uses multipliers.
+EventTapes = tuple[_core.Tape, bool, Reset | None]
+
+
+class TracedSystem(Pickled, ABC):
+    """A system of expressions that CasADi differentiates and the core evaluates as tapes.
+
+    Attributes
+    ----------
+    coordinates : tuple of str
+        Names of the n coordinates.
+    constraints : tuple of str
+        Names of the constraints.
+    states : tuple of str
+        Names of its two states.
+    invariants : tuple of str
+        Names of the quantities recorded along a run.
+    """
+
+    coordinates: tuple[str, ...]
+    constraints: tuple[str, ...]
+    states: tuple[str, str]
+    invariants: tuple[str, ...]
+    #: Tapes of the functions at whose zeros controlled steps end, by name.
+    switch_tapes: Mapping[str, _core.Tape] = MappingProxyType({})
+    #: Whether `values` refuses finite parameters.
+    checks_values = False
+
+    problem: _core.Mechanical | _core.SemiExplicit
+    _tapes: dict[str, _core.Tape]
+
+    def _keep(self, expressions: Expressions, invariants: Mapping[str, ca.SX]) -> None:
+        """Keep expressions, and the invariants among them."""
+        symbols, columns = expressions.symbols, expressions.columns
+        columns = columns | {INVARIANT + name: x for name, x in invariants.items()}
+        self.invariants = tuple(invariants)
+        self._expressions = Expressions(symbols, columns, **expressions.more)
+        self._observers: dict[bool, tuple[_core.Tape, dict[str, int]]] = {}
+
+    @property
+    def _symbols(self) -> Symbols:
+        return self._expressions.symbols
+
+    @property
+    def params(self) -> dict[str, float | np.ndarray]:
+        """The parameters' default values, read-only; a run takes others by its ``params=``."""
+        return read_only(self._symbols.params.defaults)
+
+    @property
+    @abstractmethod
+    def places(self) -> dict[str, tuple[str, ...]]:
+        """The names of the entries of all states that a run keeps, by the name of the state."""
+
+    @property
+    @abstractmethod
+    def _velocity(self) -> ca.SX:
+        """The expression of y'."""
+
+    @property
+    def _multipliers(self) -> ca.SX | None:
+        """The symbols of the multipliers, None in a system whose functions do not see any."""
+        return None
+
+    @property
+    @abstractmethod
+    def _layout(self) -> Layout:
+        """The tapes by name, but for that of the records."""
+
+    @property
+    @abstractmethod
+    def _vectors(self) -> dict[str, list[str]]:
+        """The names of the elements of each vector that tapes take, by the core's names."""
+
+    def tape(self, name: str) -> Program:
+        """Return a program that runs inside a step; ``print`` shows it.
+
+        Parameters
+        ----------
+        name : str
+            A tape, or a part of one, such as "force": then only what leads to it.
+
+        Returns
+        -------
+        Program
+            Registers are numbered, inputs and outputs named.
+
+        Raises
+        ------
+        ValueError
+            There is no such tape; the message lists those that there are.
+
+        Examples
+        --------
+        >>> from liouville.problems import pendulum
+        >>> print(pendulum.system.tape("reaction"))
+        reaction, of node: 7 operations for reaction[0], reaction[1]
+          each time:
+            r13 = mul(0.5, lam[0])
+            r16 = twice(q[0])
+            r17 = twice(q[1])
+            r19 = mul(r16, r13)
+            r20 = mul(r17, r13)
+            reaction[0] = neg(r19)
+            reaction[1] = neg(r20)
+        """
+        recorder, widths = self.observer(None)
+        kept = {part.removeprefix(INVARIANT): width for part, width in widths.items() if width}
+        named = {x: [x] if x in self.invariants else elements(x, k) for x, k in kept.items()}
+        layout = {**self._layout, "observer": (POINT, named)}
+        place = next((tape for tape, (_, parts) in layout.items() if name in (tape, *parts)), None)
+        if place is None:
+            known = dict.fromkeys(part for _, parts in layout.values() for part in parts)
+            sentence = f"there is no tape {name!r}; there are {', '.join(layout)}"
+            raise ValueError(hinted(sentence, f"or name a part of one: {', '.join(known)}"))
+        (vectors, parts), first = layout[place], 0
+        inputs = [x for vector in vectors for x in self._vectors[vector]]
+        inputs += parameters(self._symbols.params.defaults)
+        outputs = [x for names in parts.values() for x in names]
+        tape = recorder if place == "observer" else self._tapes[place]
+        if name == place:
+            return Program(name, tape, inputs, outputs)
+        for part, names in parts.items():
+            if part == name:
+                break
+            first += len(names)
+        wanted = range(first, first + len(parts[name]))
+        return Program(f"{name}, of {place}", tape, inputs, outputs, wanted)
+
+    def values(self, params: Mapping[str, ArrayLike] | None) -> np.ndarray:
+        """Return the parameter vector with changes; ValueError names an unknown one."""
+        return self._symbols.params.values(params)
+
+    def observer(
+        self, observe: Mapping[str, Function] | None, states: bool = True
+    ) -> tuple[_core.Tape, dict[str, int]]:
+        """Record what a run keeps besides its states; returns the tape and each part's width."""
+        if observe:
+            return self._observer(observe, states)
+        if states not in self._observers:
+            self._observers[states] = self._observer({}, states)
+        return self._observers[states]
+
+    def _observer(
+        self, observe: Mapping[str, Function], states: bool
+    ) -> tuple[_core.Tape, dict[str, int]]:
+        s, parts = self._symbols, self._parts(states)
+        columns = self._expressions.columns
+        parts |= {name: columns[name] for name in (INVARIANT + each for each in self.invariants)}
+        for name, function in _trace.mapping("observe", observe).items():
+            parts[f"observed {name}"] = _trace.column(f"observed '{name}'", function, s.args)
+        tape = record("observer", s.inputs(z=s.z), *parts.values())
+        return tape, {name: x.numel() for name, x in parts.items()}
+
+    def measured(self, functions: Mapping[str, Function]) -> tuple[_core.Tape, dict[str, int]]:
+        """Record functions of (t, y, z, params), then their derivatives by y, z and params.
+
+        Returns the tape, whose derivatives stand one column of the Jacobian after another, and the
+        width of each function.
+        """
+        s = self._symbols
+        columns = {
+            name: _trace.column(f"observed '{name}'", function, s.args)
+            for name, function in _trace.mapping("observe", functions).items()
+        }
+        values = ca.vertcat(ca.SX(0, 1), *columns.values())
+        slopes = ca.jacobian(values, ca.vertcat(s.y, s.z, s.params.vector))
+        tape = record("measured", s.inputs(z=s.z), values, slopes)
+        return tape, {name: x.numel() for name, x in columns.items()}
+
+    @abstractmethod
+    def _parts(self, states: bool) -> dict[str, ca.SX]:
+        """Return the expressions that every run records, with those of states or without."""
+
+    def portable(self, observe: Mapping[str, Any] | None) -> dict[str, Any]:
+        """Return functions to observe in a form that can be pickled."""
+        return recorded(observe, self._symbols.args)
+
+    @property
+    def _args_of_events(self) -> dict[str, Any]:
+        """The arguments of an event's functions."""
+        *point, params = self._symbols.args.items()
+        lam = self._multipliers
+        return dict([*point, *([] if lam is None else [("lam", lam)]), params])
+
+    @property
+    def _replaceable(self) -> dict[str, ca.SX]:
+        """The states that a reset replaces, the last by default."""
+        return dict(zip(self.states, (self._symbols.y, self._symbols.z), strict=True))
+
+    def event(self, name: str, event: Event) -> EventTapes:
+        """Record the functions of an event, and return whether it uses the multipliers."""
+        s, what = self._symbols, f"event '{name}'"
+        value, law = self.event_expressions(name, event)
+        lam = ca.SX(0, 1) if self._multipliers is None else self._multipliers
+        needs_lam = lam.numel() > 0 and ca.depends_on(value, lam)
+        inputs = s.inputs(z=s.z, lam=lam)
+        tape = record(what, inputs, value)
+        if event.reset is None:
+            return tape, needs_lam, None
+        rate = None
+        if not ca.depends_on(value, ca.vertcat(s.z, lam)):
+            rate = record(what, s.inputs(z=s.z), total_derivative(value, s, self._velocity))
+        reset = record(f"the reset of {what}", inputs, *law)
+        return tape, needs_lam, (reset, isinstance(event.reset, Impact), rate)
+
+    def event_expressions(self, name: str, event: Event) -> tuple[ca.SX, list[ca.SX]]:
+        """Return the function of an event, and its reset: of an impact restitution and gradient."""
+        s, what, lam = self._symbols, f"event '{name}'", self._multipliers
+        value = _trace.scalar(what, event.function, self._args_of_events)
+        lam = ca.SX(0, 1) if lam is None else lam
+        if not ca.depends_on(value, ca.vertcat(s.t, s.y, s.z, lam)):
+            raise ValueError(
+                hinted(
+                    f"{what} is the same for all states",
+                    "return what is to change its sign, such as "
+                    f"{self.states[0]}[1] - params.height",
+                )
+            )
+        if event.reset is None:
+            return value, []
+        if isinstance(event.reset, Impact):
+            has_rate = not ca.depends_on(value, ca.vertcat(s.z, lam))
+            return value, self._impact(what, value, event.reset, has_rate=has_rate)
+        args, own = self._args_of_events, (self._replaceable, self.places)
+        law = _trace.replaced(f"the reset of {what}", event.reset, args, *own)
+        return value, law + [s.z] * (len(law) == 1)
+
+    def _impact(self, what: str, value: ca.SX, impact: Impact, has_rate: bool) -> list[ca.SX]:
+        """Return the restitution of an impact and the gradient of its event."""
+        first, second = self.states
+        if second == "z" and first == "y" and "lam" not in self._args_of_events:
+            hint = "give a function of (t, y, z, params) that returns the y after it"
+            raise TypeError(hinted(f"{what} has an Impact, and its system has no masses", hint))
+        if not has_rate or not ca.depends_on(value, self._symbols.y):
+            sentence = f"{what} has an Impact, whose gradient is that of a function of (t, {first})"
+            hint = f"return what vanishes at contact, a function of {first}"
+            raise ValueError(hinted(sentence, hint))
+        given = impact.restitution
+        if callable(given):
+            which = f"the restitution of {what}"
+            restitution = _trace.scalar(which, given, self._args_of_events)
+        else:
+            restitution = ca.SX(float(given))
+        return [restitution, ca.densify(ca.gradient(value, self._symbols.y))]
+
+    def monitor(self, function: Function) -> tuple[_core.Tape, bool]:
+        """Record a function of (t, y, z) and its rate along the motion, and whether z' is in it."""
+        return traced(self._symbols, self._velocity, function)
+
+    def stepped(self, t: float, y: np.ndarray, z: np.ndarray, params: np.ndarray) -> Self:
+        """Return the system as a run from this state steps it."""
+        del t, y, z, params
+        return self
+
+    def states_at(
+        self, t: np.ndarray, rows: np.ndarray, params: np.ndarray
+    ) -> dict[str, np.ndarray]:
+        """Name all states at k points, of which rows of those that a run keeps are given."""
+        del t, params
+        widths = [len(names) for names in self.places.values()]
+        return dict(zip(self.places, np.split(rows, np.cumsum(widths)[:-1], axis=1), strict=True))
+
+    def describe(self, error: dict[str, Any]) -> Description:
+        """Describe an error of the core in the user's names: sentence, hint and quantity."""
+        return describe(error, self.coordinates, self.constraints)
+
+    def _state(self) -> dict[str, Any]:
+        self.observer(None)  # every run needs it
+        return super()._state()
+
+
+def traced_invariants(
+    invariants: Mapping[str, Function] | None, args: _trace.Args, energy: ca.SX | None = None
+) -> dict[str, ca.SX]:
+    """Trace the quantities that a user wants recorded, besides the energy of the system's own.
+
+    ValueError if one would take the place of that energy, whose drift judges a run.
+    """
+    given = _trace.mapping("invariants", invariants)
+    if energy is not None and "energy" in given:
+        sentence = "invariant 'energy' is the system's own, recorded of every run"
+        raise ValueError(hinted(sentence, "leave it out, or give yours another name"))
+    found = {x: _trace.scalar(f"invariant '{x}'", f, args) for x, f in given.items()}
+    return found if energy is None else {"energy": energy, **found}
+
+
+def traced_switches(switches: Mapping[str, Function] | None, args: _trace.Args) -> dict[str, ca.SX]:
+    """Trace the functions at whose zeros controlled steps end."""
+    return {
+        name: _trace.scalar(f"switch '{name}'", function, args)
+        for name, function in _trace.mapping("switches", switches).items()
+    }
+
+
+def finite_time(t: Any) -> float:
+    """Return a time as a number; ValueError if it is none."""
+    time = _trace.numbers(t)
+    if time is None or time.shape != () or not np.isfinite(time):
+        raise ValueError(f"t must be a finite number, not {t!r}")
+    return float(time)
+
+
+def shown(names: tuple[str, ...]) -> str:
+    """Join names for a repr, the first and the last where they are many."""
+    return ", ".join((*names[:3], "...", names[-1]) if len(names) > SHOWN else names)
+
+
+def check_residual(
+    what: str,
+    symbol: str,
+    names: tuple[str, ...],
+    value: np.ndarray,
+    limit: np.ndarray,
+    t: float,
+    hint: str,
+) -> None:
+    """Refuse values of constraints at the start that are not finite or over their limits."""
+    with np.errstate(invalid="ignore"):
+        over = np.abs(value) - limit
+    k = int(np.argmin(np.isfinite(value))) if not np.isfinite(value).all() else int(np.argmax(over))
+    if not over[k] <= 0:
+        raise ValueError(missed(what, symbol, names[k], value[k], limit[k], t, hint))
+
+
+def missed(
+    what: str, symbol: str, name: str, value: float, limit: float, t: float, hint: str
+) -> str:
+    """Return what is wrong with the value of a constraint at the start."""
+    if not math.isfinite(value):
+        sentence = f"the {what} '{name}' is {value} at the start, t = {t:g}"
+        return hinted(
+            sentence, "look for a division by zero, a root or a logarithm of the model there"
+        )
+    sentence = (
+        f"start violates the {what} '{name}': |{symbol}| = {abs(value):.1e} "
+        f"at t = {t:g}, wanted at most {limit:.1e}"
+    )
+    return hinted(sentence, hint)

@@ -1,0 +1,1 @@
+"""Models of SymPy; SymPy is imported when it is needed."""

@@ -1,0 +1,1 @@
+"""Functions of the user as expressions: calls, derivatives, constant matrices, tables."""

@@ -1,0 +1,148 @@
+"""What a Schrödinger equation has on a grid: a potential, and functions of the density."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from liouville import _core
+from liouville._basics.errors import hinted
+from liouville._systems.waves import observed
+from liouville._systems.waves.bounded import Bounded
+from liouville._systems.waves.entries import check_size
+from liouville._systems.waves.forms import Term, twice
+from liouville._systems.waves.grid import Grid
+from liouville._systems.waves.lattice import on_sites
+from liouville._systems.waves.nonlinearity import Nonlinearity
+from liouville._systems.waves.time_functions import TimeFunction, point
+
+
+class OnGrid(Bounded):
+    """A base of :class:`Schrodinger`: what is a function of the position or of the density."""
+
+    potential: np.ndarray | None
+    nonlinearity: Nonlinearity | None
+    _potential: TimeFunction | None
+    _absorbing: TimeFunction | np.ndarray | None
+
+    def _read_nonlinearity(self, function: Callable[..., Any] | None) -> Nonlinearity | None:
+        """Return a function of the density, on a grid alone."""
+        if function is None:
+            return None
+        if self.grid is None:
+            sentence = "a nonlinearity is a function of the density on a Grid, and H is none"
+            raise TypeError(
+                hinted(sentence, "write lv.Schrodinger(lv.Grid(...), nonlinearity=...)")
+            )
+        return Nonlinearity(function, self._params)
+
+    def _read_absorber(self, given: Any) -> TimeFunction | np.ndarray | None:
+        """Return a part of the potential that absorbs, as a function or as values at all points."""
+        if given is None:
+            return None
+        if self.grid is None:
+            sentence = "an absorber is a part of the potential of a Grid, and H is none"
+            raise TypeError(hinted(sentence, "write lv.Schrodinger(lv.Grid(...), absorber=...)"))
+        if self.nonlinearity is not None:
+            sentence = "an absorber changes the density within the flow of a nonlinearity"
+            raise TypeError(hinted(sentence, "leave one of them out"))
+        if not callable(given):
+            return on_sites("absorber", given, self.grid.shape).ravel()
+        found = TimeFunction("absorber", given, self._params, len(self.grid.shape))
+        if found.is_driven:
+            raise ValueError("the absorber depends on time, which none may")
+        return found
+
+    @cached_property
+    def absorber(self) -> np.ndarray | None:
+        """W of an H - iW on a grid, one value for each point, None where nothing absorbs.
+
+        Raises
+        ------
+        ValueError
+            A value is negative, or not finite; the message has the place.
+        """
+        if self._absorbing is None:
+            return None
+        assert self.grid is not None, "an absorber is one on a grid"
+        values, points = self._absorbing, self.grid.points
+        if isinstance(values, TimeFunction):
+            values = values.at(0.0, points)
+        least = int(np.argmin(values))
+        if values[least] < 0:
+            sentence = (
+                f"absorber is {values[least]:g} at x = {point(points[least])}, where psi grows"
+            )
+            raise ValueError(hinted(sentence, "H - iW absorbs where W is positive"))
+        return values if values.any() else None
+
+    def check_plain(self, what: str, hint: str = "take SplitOperator() with h= or steps=") -> None:
+        """Refuse a potential of the density, or one that absorbs, for what takes none."""
+        if self.nonlinearity is not None:
+            sentence = f"{what} is for a linear equation, and this one has a nonlinearity"
+            raise TypeError(hinted(sentence, hint))
+        if self.absorber is not None:
+            sentence = f"{what} is for a Hermitian H, and this one has an absorber"
+            raise TypeError(hinted(sentence, hint))
+
+    def _join(self) -> None:
+        """Make the core's H of the terms and of functions of time."""
+        flat = [operator for term in self._terms for operator in term.operators]
+        params = self._params.values(None)
+        more: dict[str, Any] = {}
+        if self._functions:
+            more["drive"] = (self._weights, params)
+        if self._moving is not None and self.grid is not None:
+            tape = self._moving.tape(1 / self.hbar)
+            points = np.tile(self.grid.points, (1 + self.frame.is_doubled, 1))
+            more["potential"] = (tape, params, points.ravel())
+        if self.nonlinearity is not None and self.grid is not None:
+            tapes = self.nonlinearity.tapes(1 / self.hbar)
+            more["nonlinearity"] = (*tapes, params, self.grid.cell)
+        if self.absorber is not None:
+            more["absorber"] = self.absorber / self.hbar
+        self.hamiltonian = _core.Hamiltonian(flat, self.frame.is_doubled, **more)
+
+    def _of_grid(self, grid: Grid, found: TimeFunction | np.ndarray) -> Term:
+        kinetic = [energies / self.hbar for energies in grid.kinetic(self.hbar)]
+        check_size("T / hbar", np.concatenate(kinetic))
+        is_doubled = self.frame.is_doubled
+        terms = [twice(_core.Operator.kinetic(kinetic), is_doubled)]
+        low, high = 0.0, float(sum(energies.max() for energies in kinetic))
+        if isinstance(found, TimeFunction):
+            self._potential = found
+            if found.is_driven:
+                self._moving = found
+                return Term(terms, (low, high))
+            found = found.at(0.0, grid.points)
+        self.potential = found / self.hbar
+        low, high = low + float(self.potential.min()), high + float(self.potential.max())
+        if self.potential.any():
+            diagonal = _core.Operator.diagonals(grid.size, [0], [self.potential])
+            terms.append(twice(diagonal, is_doubled))
+        return Term(terms, (low, high))
+
+    def potential_at(self, t: float) -> np.ndarray:
+        r"""Return :math:`V / \hbar` on a grid at a time, one value for each point."""
+        assert self.grid is not None, "an equation on a grid"
+        if self._moving is not None:
+            return self._moving.at(t, self.grid.points) / self.hbar
+        assert self.potential is not None, "a potential that does not depend on time"
+        return self.potential
+
+    def density(self, psi: np.ndarray) -> np.ndarray:
+        r"""Return :math:`|\psi|^2` of states on the grid, in units of one over the volume."""
+        assert self.grid is not None, "an equation on a grid"
+        found: np.ndarray = (psi.real**2 + psi.imag**2) / self.grid.cell
+        return found
+
+    def _at_points(self, name: str, function: Callable[..., Any]) -> np.ndarray:
+        if self.grid is None:
+            raise TypeError(observed.without_grid(name))
+        traced = TimeFunction(f"observable '{name}'", function, self._params, len(self.grid.shape))
+        if traced.is_driven:
+            raise ValueError(f"observable '{name}' depends on time, which none may")
+        return traced.at(0.0, self.grid.points)

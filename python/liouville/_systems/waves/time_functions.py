@@ -1,0 +1,179 @@
+"""Functions of time: those of a drive, and potentials on a grid."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from copy import copy
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from liouville import _core
+from liouville._basics import casadi as ca
+from liouville._basics.errors import hinted
+from liouville._systems.tape import record
+from liouville._systems.tracing import trace as _trace
+from liouville._systems.tracing.expressions import Expressions, Symbols
+from liouville._systems.waves.entries import Entries
+from liouville._systems.waves.grid import Grid
+
+
+class TimeFunction:
+    """A function of the time, of a point if there are points, and of parameters.
+
+    Parameters
+    ----------
+    what : str
+        Its name in messages.
+    function : callable
+        ``function(t, params)``, or ``function(t, x, params)`` if there are points.
+    params : Parameters
+        The parameters it takes.
+    axes : int
+        Number of coordinates of a point, 0 if there are none.
+    vector : str
+        What a function calls the point.
+
+    Attributes
+    ----------
+    is_driven : bool
+        Whether it depends on time.
+    """
+
+    _untraced: tuple[Callable[..., Any], _trace.Parameters]
+
+    def __init__(
+        self,
+        what: str,
+        function: Callable[..., Any],
+        params: _trace.Parameters,
+        axes: int = 0,
+        vector: str = "x",
+    ) -> None:
+        self.what, self._axes, self._vector = what, axes, vector
+        self._expressions = self._traced(function, params)
+        self.is_driven = ca.depends_on(self.expression, self.t)
+        self._tapes: dict[float, _core.Tape] = {}  # of all values of the parameters
+
+    def _traced(self, function: Callable[..., Any], params: _trace.Parameters) -> Expressions:
+        s = Symbols(params, {self._vector: self._axes} if self._axes else {})
+        return Expressions(s, {self.what: _trace.scalar(self.what, function, s.args)})
+
+    @cached_property
+    def _expressions(self) -> Expressions:
+        return self._traced(*self._untraced)
+
+    def replaced(self, samples: Callable[..., Any], params: _trace.Parameters) -> TimeFunction:
+        """Return a function of other samples at the same times, which is traced when needed."""
+        other = copy(self)
+        other._untraced, other._tapes = (samples, params), {}
+        other.__dict__.pop("_expressions", None)
+        return other
+
+    @property
+    def expression(self) -> ca.SX:
+        """The value of the function."""
+        return self._expressions.columns[self.what]
+
+    @property
+    def sizes(self) -> Mapping[str, int]:
+        """The vectors that it takes, the coordinates of a point if there are points."""
+        return self._expressions.symbols.sizes
+
+    @property
+    def t(self) -> ca.SX:
+        """The symbol of the time."""
+        return self._expressions.symbols.t
+
+    def with_params(self, params: _trace.Parameters) -> TimeFunction:
+        """Return the same function of the same parameters with other values."""
+        other, symbols = copy(self), self._expressions.symbols.with_params(params)
+        other._expressions = Expressions(symbols, {self.what: self.expression})
+        return other
+
+    @property
+    def inputs(self) -> dict[str, ca.SX]:
+        """The symbols of the time, of a point if there are points, and of the parameters."""
+        return self._expressions.symbols.inputs()
+
+    def depends_on(self, name: str) -> bool:
+        """Whether it depends on a parameter."""
+        symbol = getattr(self._expressions.symbols.params.namespace, name)
+        return bool(ca.depends_on(self.expression, symbol))
+
+    def __call__(self, t: ca.SX, *args: Any) -> ca.SX:
+        """Apply the function to other symbols: t, those of a point if there are points, params."""
+        *x, params = args
+        own = [getattr(self._expressions.symbols, name) for name in self._expressions.symbols.sizes]
+        return self._expressions.of(t, *(x or own), _trace.vector_of(params))[0]
+
+    def tape(self, factor: float) -> _core.Tape:
+        """Return its tape, times a number: t, x if there are points, and parameters in."""
+        if factor not in self._tapes:
+            expression = self.expression if factor == 1.0 else factor * self.expression
+            self._tapes[factor] = record(self.what, self.inputs, expression)
+        return self._tapes[factor]
+
+    def at(self, t: float, points: np.ndarray) -> np.ndarray:
+        """Return values at a time, one for each point; ValueError names one that is not finite."""
+        times = np.full(len(points), float(t))
+        args = [times[:, None], np.ascontiguousarray(points)]
+        found = self.tape(1.0).map(self._expressions.symbols.params.values(None), args)
+        values = np.array(found[:, 0])
+        self.check(times, values, points)
+        return values
+
+    def check(self, t: np.ndarray, values: np.ndarray, points: np.ndarray | None = None) -> None:
+        """Refuse values at times that are not finite: ValueError names the first."""
+        bad = np.flatnonzero(~np.isfinite(values))
+        if bad.size:
+            k = bad[0]
+            place = "" if points is None else f" and {self._vector} = {point(points[k])}"
+            raise ValueError(
+                hinted(
+                    f"{self.what} is {values[k]} at t = {t[k]:g}{place}",
+                    "look for a division by zero, a root or a logarithm there",
+                )
+            )
+
+
+def point(x: np.ndarray) -> str:
+    """Write a point for a message."""
+    inner = ", ".join(f"{each:g}" for each in x)
+    return inner if x.size == 1 else f"({inner})"
+
+
+def read(
+    drive: Sequence[tuple[Callable[..., Any], Any]], params: _trace.Parameters, size: int
+) -> tuple[list[TimeFunction], list[Entries]]:
+    """Return the functions of a drive and its matrices, each of the order of H."""
+    functions, matrices = [], []
+    for k, (function, matrix) in enumerate(drive):
+        name = f"H{k + 1}"
+        functions.append(TimeFunction(f"drive[{k}]", function, params))
+        matrices.append(Entries.read(name, matrix))
+        if matrices[-1].n != size:
+            raise ValueError(f"{name} has order {matrices[-1].n}, H has {size}")
+    return functions, matrices
+
+
+def potential(grid: Grid, params: _trace.Parameters) -> TimeFunction | np.ndarray:
+    """Return a grid's potential: a function, or flat values at all points."""
+    if grid.potential is None:
+        return np.zeros(grid.size)
+    if not callable(grid.potential):
+        return grid.potential.ravel()
+    return TimeFunction("potential", grid.potential, params, len(grid.shape))
+
+
+def weights(
+    functions: Sequence[TimeFunction], repeats: Sequence[int], params: _trace.Parameters
+) -> _core.Tape:
+    """Record the weight of each term: 1 for `repeats[0]` of them, then those of each function."""
+    t = ca.SX.sym("t")
+    parts = [ca.SX.ones(repeats[0], 1)]
+    for function, times in zip(functions, repeats[1:], strict=True):
+        value = ca.substitute(function.expression, function.t, t)
+        parts.append(ca.repmat(value, times, 1))
+    return record("drive", {"t": t, "params": params.vector}, ca.vertcat(*parts))

@@ -1,4 +1,0 @@
-"""Optimal control: the controls that drive a mechanical system at the least cost."""
-
-from liouville.optimal.control import optimal_control as optimal_control
-from liouville.optimal.result import OptimalControl as OptimalControl

@@ -1,3 +1,0 @@
-"""Divergence-free fields that are given on grids."""
-
-from liouville.systems.gridded.field import GriddedField as GriddedField
