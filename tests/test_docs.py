@@ -104,6 +104,14 @@ def test_every_source_cited_is_in_the_list():
         assert not missing, f"{name(path)} cites {missing}, which docs/references.bib does not have"
 
 
+def test_the_list_of_sources_can_be_read():
+    """An entry that is not closed ends the build of all pages."""
+    entries = (
+        pytest.importorskip("pybtex.database").parse_file(ROOT / "docs/references.bib").entries
+    )
+    assert len(entries) > 100
+
+
 @pytest.mark.parametrize("page", PROSE, ids=name)
 def test_every_file_that_a_page_names_exists(page):
     folders = "benchmarks|crates|docs|examples|python|tests|tools"
