@@ -79,7 +79,7 @@ def extrapolate(
     t : tuple of two floats
         Start and end.
     h, steps : float or int
-        The step size of the first run, or its number of steps, as for :func:`integrate`.
+        The step size of the first run, or its number of steps, as for :func:`liouville.integrate`.
     levels : int, default 2
         The number of runs, two or more: with h, h/2, h/4 and so on.
     error : bool, default False
@@ -87,9 +87,9 @@ def extrapolate(
     every : int, default 1
         Keep one state in this many steps of the first run.
     params, observe
-        As for :func:`integrate`.
+        As for :func:`liouville.integrate`.
     start, **values : mapping, or array_like by name
-        Start values, as for :func:`integrate`.
+        Start values, as for :func:`liouville.integrate`.
 
     Returns
     -------

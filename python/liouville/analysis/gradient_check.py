@@ -27,7 +27,7 @@ from liouville._systems import Field, Mechanics, Schrodinger, SemiExplicit
 #: Moved starts of a difference of order six, in units of its step, with their weights.
 WEIGHTS = {1: 3 / 4, 2: -3 / 20, 3: 1 / 60}
 
-#: The arguments of :func:`vjp` that a run with tangents takes too.
+#: The arguments of :func:`liouville.vjp` that a run with tangents takes too.
 OPTIONS = {"h", "steps", "rtol", "atol", "control", "every", "t_eval", "events", "threads"}
 
 #: The part of the largest state that a smaller one counts as where directions are scaled, and the
@@ -80,7 +80,7 @@ def check_gradient(
     Parameters
     ----------
     system, method, wrt, t, params
-        As for :func:`vjp`.
+        As for :func:`liouville.vjp`.
     size : float, default 1e-3
         By which part of its values differences move what gradients are by, each number by a random
         multiple of it; by less of a name by which a state would move by more than by this part of
@@ -88,7 +88,7 @@ def check_gradient(
     seed : int, default 0
         Of the random numbers.
     **run
-        Steps and start, as for :func:`vjp`.
+        Steps and start, as for :func:`liouville.vjp`.
 
     Returns
     -------
@@ -98,7 +98,7 @@ def check_gradient(
     Raises
     ------
     TypeError, ValueError
-        As of :func:`vjp`; controlled steps on constraints, which a moved run does not repeat, an
+        As of :func:`liouville.vjp`; controlled steps on constraints, which a moved run does not repeat, an
         event that ends moved runs after other numbers of states, or those of members.
     IntegrationError
         A step of the run, or of a moved one, failed, or the run was interrupted.

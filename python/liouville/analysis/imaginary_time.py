@@ -76,7 +76,7 @@ def imaginary_time(
     tau : float
         How long, not negative.
     psi : array_like
-        The start, as :func:`integrate` has it.
+        The start, as :func:`liouville.integrate` has it.
     t, params
         As :func:`ground_state` has them.
 

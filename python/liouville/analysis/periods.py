@@ -42,13 +42,13 @@ def propagator(
     system : Schrodinger
         A linear equation of at most 4096 components.
     method : Method or "auto"
-        As :func:`integrate` has it. Each column of U is within its tolerance.
+        As :func:`liouville.integrate` has it. Each column of U is within its tolerance.
     t : tuple of float
         Start and end; back in time U is the inverse.
     params : mapping of str to array_like, optional
         Changed values of parameters.
     h, steps, threads
-        As :func:`ensemble` has them; steps are for methods that take them.
+        As :func:`liouville.ensemble` has them; steps are for methods that take them.
 
     Returns
     -------
@@ -138,7 +138,7 @@ def floquet(
     period : float
         T, positive.
     method : Method or "auto"
-        As :func:`integrate` has it; for the states after n periods set its tolerance to one over n
+        As :func:`liouville.integrate` has it; for the states after n periods set its tolerance to one over n
         of that which is wanted.
     t0 : float, default 0.0
         When the period begins.

@@ -52,9 +52,9 @@ class Fit:
         All parameters, the fitted ones with the values found.
     trials : tuple of Fitted
         Each motion that was measured: ``params``, ``start``, ``residuals`` and ``solution``.
-    start, solution : dict of str to ndarray, Solution
-        Those of the one trial: the start as it was found or given, on its constraints, and the run
-        that fits best, at the times of the measurements.
+    solution : Solution
+        The run of the one trial that fits best, at the times of the measurements; ``start`` is its
+        start, as it was found or given, on its constraints.
     names : tuple of str
         What was fitted: ``params.l``, or ``params.k[0]`` of a vector, then coordinates of the start
         such as ``q.x``, with several trials ``trials[0].q.x``.
