@@ -98,8 +98,8 @@ def check_gradient(
     Raises
     ------
     TypeError, ValueError
-        As of :func:`liouville.vjp`; controlled steps on constraints, which a moved run does not repeat, an
-        event that ends moved runs after other numbers of states, or those of members.
+        As of :func:`liouville.vjp`; controlled steps on constraints, which a moved run does not
+        repeat, an event that ends moved runs after other numbers of states, or those of members.
     IntegrationError
         A step of the run, or of a moved one, failed, or the run was interrupted.
     KeyboardInterrupt

@@ -138,8 +138,8 @@ def floquet(
     period : float
         T, positive.
     method : Method or "auto"
-        As :func:`liouville.integrate` has it; for the states after n periods set its tolerance to one over n
-        of that which is wanted.
+        As :func:`liouville.integrate` has it; for the states after n periods set its tolerance to
+        one over n of that which is wanted.
     t0 : float, default 0.0
         When the period begins.
     params, h, steps, threads
