@@ -336,6 +336,8 @@ class Hamiltonian:
         is_doubled: bool = False,
         drive: tuple[Tape, NDArray[np.float64]] | None = None,
         potential: tuple[Tape, NDArray[np.float64], NDArray[np.float64]] | None = None,
+        nonlinearity: tuple[Tape, Tape, NDArray[np.float64], float] | None = None,
+        absorber: NDArray[np.float64] | None = None,
     ) -> Hamiltonian: ...
     @property
     def size(self) -> int: ...
