@@ -439,7 +439,6 @@ def test_bounds_of_positions_hold_at_stages():
      "its equations hold, and its cost may not be the least.*\nhint: look for kinks"),
     ({"method": lv.Spark(1), "steps": 1},
      "4 unknowns of the steps cannot meet 5 conditions.*\nhint: take more steps"),
-    ({"options": {"max_cpu_time": 1e-9}}, r"found yet.*\n.*raise options=.'max_cpu_time'"),
     ({"options": {"max_wall_time": 1e-9}}, r"found yet.*\n.*raise options=.'max_wall_time'"),
 ])  # fmt: skip
 def test_an_error_names_its_cause(more, sentence):
