@@ -152,12 +152,14 @@ def _between(solution: Solution, time: slice | float) -> Solution:
     rows = slice(int(inside[0]), int(inside[-1]) + 1, int(step))
     starts = {name: x[0] for name, x in solution.invariants.items()} | solution.initial
     events = {name: _met(points, low, high) for name, points in solution.events.items()}
+    contacts = {name: x.between(rows, low, high) for name, x in solution.contacts.items()}
     return replace(
         solution,
         **_each(solution, lambda x: x[rows]),
         t=t[rows],
         initial=starts if rows.start else solution.initial,
         events=events,
+        contacts=contacts,
         dense_order=solution.dense_order if step == 1 else 0,
     )
 

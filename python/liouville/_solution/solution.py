@@ -338,6 +338,9 @@ class Solution(States, Drifts, Motions):
                 "dense output needs the states of all steps of a mechanical or semi-explicit system"
             )
             hint = "integrate with every=1, states=True and without t_eval"
+            if self.contacts:
+                sentence = "dense output is not for runs with contacts"
+                hint = "integrate with a smaller h: solution.t has the times of all steps"
             if "psi" in self.states:
                 hint = "of a wave give the times of all states to keep in t="
             elif "x" in self.states:

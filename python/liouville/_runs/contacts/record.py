@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from numpy.typing import NDArray
@@ -64,6 +64,12 @@ class ContactRecord:
     def __repr__(self) -> str:
         """Return how often it changed."""
         return f"<ContactRecord: {self.counted}>"
+
+    def between(self, rows: slice, low: float, high: float) -> ContactRecord:
+        """Return these records, and the changes from one time to another."""
+        names = ("mode", "gap", "normal", "friction", "slip")
+        changes = tuple(change for change in self.changes if low <= change.t <= high)
+        return replace(self, changes=changes, **{name: getattr(self, name)[rows] for name in names})
 
     @property
     def counted(self) -> str:

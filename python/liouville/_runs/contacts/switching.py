@@ -108,9 +108,9 @@ class Switching:
                 raise IntegrationError(sentence, t=self.t)
             self.messages.append(f"the impact of {names} at t = {self.t:g} was made plastic")
         impulses = np.concatenate([found.normal, found.friction])
-        rates = before + np.concatenate([found.across, found.along])
-        if impulses @ rates > GAINED * np.abs(impulses) @ np.abs(rates):
-            gained = float(impulses @ rates) / 2
+        rates = np.concatenate([found.across, found.along])
+        gained = float(impulses @ (before + rates)) / 2
+        if gained > GAINED * np.abs(impulses) @ (np.abs(before) + np.abs(rates)):
             self.messages.append(f"the impact at t = {self.t:g} gained energy, {gained:.3g}")
         for k in np.flatnonzero(found.normal > 0):
             change = Change(self.t, "hit", float(found.normal[k]), float(found.friction[k]))

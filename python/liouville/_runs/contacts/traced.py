@@ -17,9 +17,10 @@ from liouville._runs.contacts.contact import Contact, Mode
 from liouville._systems.events import Event
 from liouville._systems.mechanics.form import Nonholonomic, total_derivative
 from liouville._systems.mechanics.general import Mechanics
-from liouville._systems.mechanics.traced import INVARIANT
+from liouville._systems.mechanics.traced import INVARIANT, SWITCH
 from liouville._systems.tape import record
 from liouville._systems.tracing import trace as _trace
+from liouville._systems.tracing.expressions import Expressions
 from liouville._systems.tracing.sparse import entries, jacobian
 
 #: Rows are independent of others where so much of their length is left.
@@ -87,8 +88,11 @@ class Contacts:
         for name, contact in _trace.mapping("contacts", given).items():
             if not isinstance(contact, Contact):
                 raise TypeError(f"contact '{name}' must be a Contact, not {contact!r}")
-        self.system, self.given, self.law = system, dict(given), law
-        self.names = tuple(given)
+        self.system, self.law, self.names = system, law, tuple(given)
+        self.restitution = np.array([x.restitution for x in given.values()], dtype=float)
+        #: The coefficients of sliding friction, and of static friction.
+        self.friction = np.array([x.friction for x in given.values()], dtype=float)
+        self.static = np.array([x.largest for x in given.values()], dtype=float)
         self._systems: dict[tuple[tuple[Mode, ...], tuple[int, ...]], ModeSystem] = {}
         s, model = system._symbols, system._model
         slopes = ca.vertcat(entries(jacobian(model.p, s.z)), entries(jacobian(model.v, s.z)))
@@ -101,7 +105,7 @@ class Contacts:
         first = system.states[0]
         u = ca.SX.sym("u", s.y.numel())  # in the place of v
         gaps, slips = [], []
-        for name, contact in self.given.items():
+        for name, contact in given.items():
             what = f"contact '{name}'"
             if name in system.constraints:
                 raise ValueError(f"{what} has the name of a constraint")
@@ -120,26 +124,24 @@ class Contacts:
                 if not ca.depends_on(slip, u):
                     raise ValueError(f"the slip of {what} is the same for all velocities")
             slips.append(slip)
-        self.phi, slip_of_u = ca.vertcat(*gaps), ca.vertcat(*slips)
-        self.across = ca.densify(jacobian(self.phi, s.y))  # G
-        self.along = ca.densify(jacobian(slip_of_u, u))  # D
-        self.slips = ca.substitute(slip_of_u, u, model.v)
-        self.rates = total_derivative(self.phi, s, model.v)
+        phi, slip_of_u = ca.vertcat(*gaps), ca.vertcat(*slips)
+        columns = {
+            "phi": phi,
+            "across": ca.densify(jacobian(phi, s.y)),  # G
+            "along": ca.densify(jacobian(slip_of_u, u)),  # D
+            "slips": ca.substitute(slip_of_u, u, model.v),
+            "rates": total_derivative(phi, s, model.v),
+        }
+        self._expressions = Expressions(s, columns)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Leave out the system, whose part this is, and the systems of modes."""
+        return self.__dict__ | {"system": None, "_systems": {}}
 
     @property
-    def restitution(self) -> Array:
-        """The restitutions."""
-        return np.array([x.restitution for x in self.given.values()])
-
-    @property
-    def friction(self) -> Array:
-        """The coefficients of sliding friction."""
-        return np.array([x.friction for x in self.given.values()])
-
-    @property
-    def static(self) -> Array:
-        """The coefficients of static friction."""
-        return np.array([x.largest for x in self.given.values()])
+    def columns(self) -> dict[str, ca.SX]:
+        """Gaps "phi", slips and rates, and their derivatives "across" and "along"."""
+        return self._expressions.columns
 
     @cached_property
     def _tape(self) -> tuple[_core.Tape, list[tuple[int, int]]]:
@@ -147,11 +149,12 @@ class Contacts:
         s, model = system._symbols, system._model
         own = model.nonholonomic
         w = total_derivative(model.g, s, model.v)
-        bilateral, rates = ca.vertcat(w, own.k), ca.vertcat(self.rates, self.slips)
+        columns = self.columns
+        bilateral, rates = ca.vertcat(w, own.k), ca.vertcat(columns["rates"], columns["slips"])
         r_lam, rn_nu = jacobian(model.r, model.lam), jacobian(own.rn, own.nu)
         parts = {
-            "gap": self.phi,
-            "slopes": ca.sum2(ca.fabs(self.across)),
+            "gap": columns["phi"],
+            "slopes": ca.sum2(ca.fabs(columns["across"])),
             "rates": rates,
             "p_z": jacobian(model.p, s.z),
             "f": model.f - total_derivative(model.p, s, model.v),
@@ -161,11 +164,11 @@ class Contacts:
             "R": ca.horzcat(r_lam, rn_nu),
             "C": jacobian(rates, s.z),
             "C_t": total_derivative(rates, s, model.v),
-            "F": ca.horzcat(self.across.T, self.along.T),
+            "F": ca.horzcat(columns["across"].T, columns["along"].T),
         }
         shapes = [x.shape for x in parts.values()]
-        columns = [ca.densify(ca.reshape(x, -1, 1)) for x in parts.values()]
-        return record("contacts", s.inputs(z=s.z), *columns), shapes
+        flat = [ca.densify(ca.reshape(x, -1, 1)) for x in parts.values()]
+        return record("contacts", s.inputs(z=s.z), *flat), shapes
 
     def at(self, t: float, y: Array, z: Array, params: Array, h: float) -> Matrices:
         """Return the matrices at a state; h is the step that sizes are of."""
@@ -242,7 +245,7 @@ class ModeSystem(Mechanics):
     """
 
     def __init__(self, contacts: Contacts, modes: tuple[Mode, ...], rows: tuple[int, ...]) -> None:
-        base, c = contacts.system, len(modes)
+        base, c, its = contacts.system, len(modes), contacts.columns
         s, model = base._symbols, base._model
         self.modes = modes
         stuck = sum(mode is Mode.STICK for mode in modes)
@@ -256,12 +259,12 @@ class ModeSystem(Mechanics):
         r = ca.substitute(model.r, model.lam, lam[:m]) if m else model.r
         for place, k in enumerate(gaps):
             friction = contacts.friction[k] * modes[k].sign
-            across = contacts.across[k, :].T
-            r += (-across + friction * contacts.along[k, :].T) * lam[m + place]
+            across = its["across"][k, :].T
+            r += (-across + friction * its["along"][k, :].T) * lam[m + place]
         count = own.nu.numel()
         rn = ca.substitute(own.rn, own.nu, nu[:count]) if count else ca.SX(s.y.numel(), 1)
         for place, k in enumerate(slips):
-            rn -= contacts.along[k, :].T * nu[count + place]
+            rn -= its["along"][k, :].T * nu[count + place]
         names = contacts.names
         holonomic = base.constraints[:m] + tuple(names[k] for k in gaps)
         rolling = base.nonholonomic + tuple(f"{names[k]} sticks" for k in slips)
@@ -271,7 +274,7 @@ class ModeSystem(Mechanics):
         self.own = np.r_[np.arange(m), first + np.arange(own.nu.numel())].astype(int)
         columns = base._expressions.columns
         invariants = {name: columns[INVARIANT + name] for name in base.invariants}
-        rows_g = [contacts.phi[k] for k in gaps]
+        rows_g = [its["phi"][k] for k in gaps]
         super().__init__(
             s,
             replace(
@@ -281,7 +284,7 @@ class ModeSystem(Mechanics):
                 lam=lam,
                 is_ideal=model.is_ideal and not any(mode.sign for mode in modes),
                 nonholonomic=Nonholonomic(
-                    ca.vertcat(own.k, *(contacts.slips[k] for k in slips)), rn, nu
+                    ca.vertcat(own.k, *(its["slips"][k] for k in slips)), rn, nu
                 ),
                 g_y=None,
             ),
@@ -289,6 +292,7 @@ class ModeSystem(Mechanics):
             coordinates=base.coordinates,
             constraints=holonomic + rolling,
             invariants=invariants,
+            switches={name: columns[SWITCH + name] for name in base.switch_tapes},
         )
         self.own_events: dict[str, tuple[int, str]] = {}
         self._tapes_of_events: dict[str, Any] = {}
@@ -300,10 +304,10 @@ class ModeSystem(Mechanics):
         multipliers = self._multipliers
         for k, (name, mode) in enumerate(zip(contacts.names, self.modes, strict=True)):
             if mode is Mode.OPEN:
-                found[f"{name}: hit"] = k, "hit", contacts.phi[k]
+                found[f"{name}: hit"] = k, "hit", contacts.columns["phi"][k]
                 continue
             if mode.sign:
-                found[f"{name}: stop"] = k, "stop", mode.sign * contacts.slips[k]
+                found[f"{name}: stop"] = k, "stop", mode.sign * contacts.columns["slips"][k]
             if self.is_shared:
                 continue  # how long forces last is found by the margin
             normal = -multipliers[self.normals[k]]

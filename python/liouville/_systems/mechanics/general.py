@@ -125,7 +125,7 @@ class Mechanics(TracedSystem):
         if self.contacts is not None:
             names = quoted(self.contacts.names)
             sentence = f"{what} knows of no contacts, and the system has {names}"
-            raise TypeError(hinted(sentence, "lv.integrate takes them, by Spark and LobattoPair"))
+            raise TypeError(hinted(sentence, "lv.integrate takes them, in single runs"))
 
     def _touch(self, contacts: Mapping[str, Contact] | None, impacts: str) -> None:
         """Give the system contacts."""
@@ -147,6 +147,11 @@ class Mechanics(TracedSystem):
         if "energy" in self.invariants and (self.is_conservative or self.may_only_lose):
             _motion.energies(self)
         return {name: x for name, x in self.__dict__.items() if name != "_model"}
+
+    def _restore(self, state: dict[str, Any]) -> None:
+        super()._restore(state)
+        if self.contacts is not None:
+            self.contacts.system = self
 
     def __repr__(self) -> str:
         """Name the kind of system and its coordinates."""

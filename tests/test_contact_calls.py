@@ -1,0 +1,102 @@
+"""Systems with contacts as others use them: pickles, parts of solutions, switches, messages."""
+
+import copy
+import pickle
+
+import casadi as ca
+import numpy as np
+import pytest
+
+import liouville as lv
+
+G = 9.81
+
+
+def ball(restitution=0.5, friction=0.3):
+    floor = lv.Contact(
+        lambda t, q, params: q[1],
+        restitution=restitution,
+        friction=friction,
+        slip=lambda t, q, v, params: v[0] - params.belt,
+    )
+    return lv.Lagrangian(
+        lambda t, q, v, params: ca.sumsqr(v) / 2 - G * q[1],
+        q=("x", "y"),
+        params={"belt": 0.1},
+        contacts={"floor": floor},
+    )
+
+
+def thrown(system, **more):
+    start = {"q": [0.0, 0.1], "v": [1.0, 0.0]}
+    return lv.integrate(system, lv.Spark(2), t=(0, 1), h=0.1, **start, **more)
+
+
+def test_a_system_with_contacts_is_pickled_without_its_functions():
+    system = ball()
+    run = thrown(system)
+    for other in (pickle.loads(pickle.dumps(system)), copy.copy(system)):
+        again = thrown(other, params={"belt": 0.1})
+        assert again.q.tobytes() == run.q.tobytes()
+        assert again.contacts["floor"].changes == run.contacts["floor"].changes
+    arrived = pickle.loads(pickle.dumps(run))
+    assert arrived.contacts["floor"].changes == run.contacts["floor"].changes
+    assert thrown(arrived.system).q.tobytes() == run.q.tobytes()
+
+
+def test_a_part_of_a_solution_has_that_part_of_its_contacts():
+    run = thrown(ball())
+    early = run.sel(time=slice(0, 0.2))
+    floor, whole = early.contacts["floor"], run.contacts["floor"]
+    assert len(floor.gap) == len(early.t) < len(run.t)
+    assert (floor.gap == whole.gap[: len(early.t)]).all()
+    assert floor.changes == whole.changes[: len(floor.changes)]
+    assert 0 < len(floor.changes) < len(whole.changes)
+    assert floor.changes[-1].t <= 0.2 < whole.changes[len(floor.changes)].t
+
+
+def test_dense_output_is_refused_by_the_reason():
+    with pytest.raises(ValueError, match="dense output is not for runs with contacts"):
+        thrown(ball())(0.5)
+
+
+def test_controlled_steps_end_at_switches_of_a_system_with_contacts_too():
+    width = 1e-3
+    edges = {
+        f"edge {k}": lambda t, q, v, params, k=k: v[0] - k * width for k in (-8, -3, -1, 1, 3, 8)
+    }
+
+    def run(contacts):
+        rubbed = lv.Lagrangian(
+            lambda t, q, v, params: (v[0] ** 2 - q[0] ** 2) / 2,
+            force=lambda t, q, v, params: [-0.3 * ca.tanh(v[0] / width)],
+            q=1,
+            switches=edges,
+            contacts=contacts,
+        )
+        return lv.integrate(rubbed, lv.Spark(3), t=(0, 10), rtol=1e-6, q=[2.0], v=[0.0])
+
+    with_contact = run({"far": lv.Contact(lambda t, q, params: q[0] + 50)})
+    assert with_contact.q.tobytes() == run(None).q.tobytes()
+
+
+def test_an_elastic_ball_with_friction_is_not_said_to_gain_energy():
+    walls = {"left": (1, 0, 0), "right": (-1, 0, -1), "floor": (0, 1, 0)}
+    contacts = {
+        name: lv.Contact(
+            lambda t, q, params, x=x, y=y, off=off: x * q[0] + y * q[1] - off - 0.1,
+            restitution=1,
+            friction=0.3,
+            slip=lambda t, q, v, params, x=x, y=y: y * v[0] - x * v[1] + 0.1 * v[2],
+        )
+        for name, (x, y, off) in walls.items()
+    }
+    spun = lv.Lagrangian(
+        lambda t, q, v, params: (v[0] ** 2 + v[1] ** 2 + 0.005 * v[2] ** 2) / 2 - G * q[1],
+        q=3,
+        contacts=contacts,
+    )
+    run = lv.integrate(spun, lv.Spark(3), t=(0, 5), h=0.02, q=[0.5, 0.5, 0], v=[3, 1, 0])
+    assert sum(len(record.changes) for record in run.contacts.values()) > 15
+    assert run.message == ""
+    assert np.diff(run.invariants["energy"]).max() < 1e-13
