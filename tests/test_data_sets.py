@@ -304,6 +304,15 @@ def gyre(hole=None, **options):
     return lv.GriddedField(x, y, t=t, velocity=(u, v), walls=("x", "y"), **options)
 
 
+def test_axes_without_nodes_or_with_one_are_named():
+    sea = overturning().isel(depth=0, drop=True)
+    with pytest.raises(ValueError, match=r"'y' of 'uo' is empty: no node is left\nhint: sel\(y="):
+        lv.GriddedField.from_xarray(sea.sel(y=slice(9e4, 1e4)))
+    for alone in (sea.isel(y=[3]), overturning().isel(y=[3])):
+        with pytest.raises(ValueError, match="'uo' has one node along 'y', and a field is no line"):
+            lv.GriddedField.from_xarray(alone)
+
+
 def test_gaps_are_named_with_node_and_time():
     with pytest.raises(ValueError, match=r"1 node, first at t = 20 and \(x, y\) = \(1.2, 1.5\)"):
         gyre((2, 12, 15))

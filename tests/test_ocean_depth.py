@@ -165,6 +165,11 @@ def test_depths_are_as_the_data_set_says():
     assert rates == pytest.approx(np.array(RATES(x.T)).T, rel=0.1, abs=1e-8)
     for other in (data(unit="km", per_metre=1e-3), data(said="up")):
         assert read(other).velocity(x) == pytest.approx(rates, rel=1e-12)
+        per_metre = np.array([1, 1, float(other.depth[-1] / data().depth[-1])])
+        points = np.array(STARTS) * per_metre  # in the data set's unit, as are the results
+        assert read(other).states_of(points) == pytest.approx(x, rel=1e-12)
+        assert read(other).points_of(x) == pytest.approx(points, rel=1e-12)
+        assert read(other).velocity_at(points) == pytest.approx(plain.velocity_at(STARTS))
     closed = xarray.concat([data(), data().isel(lon=[0]).assign_coords(lon=[360.0])], "lon")
     assert read(closed).velocity(x) == pytest.approx(rates, rel=1e-12)
     turned = data().assign_coords(lon=(data().lon + 180) % 360 - 180)

@@ -85,7 +85,8 @@ def arguments(
         metres = units.needed(first.name, first.units)[0]
         made |= {"coordinates": "spherical", "radius": sphere.EARTH / metres}
         made["xyz"] = [_degrees(axis) for axis in space[:2]]
-        made["xyz"] += [_heights(axis, first, metres) for axis in space[2:]]
+        made["height"] = _unit_of_heights(space[2], first) / metres if space[2:] else 1.0
+        made["xyz"] += [np.asarray(axis.values) * made["height"] for axis in space[2:]]
         made["names"] = ("lon", "lat", *(axis.name for axis in space[2:]))
     else:
         made["names"] = tuple(axis.name for axis in space)
@@ -128,6 +129,10 @@ def _axes(variables: Variables, component: Variable) -> dict[str, Variable]:
     for dim in component.dims:
         own = variables.get(dim)
         size = component.values.shape[component.dims.index(dim)]
+        if not size:
+            sentence = f"'{dim}' of '{component.name}' is empty: no node is left"
+            hint = f"sel({dim}=slice(a, b)) takes a and b in the order of the axis"
+            raise ValueError(hinted(sentence, hint))
         if own is None or np.ndim(own.values) != 1:
             if size == 1:
                 continue
@@ -148,6 +153,10 @@ def _axes(variables: Variables, component: Variable) -> dict[str, Variable]:
             hint = f"say which it is: dataset['{unknown[0].name}'].attrs['axis'] = '{missing[0]}'"
         raise ValueError(hinted(sentence, hint))
     if missing:
+        for dim in component.dims:
+            if dim in variables and _letter(variables[dim]) == missing[0]:  # left out before
+                sentence = f"'{component.name}' has one node along '{dim}', and a field is no line"
+                raise ValueError(hinted(sentence, "choose several nodes along two axes at least"))
         dims = ", ".join(component.dims)
         sentence = f"'{component.name}' has no {missing[0]} axis among {dims}"
         raise ValueError(hinted(sentence, 'say so by an attribute: axis="X"'))
@@ -199,15 +208,15 @@ def _is_sphere(space: Sequence[Variable], first: Variable, options: Mapping[str,
     return True
 
 
-def _heights(axis: Variable, first: Variable, metres: float) -> Array:
-    """Return heights or depths in the velocity's unit of length, by metres.
+def _unit_of_heights(axis: Variable, first: Variable) -> float:
+    """Return the unit of heights or depths in metres.
 
     Raises
     ------
     ValueError
         They are no lengths: pressures, densities, or the numbers of levels.
     """
-    values, own = np.asarray(axis.values), units.length(axis.units)
+    own = units.length(axis.units)
     if own is None and axis.units.lower() in units.NONE and _is_named(axis, (*DOWNWARD, *UPWARD)):
         own = 1.0
     if own is None:
@@ -215,7 +224,7 @@ def _heights(axis: Variable, first: Variable, metres: float) -> Array:
         sentence = f"'{first.name}' has levels along '{axis.name}' {what}, which are no lengths"
         hint = f"choose one: dataset.isel({axis.name}=0), or interpolate to depths in metres"
         raise ValueError(hinted(sentence, hint))
-    return values if own == metres else values * (own / metres)
+    return own
 
 
 def _check_without_w(

@@ -54,10 +54,13 @@ class Coordinates:
         Which they are.
     radius : float
         Of the sphere.
+    height : float
+        The user's unit of heights on it, in that of the radius.
     """
 
     kind: str = "cartesian"
     radius: float = 1.0
+    height: float = 1.0
 
     def names(self, given: tuple[str, ...]) -> tuple[str, ...]:
         """Return the names of the coordinates that are stepped."""
@@ -76,6 +79,7 @@ class Coordinates:
         elif self.kind == "spherical":
             x[..., :2] = np.radians(x[..., :2])
             x[..., 1] = np.sin(x[..., 1])
+            x[..., 2:] *= self.height
             if span is not None:
                 lon, turn = x[..., 0], 2 * np.pi
                 turned = lon + turn * np.ceil((span[0] - lon) / turn)
@@ -91,6 +95,7 @@ class Coordinates:
         elif self.kind == "spherical":
             x[..., 1] = np.arcsin(np.clip(x[..., 1], -1, 1))
             x[..., :2] = np.degrees(x[..., :2])
+            x[..., 2:] /= self.height
         return x
 
     def positions(self, x: Array) -> dict[str, tuple[Array, str]]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any, Self
 
 import numpy as np
@@ -290,9 +291,9 @@ class GriddedField(PlaneField):
         options: Mapping[str, Any],
     ) -> Self:
         made = conventions.arguments(variables, given, options)
-        dates = made.pop("dates", None)
+        dates, height = made.pop("dates", None), made.pop("height", 1.0)
         found = cls(*made.pop("xyz"), **made)
-        found.dates = dates
+        found.dates, found._kind = dates, replace(found._kind, height=height)
         return found
 
     def _finish(self, found: Potential, land: Any, most: float) -> None:
@@ -397,7 +398,8 @@ class GriddedField(PlaneField):
     def states_of(self, points: ArrayLike) -> Array:
         """Return the states of points in the user's coordinates, shape (..., n).
 
-        Longitudes of a region may be a turn off.
+        Longitudes of a region may be a turn off. Heights and depths are in the unit of the data
+        set, and those of states in the velocity's unit of length.
         """
         axis = self._axes[0]
         span = None if axis.is_periodic else (axis.edges[0], axis.edges[-1])
