@@ -68,9 +68,9 @@ class WaveRunner(Runner):
         self._observe = system.portable(request.observe)
         self._observed = system.observables(self._observe)
         self.columns = {"psi": 2 * system.size} if request.states else {}
-        is_moved = system.is_driven or system.absorber is not None
-        energy = "observed energy" if is_moved else "invariant energy"
-        norm = "invariant norm" if system.absorber is None else "observed norm"
+        # not by its values: members with parameters of their own have the same columns
+        energy = "observed energy" if system.is_driven or system.may_absorb else "invariant energy"
+        norm = "observed norm" if system.may_absorb else "invariant norm"
         self.columns |= {norm: 1, energy: 1, "observed autocorrelation": 2}
         for name, width, _ in self._observed:
             if f"observed {name}" in self.columns:
@@ -317,7 +317,7 @@ class WaveRunner(Runner):
 
     def totals(self, rows: np.ndarray) -> dict[str, Any]:
         """Return the share of psi that was absorbed, of each member."""
-        if self.system.absorber is None or not len(rows):
+        if not self.system.may_absorb or not len(rows):
             return {}
         norm = rows[..., 2 * self.system.size if self._states else 0]
         share = 1 - (norm[-1] / norm[0]) ** 2

@@ -56,6 +56,11 @@ class OnGrid(Bounded):
             raise ValueError("the absorber depends on time, which none may")
         return found
 
+    @property
+    def may_absorb(self) -> bool:
+        """Whether there is an absorber, be it zero at these parameters."""
+        return self._absorbing is not None
+
     @cached_property
     def absorber(self) -> np.ndarray | None:
         """W of an H - iW on a grid, one value for each point, None where nothing absorbs.
