@@ -11,8 +11,8 @@ from liouville._methods.planner.waves.plan import WavePlan
 from liouville._methods.planner.waves.propagators import Split
 from liouville._systems import Schrodinger
 
-#: Noise that grows by less than this, in powers of e, is far below the digits of a state.
-GROWTH = 10.0
+#: Noise that grows by less than this, in powers of e, is no matter: roundoff becomes 1e-7.
+GROWTH = 20.0
 
 
 def resonance(system: Schrodinger, plan: WavePlan, psi: np.ndarray) -> str:
