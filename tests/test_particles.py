@@ -329,3 +329,21 @@ def test_a_field_that_is_singular_ends_the_run_by_name():
     with pytest.raises(lv.IntegrationError, match="E") as error:
         lv.integrate(system, V(), t=(0, 1), h=0.1, x=[0, 0, 0, 0, 0, 0])
     assert error.value.step == 0
+
+
+def test_gyrations_of_too_few_steps_are_said():
+    """B grows along z to four times that of the start."""
+    system = lv.ChargedParticles(
+        A=lambda t, x, params: [-x[1] / 2 * (1 + x[2] ** 2), x[0] / 2 * (1 + x[2] ** 2), 0]
+    )
+    start = [0, 0, 0, 0.01, 0, 1]
+    run = {"t": (0, 1.8), "x": start}
+    assert lv.integrate(system, V(), h=0.3, **run).message == ""
+    said = lv.integrate(system, V(), h=0.6, **run).message
+    assert re.match(r"a gyration has 2\.\d+ steps at t = 1.8, and orbits want 4 at least", said)
+    longest = float(said.rsplit(" ", 1)[1])
+    assert longest == pytest.approx(2 * np.pi / 4 / (1 + 1.8**2), rel=0.02)
+    many = lv.ensemble(
+        system, V(), t=(0, 0.6), h=0.6, x=start, params={"mass": [1.0, 0.2], "charge": 1.0}
+    )
+    assert "a gyration of member 1 has" in many.message

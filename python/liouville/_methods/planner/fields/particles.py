@@ -18,6 +18,9 @@ from liouville._systems.fields.particles import ChargedParticles
 #: The composition where none is asked for, by the kind of turn.
 USUAL = {"exact": "BM4", "boris": "S2"}
 
+#: Orbits are none with fewer steps a gyration.
+FEWEST = 4
+
 #: What a plan counts.
 COUNTED = "components of B and E"
 
@@ -87,16 +90,28 @@ def split_of(system: ChargedParticles, turn: str = "exact") -> Split:
 
 def _reasons(parts: Split, name: str, h: float, rows: np.ndarray) -> list[str]:
     """Say how many steps a gyration takes, where the states are."""
-    turn = next((piece for piece in parts.pieces if isinstance(piece, Turn)), None)
-    if turn is None:
+    if turn_of(parts) is None:
         return ["there is no magnetic field: a drift and a push"]
-    axis = turn.rates.selected(turn.rates.component < 3)
-    largest = np.sqrt((axis.evaluate(rows) ** 2).sum(axis=-1)).max()
+    largest = frequencies(parts, rows).max()
     if not 0 < largest < np.inf:
         return ["nothing turns at these states"]
-    steps, wanted = 2 * np.pi / (largest * abs(h)), 20 if SCHEMES[name]["order"] == 2 else 4
+    steps, wanted = 2 * np.pi / (largest * abs(h)), 20 if SCHEMES[name]["order"] == 2 else FEWEST
     few = f": fewer than the {wanted} that {name} wants" if steps < wanted else ""
     return [f"{steps:.3g} steps a gyration, at the state where it is shortest{few}"]
+
+
+def turn_of(parts: Split) -> Turn | None:
+    """Return the piece in which velocities turn, None where there is no magnetic field."""
+    return next((piece for piece in parts.pieces if isinstance(piece, Turn)), None)
+
+
+def frequencies(parts: Split, rows: np.ndarray) -> np.ndarray:
+    """Return the angles by which velocities turn in unit time, at states of all variables."""
+    turn = turn_of(parts)
+    if turn is None:
+        return np.zeros(len(rows))
+    axis = turn.rates.selected(turn.rates.component < 3)
+    return np.asarray(np.sqrt((axis.evaluate(rows) ** 2).sum(axis=-1)))
 
 
 def _check_method(method: VolumeSplitting) -> None:

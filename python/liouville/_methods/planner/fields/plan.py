@@ -132,9 +132,10 @@ class FieldPlan(Plan):
         m = self.method
         words = "planes by symplectic Euler" if self.has_planes else _words(m)
         words = "drifts and kicks" if self.has_turns else words
+        counted = self.counted if self.terms != 1 else self.counted.replace("s", "", 1)
         lines = [
             f"{m.composition} of {len(self.order)} pieces: {words}",
-            f"  {self.n} variables, {self.terms} {self.counted}, h = {self.h:g}; "
+            f"  {self.n} variables, {self.terms} {counted}, h = {self.h:g}; "
             f"a step takes about {self.cost:.3g} operations",
             *self._why,
             "pieces, in the order of the second half of a step",
