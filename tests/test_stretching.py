@@ -79,6 +79,9 @@ def test_starts_that_fail_have_no_exponent():
     assert found.exponents[0] == pytest.approx(0, abs=1e-12)
     assert np.isnan(found.exponents[1])
     assert list(found.failures) == [1]
+    none = lv.analysis.ftle(field, V(), t=(0, 0.3), h=0.1, x=[[0.9, 0.5], [0.95, 0.5]])
+    assert np.isnan([none.exponents, *none.directions.T, *none.x.T]).all()
+    assert list(none.failures) == [0, 1]
     with pytest.raises(ValueError, match=r"x has shape \(2,\), wanted \(..., 2\)"):
         lv.analysis.ftle(field, V(), t=(0, 0.3), h=0.1, x=[0.1, 0.5])
     with pytest.raises(TypeError, match="exponents must be those of a field"):
@@ -104,7 +107,17 @@ def test_a_centre_and_coordinates_that_are_none_are_refused():
     assert np.isnan(lv.analysis.rotation_numbers(cuts, about=(0, 0))).all()
     with pytest.raises(ValueError, match=r"about has shape \(3,\), wanted \(2,\) or \(1, 2\)"):
         lv.analysis.rotation_numbers(cuts, about=(0, 0, 0))
+    with pytest.raises(ValueError, match=r"about must be finite, not \(nan, 0\)"):
+        lv.analysis.rotation_numbers(cuts, about=(np.nan, 0))
     with pytest.raises(ValueError, match=r"of= must name two of x, y, z, not \('x', 'r'\)"):
         lv.analysis.rotation_numbers(cuts, about=(0, 0), of=("x", "r"))
     with pytest.raises(TypeError, match="rotation numbers must be those of a section"):
         lv.analysis.rotation_numbers(cuts.x, about=(0, 0))
+
+
+def test_a_centre_that_no_trajectory_goes_round_is_said():
+    starts = [[0.3, 0, 0.5], [0.7, 0, 0.5]]
+    cuts = lv.section(twisting(0.3), V(), t=(0, 20), h=0.1, plane="z", period=1.0, x=starts)
+    with pytest.warns(UserWarning, match="no trajectory goes round about="):
+        lv.analysis.rotation_numbers(cuts, about=(2, 0))
+    assert np.abs(lv.analysis.rotation_numbers(cuts, about=(0.5, 0))[0]) < 0.1  # one does

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
@@ -37,7 +38,8 @@ def rotation_numbers(
     section : Section
         The crossings, of one plane or of parallel ones, in one direction.
     about : array_like, shape (2,) or (P, 2)
-        The centre, for all of P trajectories or for each.
+        The centre, for all of P trajectories or for each, in the coordinates of states: of a
+        cylinder q = R^2/2, not R.
     of : sequence of two str, optional
         The coordinates that the angle is in: from the first one to the second one it is positive.
         By default the two that there are, but for one whose planes are crossed.
@@ -51,7 +53,13 @@ def rotation_numbers(
     Raises
     ------
     TypeError, ValueError
-        It is no section, there are no two such coordinates, or the centre has another shape.
+        It is no section, there are no two such coordinates, or the centre has another shape or is
+        not finite.
+
+    Warns
+    -----
+    UserWarning
+        No trajectory goes round its centre: all crossings are within half a turn about it.
 
     References
     ----------
@@ -86,18 +94,34 @@ def rotation_numbers(
     if centre.shape not in ((2,), (section.members, 2)):
         wanted = f"(2,) or ({section.members}, 2)"
         raise ValueError(f"about has shape {centre.shape}, wanted {wanted}")
+    if not np.isfinite(centre).all():
+        raise ValueError(f"about must be finite, not {about!r}")
     centre = np.broadcast_to(centre, (section.members, 2))
-    found = np.full(section.members, np.nan)
+    found, is_around = np.full(section.members, np.nan), []
     for member in range(section.members):
         away = section.x[section.member == member][:, places] - centre[member]
         if len(away) >= FEWEST:
-            found[member] = _mean_turn(np.arctan2(away[:, 1], away[:, 0]))
+            angles = np.arctan2(away[:, 1], away[:, 0])
+            changes = np.remainder(np.diff(angles) + np.pi, 2 * np.pi) - np.pi
+            found[member] = _mean_turn(changes)
+            is_around.append(_is_around(changes))
+    if is_around and not any(is_around):
+        warnings.warn(
+            f"no trajectory goes round about={about!r}: seen from there all crossings go to and "
+            "fro within half a turn",
+            stacklevel=2,
+        )
     return found
 
 
-def _mean_turn(angles: NDArray[np.float64]) -> float:
-    """Return the mean change of angles in turns, by weights that vanish at both ends."""
-    changes = np.remainder(np.diff(angles) + np.pi, 2 * np.pi) - np.pi
+def _is_around(changes: NDArray[np.float64]) -> bool:
+    """Return whether angles go round, or may do so in a longer run."""
+    angles = np.concatenate([[0.0], np.cumsum(changes)])
+    return bool(np.ptp(angles) >= np.pi or changes.min() >= 0 or changes.max() <= 0)
+
+
+def _mean_turn(changes: NDArray[np.float64]) -> float:
+    """Return the mean of changes of an angle in turns, by weights that vanish at both ends."""
     s = (np.arange(changes.size) + 0.5) / changes.size
     weights = np.exp(-1 / (s * (1 - s)))
     return float(weights @ changes / (2 * np.pi * weights.sum()))

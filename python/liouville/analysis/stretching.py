@@ -33,7 +33,7 @@ class Stretching:
     directions : ndarray, shape (..., n)
         The unit vectors at the starts along which neighbours part the most.
     x : ndarray, shape (..., n)
-        The states at the end.
+        The states at the end, NaN where there is none.
     failures : dict of int to Failure
         Starts that failed, by number in the order of memory.
     """
@@ -127,11 +127,14 @@ def ftle(
     change = run.tangents["x"].x[-1].swapaxes(-1, -2)
     change = system.lengths(run.x[-1])[..., None] * change / system.lengths(rows)[:, None, :]
     known = np.isfinite(change).all(axis=(-1, -2))
+    known[[*run.failures]] = False  # where all have failed, the last record is before the end
     exponents, directions = np.full(len(rows), np.nan), np.full((len(rows), n), np.nan)
+    ends = np.where(known[:, None], run.x[-1], np.nan)
     _, sizes, vectors = np.linalg.svd(change[known])
-    exponents[known] = np.log(sizes[:, 0]) / abs(run.t[-1] - run.t[0])
+    if known.any():
+        exponents[known] = np.log(sizes[:, 0]) / abs(run.t[-1] - run.t[0])
     directions[known] = vectors[:, 0]
     return Stretching(
         exponents.reshape(shape), directions.reshape(starts.shape),
-        run.x[-1].reshape(starts.shape), run.failures,
+        ends.reshape(starts.shape), run.failures,
     )  # fmt: skip
