@@ -3,7 +3,7 @@
 use crate::caught::{Caught, attending};
 use crate::errors::refused;
 use crate::operator::Hamiltonian;
-use crate::schrodinger::driven;
+use crate::schrodinger::DrivenMethod;
 use liouville_base::error::StepError;
 use liouville_waves::method::{AtNodes, Derivative, Recorder, Sweeper, Wanted};
 use numpy::{
@@ -31,13 +31,15 @@ impl WaveRecord {
         &self,
         py: Python<'_>,
         hamiltonian: PyRef<'_, Hamiltonian>,
-        method: &Bound<'_, PyAny>,
+        method: DrivenMethod,
         t0: f64,
         times: Vec<f64>,
     ) -> PyResult<()> {
         let unfit = || refused("the parts of an H that depends on time, and times");
-        let driven = driven(method)?.filter(|_| !times.is_empty());
-        let driven = driven.ok_or_else(unfit)?;
+        if times.is_empty() {
+            return Err(unfit());
+        }
+        let driven = method.read();
         let sweeper = Sweeper::new(hamiltonian.inner.clone());
         let laid_out = attending(py, || self.0.lay_out(&sweeper, driven, t0, times))?;
         let raised = || hamiltonian.caught.iter().find_map(Caught::take);

@@ -6,7 +6,9 @@ use crate::derivative::WaveRecord;
 use crate::errors::refused;
 use crate::operator::Hamiltonian;
 use liouville_base::run::{Advance, StartError};
-use liouville_waves::method::{Driven, DrivenCost, MagnusTolerance, Observable, TermBounds};
+use liouville_waves::method::{
+    Driven, DrivenCost, MagnusTolerance, Observable, ShearProgram, TermBounds, Windows,
+};
 use liouville_waves::run::{self, Method};
 use numpy::{Complex64, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::prelude::*;
@@ -59,17 +61,33 @@ enum WaveMethod<'py> {
         norm_tol: f64,
         parts: Parts,
     },
-    Driven {
-        parts: Parts,
-        breaks: Vec<f64>,
-        rate: f64,
-        norm_tol: f64,
-        by_differences: bool,
-    },
+    Driven(DrivenMethod),
     Splitting {
         scheme: String,
         norm_tol: f64,
     },
+}
+
+/// Series in time for H(t).
+#[derive(FromPyObject)]
+pub(crate) struct DrivenMethod {
+    parts: Parts,
+    breaks: Vec<f64>,
+    rate: f64,
+    norm_tol: f64,
+    by_differences: bool,
+}
+
+impl DrivenMethod {
+    pub(crate) fn read(self) -> Driven {
+        Driven {
+            bounds: term_bounds(self.parts),
+            by_differences: self.by_differences,
+            breaks: self.breaks,
+            rate: self.rate,
+            tolerance: self.norm_tol,
+        }
+    }
 }
 
 /// An interval of energies.
@@ -101,14 +119,15 @@ fn term_bounds((groups, parts, given, axes, corners, run): Parts) -> TermBounds 
 }
 
 impl WaveMethod<'_> {
-    fn read(self) -> PyResult<Method> {
-        Ok(match self {
+    /// The method, for runs of this Hamiltonian.
+    fn read(self, hamiltonian: &Hamiltonian) -> PyResult<Method> {
+        let found = match self {
             Self::Shears {
                 coefficients,
                 shift,
                 norm_tol: tolerance,
             } => Method::Shears {
-                coefficients: coefficients.as_slice()?.to_vec(),
+                program: run::shears(coefficients.as_slice()?),
                 shift,
                 tolerance,
             },
@@ -121,7 +140,7 @@ impl WaveMethod<'_> {
                 bounds,
                 rate,
                 tolerance,
-                windows,
+                windows: Windows::new(windows),
             },
             Self::Lanczos {
                 dimension,
@@ -137,14 +156,8 @@ impl WaveMethod<'_> {
                 stages,
                 shift,
                 theta,
-                norm_tol: tolerance,
-            } => Method::Processed {
-                order,
-                stages,
-                shift,
-                theta,
-                tolerance,
-            },
+                norm_tol,
+            } => Method::processed((order, stages), shift, theta, norm_tol).map_err(refused)?,
             Self::Magnus {
                 scheme,
                 coefficients,
@@ -152,10 +165,12 @@ impl WaveMethod<'_> {
                 norm_tol: tolerance,
                 parts,
             } => Method::Magnus {
-                scheme,
-                coefficients: coefficients.as_slice()?.to_vec(),
-                theta,
-                tolerance,
+                nodes: run::nodes(scheme).map_err(refused)?,
+                exponential: ShearProgram {
+                    program: run::shears(coefficients.as_slice()?),
+                    theta,
+                    tolerance,
+                },
                 bounds: term_bounds(parts),
             },
             Self::MagnusSteps {
@@ -166,7 +181,7 @@ impl WaveMethod<'_> {
                 parts,
                 breaks,
             } => Method::MagnusSteps {
-                scheme,
+                nodes: run::nodes(scheme).map_err(refused)?,
                 tolerance: MagnusTolerance { rate, whole, norm },
                 bounds: term_bounds(parts),
                 breaks,
@@ -177,29 +192,20 @@ impl WaveMethod<'_> {
                 norm_tol: tolerance,
                 parts,
             } => Method::MagnusSeries {
-                scheme,
+                nodes: run::nodes(scheme).map_err(refused)?,
                 rate,
                 tolerance,
                 bounds: term_bounds(parts),
             },
-            Self::Driven {
-                parts,
-                breaks,
-                rate,
-                norm_tol: tolerance,
-                by_differences,
-            } => Method::Driven(Driven {
-                bounds: term_bounds(parts),
-                by_differences,
-                breaks,
-                rate,
-                tolerance,
-            }),
-            Self::Splitting {
-                scheme: name,
-                norm_tol: tolerance,
-            } => Method::Splitting { name, tolerance },
-        })
+            Self::Driven(driven) => Method::Driven {
+                driven: driven.read(),
+                times: Vec::new(),
+            },
+            Self::Splitting { scheme, norm_tol } => {
+                Method::splitting(&scheme, &hamiltonian.inner, norm_tol).map_err(refused)?
+            }
+        };
+        Ok(found)
     }
 }
 
@@ -274,7 +280,7 @@ pub(crate) fn start(
     method: &Bound<'_, PyAny>,
     job: &Bound<'_, PyAny>,
 ) -> PyResult<(Started, Vec<Caught>)> {
-    let method = method.extract::<WaveMethod<'_>>()?.read()?;
+    let method = method.extract::<WaveMethod<'_>>()?.read(hamiltonian)?;
     let job = job.extract::<WaveJob<'_>>()?.read()?;
     let (signals, mut caught) = (Caught::default(), hamiltonian.caught.clone());
     let (inner, cancel) = (hamiltonian.inner.clone(), signals.cancel_step());
@@ -298,7 +304,7 @@ pub(crate) fn start_each(
 ) -> PyResult<(Started, Vec<Caught>)> {
     let (mut runs, mut caught) = (Vec::new(), Vec::new());
     for (hamiltonian, method, job) in members {
-        let method = method.extract::<WaveMethod<'_>>()?.read()?;
+        let method = method.extract::<WaveMethod<'_>>()?.read(hamiltonian)?;
         let job = job.extract::<WaveJob<'_>>()?.read()?;
         caught.extend(hamiltonian.caught.iter().cloned());
         runs.push((hamiltonian.inner.clone(), method, job));
@@ -319,28 +325,17 @@ pub(crate) fn chebyshev_degree(theta: f64, tolerance: f64) -> usize {
     run::chebyshev_degree(theta, tolerance)
 }
 
-/// A method by series in time; none where it is another one.
-pub(crate) fn driven(method: &Bound<'_, PyAny>) -> PyResult<Option<Driven>> {
-    let method = method.extract::<WaveMethod<'_>>()?.read()?;
-    Ok(match method {
-        Method::Driven(driven) => Some(driven),
-        _ => None,
-    })
-}
-
 /// The windows of series in time from `t` to `end`, in powers and in Bessel functions, their products, and the longest
 /// window in units of 1/β, and errors beyond the tolerance that roundings may add up to.
 #[pyfunction]
 pub(crate) fn driven_cost(
     py: Python<'_>,
     hamiltonian: PyRef<'_, Hamiltonian>,
-    method: &Bound<'_, PyAny>,
+    method: DrivenMethod,
     t: f64,
     end: f64,
 ) -> PyResult<(usize, usize, usize, f64, f64)> {
-    let unfit = || refused("the parts of an H that depends on time");
-    let driven = driven(method)?.ok_or_else(unfit)?;
-    let hamiltonian = hamiltonian.inner.clone();
+    let (driven, hamiltonian) = (method.read(), hamiltonian.inner.clone());
     let cost = attending(py, || driven.cost(&hamiltonian, (t, end)))?;
     let cost = cost.ok_or_else(|| refused("parts are all terms, each with its bounds"))?;
     let cost = cost.map_err(refused)?;
@@ -363,7 +358,7 @@ pub(crate) fn magnus_cost(
     method: &Bound<'_, PyAny>,
     times: Vec<f64>,
 ) -> PyResult<(f64, f64, f64, bool)> {
-    let method = method.extract::<WaveMethod<'_>>()?.read()?;
+    let method = method.extract::<WaveMethod<'_>>()?.read(&hamiltonian)?;
     let hamiltonian = hamiltonian.inner.clone();
     let cost = attending(py, || run::magnus_cost(&hamiltonian, method, &times))?;
     let cost = cost.map_err(refused)?;

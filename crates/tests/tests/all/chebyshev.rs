@@ -266,7 +266,9 @@ fn outputs<S: Stored>(
     state: &Wave<S>,
     (times, counts): (&[f64], Vec<usize>),
 ) -> (Vec<Wave<S>>, usize) {
-    let windows = Windows::new(times.to_vec(), counts).expect("windows of all outputs");
+    let windows = Windows::new(counts)
+        .of(times.to_vec())
+        .expect("windows of all outputs");
     let mut chebyshev = chebyshev.with_windows(windows);
     let (mut state, mut t) = (state.clone(), 0.0);
     let mut found = Vec::new();

@@ -377,7 +377,9 @@ fn wave_functions_go_on() {
     };
     let windows = || {
         let times = (1..=33).map(|k| 0.03 * f64::from(k)).collect();
-        Windows::new(times, vec![10, 1, 20, 2]).expect("windows of all outputs")
+        Windows::new(vec![10, 1, 20, 2])
+            .of(times)
+            .expect("windows of all outputs")
     };
     let steppers: [Stepped<'_>; 9] = [
         (

@@ -12,8 +12,15 @@ pub struct Windows {
 }
 
 impl Windows {
-    /// Outputs at these times, in windows of so many; none where they are not as many.
-    pub fn new(times: Vec<f64>, counts: Vec<usize>) -> Option<Self> {
+    /// Windows of so many outputs each.
+    pub fn new(counts: Vec<usize>) -> Self {
+        let times = Vec::new();
+        Self { times, counts }
+    }
+
+    /// The same with the times of all outputs; none where they are not as many.
+    pub fn of(self, times: Vec<f64>) -> Option<Self> {
+        let Self { counts, .. } = self;
         let is_fitting = counts.iter().sum::<usize>() == times.len() && !counts.contains(&0);
         is_fitting.then_some(Self { times, counts })
     }

@@ -1,11 +1,9 @@
 //! Runs of Schrödinger equations: a Hamiltonian, a method and a job become one run.
 
-mod magnus;
 mod method;
-mod prepared;
+mod steppers;
 
-pub use magnus::magnus_cost;
-pub use method::{Method, chebyshev_degree, processor_degree, turns};
+pub use method::{Method, chebyshev_degree, magnus_cost, nodes, processor_degree, shears, turns};
 
 use crate::method::{Observable, Observer, Recorder, Sweeper, Wave};
 use crate::problem::Hamiltonian;
@@ -16,7 +14,6 @@ use liouville_base::method::Stepper;
 use liouville_base::real::{Lanes, WIDTH};
 use liouville_base::run::{Advance, BetweenTimes, Run, StartError, resize};
 use liouville_base::simd::Stored;
-use prepared::Prepared;
 use std::sync::Arc;
 
 /// Most bytes of the outputs of a window of members in lock-step.
@@ -97,7 +94,7 @@ pub fn start_each(
 /// Begins the runs of a job that fits its Hamiltonian.
 struct Starter {
     hamiltonian: Arc<Hamiltonian>,
-    method: Prepared,
+    method: Method,
     job: Job,
 }
 
@@ -117,7 +114,7 @@ impl Starter {
         let is_back = job.stops.first().is_some_and(|(t, _)| *t < job.t0);
         let times = job.stops.iter().map(|(t, _)| *t).collect();
         Ok(Self {
-            method: Prepared::new(method, &hamiltonian, times, is_back)?,
+            method: method.fitted(&hamiltonian, times, is_back)?,
             hamiltonian,
             job,
         })
@@ -165,7 +162,7 @@ impl Starter {
     /// All members: in lock-step if they share a matrix by rows and are not too few.
     fn ensemble(self, members: usize) -> Ensemble {
         let bytes = self.method.states() * size_of::<[Lanes<WIDTH>; 2]>() * self.job.n;
-        let is_lockstep = !matches!(self.method, Prepared::Single(_))
+        let is_lockstep = !self.method.is_single()
             && self.job.recorders.is_empty()
             && self.hamiltonian.reach().is_some()
             && bytes <= LOCKSTEP;
