@@ -58,7 +58,6 @@ if _typing.TYPE_CHECKING:
     from liouville._bridges import jax as jax
     from liouville._bridges import torch as torch
     from liouville._methods.planner import FieldPlan, Plan, WavePlan, plan
-    from liouville._runs.contacts import Contact
     from liouville._runs.gradients import Pullback, vjp
     from liouville._runs.stored import Store, resume
     from liouville._solution.export import load
@@ -67,6 +66,7 @@ if _typing.TYPE_CHECKING:
     from liouville._systems.fields.gridded import GriddedField
     from liouville._systems.fields.particles import ChargedParticles
     from liouville._systems.fields.vector_potential import PotentialField
+    from liouville._systems.mechanics.contact import Contact
     from liouville._systems.sympy.mechanics import from_sympy
     from liouville._systems.tracing.table import table
 
@@ -136,7 +136,7 @@ __all__ = [
 #: Names that few runs need, by the modules that are imported when they are first used.
 _LATER = {
     "ChargedParticles": "_systems.fields.particles",
-    "Contact": "_runs.contacts",
+    "Contact": "_systems.mechanics.contact",
     "FieldPlan": "_methods.planner",
     "GriddedField": "_systems.fields.gridded",
     "OptimalControl": "_studies.optimal",

@@ -5,6 +5,7 @@ from liouville.bodies.body import Body
 from liouville.bodies.files import from_mjcf, from_urdf
 from liouville.bodies.friction import Coulomb, Stribeck
 from liouville.bodies.joints import Joint
+from liouville.bodies.limits import Limits
 from liouville.bodies.mechanism import Mechanism
 from liouville.bodies.results import BodyMotion, JointMotion, body_of, joint_of
 
@@ -15,6 +16,7 @@ __all__ = [
     "Coulomb",
     "Joint",
     "JointMotion",
+    "Limits",
     "Mechanism",
     "Stribeck",
     "body_of",

@@ -197,7 +197,9 @@ class Assembly(Acting):
         self._bodies[body.name] = body
         return body
 
-    def system(self, params: Mapping[str, ArrayLike] | None = None) -> Mechanism:
+    def system(
+        self, params: Mapping[str, ArrayLike] | None = None, *, impacts: str = "poisson"
+    ) -> Mechanism:
         """Make the system.
 
         Parameters
@@ -205,6 +207,8 @@ class Assembly(Acting):
         params : mapping of str to float or 1-D array_like, optional
             Parameters by name, with default values, as those of :class:`~liouville.Lagrangian`;
             they come after those of the assembly, and may give these other values.
+        impacts : {"poisson", "newton"}
+            The law of the impacts of its contacts, as for :class:`~liouville.Lagrangian`.
 
         Returns
         -------
@@ -249,6 +253,7 @@ class Assembly(Acting):
             list(self._gears.values()),
             self._gravity,
             own,
+            impacts,
         )
         return self._system
 

@@ -14,6 +14,7 @@ from liouville.bodies import rotations as rot
 from liouville.bodies.body import Body, Value, check_size, given, numbers, unit
 from liouville.bodies.friction import frictions_of_axes
 from liouville.bodies.joints import RATES, Axis, Joint
+from liouville.bodies.limits import check_motion, limits_of
 from liouville.bodies.registry import Registry, check_damping, coordinate_values, functions_of
 
 Which = Body | str
@@ -71,6 +72,7 @@ class Chaining(Registry):
         rest: Any = 0.0,
         motion: Any = None,
         friction: Any = None,
+        limits: Any = None,
     ) -> Joint:
         """Let b turn about and slide along several axes, each carried by those before.
 
@@ -89,11 +91,12 @@ class Chaining(Registry):
         names : sequence of str, optional
             Names of the coordinates, by default "angle" or "slide" of one axis, "turn 1" or
             "slide 2" of several.
-        armature, damping, effort, spring, rest, motion, friction : optional
+        armature, damping, effort, spring, rest, motion, friction, limits : optional
             Of the only coordinate, or a sequence with one each: inertia of a rotor, coefficient of
             a damper, a function ``f(t, angle, rate, params)``, stiffness, and where it rests; a
             function ``f(t, params)`` that the coordinate follows; a
-            :class:`~liouville.bodies.Coulomb` that is pressed by the joint's force across the axis.
+            :class:`~liouville.bodies.Coulomb` that is pressed by the joint's force across the axis;
+            a pair of values with stops, or :class:`~liouville.bodies.Limits`.
 
         Returns
         -------
@@ -138,6 +141,8 @@ class Chaining(Registry):
         )
         rests = coordinate_values(of, names, "rest", rest, 0.0)
         stiffness = coordinate_values(of, names, "spring", spring, 0.0)
+        stops = limits_of(of, names, limits)
+        check_motion(of, stops, motions)
         return self._add(
             "compound",
             name,
@@ -149,6 +154,7 @@ class Chaining(Registry):
             efforts=efforts,
             motions=motions,
             springs={own: (value, rests.get(own, 0.0)) for own, value in stiffness.items()},
+            limits=stops,
             friction=frictions_of_axes(of, {axis.name: axis.turns for axis in found}, friction),
         )
 

@@ -15,8 +15,8 @@ from liouville._basics import casadi as ca
 from liouville.bodies import rotations as rot
 from liouville.bodies import turns
 from liouville.bodies.body import Value, column, inertia_matrix
-from liouville.bodies.joints import Group, Joint, constants, drawn
-from liouville.bodies.poses import Poses
+from liouville.bodies.joints import Group, Joint
+from liouville.bodies.poses import Poses, constants, drawn
 
 
 class Compound(Group):

@@ -263,20 +263,20 @@ def edge(
     return ca.SX(sum(x**2 for x in slips) / unit**2 - k**2)
 
 
-def reversal(contact: Contact, n: ca.SX) -> dict[str, Callable[..., ca.SX]]:
-    """Return where controlled steps end as what presses a contact turns, where |n| has a kink.
+def reversal(slip: Rubbing, n: ca.SX) -> dict[str, Callable[..., ca.SX]]:
+    """Return where controlled steps end as what presses a slip turns, where |n| has a kink.
 
     A single direction passes zero; several together are measured by their size, whose least value
     on the way through zero the search for events follows.
     """
-    one = [k for k in range(n.numel()) if contact.press[k, :].nnz()]
-    own = n[one[0]] if len(one) == 1 else ca.dot(n, n) / contact.least - WIDTH**2
-    of = f"{contact.name}.{next(iter(contact.forces))}"
+    one = [k for k in range(n.numel()) if slip.press[k, :].nnz()]
+    own = n[one[0]] if len(one) == 1 else ca.dot(n, n) / slip.least - WIDTH**2
+    of = f"{slip.name}.{next(iter(slip.forces))}"
     return {f"normal force of {of}": lambda *_: own}
 
 
 @dataclass(frozen=True)
-class Contact:
+class Rubbing:
     """A slip with friction in the expressions of a model.
 
     Attributes
@@ -300,13 +300,13 @@ class Contact:
     least: ca.SX
 
 
-def contacts(
+def rubbed(
     group: Group,
     k: int,
     rows: Sequence[str],
     coordinates: Mapping[tuple[str, str], Any],
     gravity: ca.SX,
-) -> list[Contact]:
+) -> list[Rubbing]:
     """Return the slips of joint k of a group, of a system with constraints named `rows`."""
     joint: Joint = group.items[k]
     _check_plane(joint, gravity)
@@ -323,7 +323,7 @@ def contacts(
             press[:, rows.index(f"{joint.name}.{pressing[j]}")] = directions[:, j]
         least = _least(joint, friction, gravity, params)
         efforts = dict(zip(names, forces, strict=True))
-        found.append(Contact(joint.name, efforts, rates, press, least))
+        found.append(Rubbing(joint.name, efforts, rates, press, least))
     return found
 
 

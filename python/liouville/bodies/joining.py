@@ -26,7 +26,8 @@ class Joining(Linking):
     both zero as drawn. `damping` times the rate is a torque or force against it; `torque` and
     `force` are functions ``f(t, angle, rate, params)``; `spring` times the way from `rest` is one
     with an energy; `motion` is a function ``f(t, params)`` that the coordinate follows; `friction`
-    is a :class:`~liouville.bodies.Coulomb` or a :class:`~liouville.bodies.Stribeck`.
+    is a :class:`~liouville.bodies.Coulomb` or a :class:`~liouville.bodies.Stribeck`; `limits` are
+    values with stops, pairs or :class:`~liouville.bodies.Limits`.
     """
 
     def revolute(
@@ -43,6 +44,7 @@ class Joining(Linking):
         rest: Value = 0.0,
         motion: Effort | None = None,
         friction: Coulomb | None = None,
+        limits: Any = None,
     ) -> Joint:
         """Let b turn about an axis of a: a hinge.
 
@@ -69,6 +71,8 @@ class Joining(Linking):
             ``f(t, params)``, the angle that the joint is made to follow.
         friction : Coulomb or Stribeck, optional
             Dry friction, pressed by the joint's own reaction.
+        limits : tuple of two, or Limits, optional
+            The least and the largest value, each with a stop, or None.
 
         Returns
         -------
@@ -80,7 +84,7 @@ class Joining(Linking):
         TypeError, ValueError
             An argument is wrong, or the name is there already.
         """
-        more = damping, torque, spring, rest, motion
+        more = damping, torque, spring, rest, motion, limits
         return self._with_axis("revolute", name, (a, b), at, axis, *more, friction=friction)
 
     def prismatic(
@@ -97,6 +101,7 @@ class Joining(Linking):
         rest: Value = 0.0,
         motion: Effort | None = None,
         friction: Coulomb | None = None,
+        limits: Any = None,
     ) -> Joint:
         """Let b slide along an axis of a, without turning.
 
@@ -122,6 +127,8 @@ class Joining(Linking):
             ``f(t, params)``, the slide that the joint is made to follow.
         friction : Coulomb or Stribeck, optional
             Dry friction, pressed by the joint's own reaction.
+        limits : tuple of two, or Limits, optional
+            The least and the largest value, each with a stop, or None.
 
         Returns
         -------
@@ -135,7 +142,7 @@ class Joining(Linking):
         """
         body = self._body(b, f"joint '{name}'")
         at = body.at if at is None else at
-        more = damping, force, spring, rest, motion
+        more = damping, force, spring, rest, motion, limits
         return self._with_axis("prismatic", name, (a, b), at, axis, *more, friction=friction)
 
     def cylindrical(
@@ -153,6 +160,7 @@ class Joining(Linking):
         rest: Any = 0.0,
         motion: Any = None,
         friction: Coulomb | None = None,
+        limits: Any = None,
     ) -> Joint:
         """Let b turn about an axis of a and slide along it.
 
@@ -172,6 +180,8 @@ class Joining(Linking):
             ``f(t, angle, rate, params)`` and ``f(t, slide, rate, params)``, on b.
         friction : Coulomb or Stribeck, optional
             Dry friction, pressed by the joint's own reaction.
+        limits : sequence, optional
+            For each coordinate a pair of values with stops, Limits or None.
 
         Returns
         -------
@@ -184,7 +194,7 @@ class Joining(Linking):
             An argument is wrong, or the name is there already.
         """
         efforts = (torque, force)
-        more = damping, efforts, spring, rest, motion
+        more = damping, efforts, spring, rest, motion, limits
         return self._with_axis("cylindrical", name, (a, b), at, axis, *more, friction=friction)
 
     def screw(
@@ -203,6 +213,7 @@ class Joining(Linking):
         rest: Any = 0.0,
         motion: Any = None,
         friction: Coulomb | None = None,
+        limits: Any = None,
     ) -> Joint:
         """Let b turn about an axis of a and slide along it by `lead` for each turn.
 
@@ -225,6 +236,8 @@ class Joining(Linking):
             ``f(t, angle, rate, params)`` and ``f(t, slide, rate, params)``, on b.
         friction : Coulomb or Stribeck, optional
             Dry friction, pressed by the joint's own reaction.
+        limits : sequence, optional
+            For each coordinate a pair of values with stops, Limits or None.
 
         Returns
         -------
@@ -241,8 +254,9 @@ class Joining(Linking):
         if not callable(lead) and lead == 0:
             raise ValueError(hinted(f"lead= of {of} is zero", "take a revolute joint"))
         pitch = (lambda p: lead(p) / (2 * np.pi)) if callable(lead) else lead / (2 * np.pi)
-        acting = damping, (torque, force), spring, rest, motion, {"pitch": pitch}, friction
-        return self._with_axis("screw", name, (a, b), at, axis, *acting)
+        acting = damping, (torque, force), spring, rest, motion, limits
+        more = {"pitch": pitch}, friction
+        return self._with_axis("screw", name, (a, b), at, axis, *acting, *more)
 
     def universal(
         self,
@@ -258,6 +272,7 @@ class Joining(Linking):
         rest: Any = 0.0,
         motion: Any = None,
         friction: Coulomb | None = None,
+        limits: Any = None,
     ) -> Joint:
         """Let b turn about two axes that cross at a right angle, the first of a, the second of b.
 
@@ -275,6 +290,8 @@ class Joining(Linking):
             As for :meth:`revolute`: pairs, of both angles.
         friction : Coulomb or Stribeck, optional
             Dry friction, pressed by the joint's own reaction.
+        limits : sequence, optional
+            For each coordinate a pair of values with stops, Limits or None.
 
         Returns
         -------
@@ -298,7 +315,7 @@ class Joining(Linking):
             points_of(of, at),
             frames,
             friction=frictions(of, "universal", friction),
-            **along(of, "universal", damping, torque, spring, rest, motion),
+            **along(of, "universal", damping, torque, spring, rest, motion, limits),
         )
 
     def planar(
@@ -315,6 +332,7 @@ class Joining(Linking):
         rest: Any = 0.0,
         motion: Any = None,
         friction: Coulomb | None = None,
+        limits: Any = None,
     ) -> Joint:
         """Let b turn about a normal of a and slide across it.
 
@@ -332,6 +350,8 @@ class Joining(Linking):
             Three entries, of the angle and of both slides, as for :meth:`revolute`.
         friction : Coulomb or Stribeck, optional
             Dry friction, pressed by the joint's own reaction.
+        limits : sequence, optional
+            For each coordinate a pair of values with stops, Limits or None.
 
         Returns
         -------
@@ -343,7 +363,7 @@ class Joining(Linking):
         TypeError, ValueError
             An argument is wrong, or the name is there already.
         """
-        more = damping, effort, spring, rest, motion
+        more = damping, effort, spring, rest, motion, limits
         return self._with_axis("planar", name, (a, b), at, normal, *more, friction=friction)
 
     def _with_axis(
@@ -358,6 +378,7 @@ class Joining(Linking):
         spring: Any = 0.0,
         rest: Any = 0.0,
         motion: Any = None,
+        limits: Any = None,
         sizes: Mapping[str, Value] | None = None,
         friction: Coulomb | None = None,
     ) -> Joint:
@@ -366,6 +387,6 @@ class Joining(Linking):
         a, b = self._sides(of, *sides)
         frames = self._frames(of, a, b, axis=axis)
         check_plane(of, kind, a, b, pair_of(of, axis)[0])
-        free = along(of, kind, damping, effort, spring, rest, motion)
+        free = along(of, kind, damping, effort, spring, rest, motion, limits)
         more = {"sizes": dict(sizes or {}), "friction": dry, **free}
         return self._add(kind, name, sides, points_of(of, at), frames, **more)

@@ -19,12 +19,13 @@ import numpy as np
 from liouville._basics import casadi as ca
 from liouville.bodies import rotations as rot
 from liouville.bodies import turns
-from liouville.bodies.body import Body, Value, called, check_rows, column, resolved, row
-from liouville.bodies.poses import Poses
+from liouville.bodies.body import Body, Value, called, check_rows, row
+from liouville.bodies.poses import Poses, constants, drawn
 from liouville.bodies.rolling import height
 
 if TYPE_CHECKING:
     from liouville.bodies.friction import Coulomb
+    from liouville.bodies.limits import Limits
 
 
 @dataclass(frozen=True)
@@ -78,8 +79,6 @@ KINDS = {
 #: Coordinates that are turned, and others, without a value, that are rates only.
 ANGLES = ("angle", "second angle")
 RATES = ("move_x", "move_y", "move_z", *SPINS)
-#: Parts of unit vectors below this are roundoff.
-NONE = 1e-15
 #: Below this square of the sine of half of it, the square of an angle is summed as a series.
 NEAR = 0.02
 #: The beginning of the names of rows that prescribe the motion of a coordinate, after the joint's.
@@ -134,6 +133,8 @@ class Joint:
         Inertia of rotors by coordinate.
     friction : dict
         Dry friction by the coordinates that make up its slip.
+    limits : dict of str to Limits
+        Limits of its coordinates by name.
     """
 
     name: str
@@ -151,6 +152,7 @@ class Joint:
     axes: tuple[Axis, ...] = ()
     armature: Mapping[str, Value] = field(default_factory=dict)
     friction: Mapping[tuple[str, ...], Coulomb] = field(default_factory=dict)
+    limits: Mapping[str, Limits] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         """Name the joint and its bodies."""
@@ -177,8 +179,9 @@ class Joint:
         found += [("spring", stiffness, 1) for stiffness, _ in self.springs.values()]
         found += [("rest", rest, 1) for _, rest in self.springs.values()]
         found += [("lead" if name == "pitch" else name, x, 1) for name, x in self.sizes.items()]
-        for own in self.friction.values():
-            found += [(f"{name} of friction", x, 1) for name, x in own.functions().items()]
+        for what, laws in (("friction", self.friction), ("limits", self.limits)):
+            for own in laws.values():
+                found += [(f"{name} of {what}", x, 1) for name, x in own.functions().items()]
         yield from (x for x in found if callable(x[1]))
 
     @property
@@ -371,29 +374,3 @@ ROWS: dict[str, Callable[[Group], Any]] = {
     "length": _length,
     "height": height,
 }
-
-
-def constants(components: rot.Components) -> list[ca.SX]:
-    """Return rows of parts of unit vectors as expressions.
-
-    Roundoff of 0, 1 and -1 is taken off: products with these are no operations.
-    """
-    whole = [np.where(np.abs(x - np.round(x)) < NONE, np.round(x), x) for x in components]
-    return [ca.SX(ca.DM(x)).T for x in whole]
-
-
-def drawn(pairs: Sequence[tuple[Body, Value]], params: Any) -> ca.SX:
-    """Return points of the world, as drawn, in the axes of their bodies, a column each."""
-    places = [(resolved(point, params), resolved(body.at, params)) for body, point in pairs]
-    if all(isinstance(x, np.ndarray) for pair in places for x in pair):
-        turns = np.array([body.rotation for body, _ in pairs]).T
-        arms = np.array([point - at for point, at in places]).T
-        own = np.array(rot.rotate(rot.conjugate(turns), arms))
-        # without the roundoff of zero, whose products vanish
-        return ca.SX(ca.DM(np.where(np.abs(own) < NONE * np.abs(own).max(axis=0), 0.0, own)))
-    columns = []
-    for (body, _), (point, at) in zip(pairs, places, strict=True):
-        arm = ca.vertsplit(column(point, params, 3) - column(at, params, 3))
-        columns.append(ca.vertcat(*rot.rotate(rot.conjugate(body.rotation), arm)))
-    found: ca.SX = ca.horzcat(*columns)
-    return found

@@ -23,6 +23,7 @@ from liouville.bodies.joints import RATES, Joint
 from liouville.bodies.model import Model, Place
 from liouville.bodies.normal_forces import Rubs
 from liouville.bodies.poses import Poses
+from liouville.bodies.touching import contacts_of
 
 if TYPE_CHECKING:
     from liouville.bodies.chaining import Gear
@@ -59,10 +60,17 @@ class Mechanism(Lagrangian):
         gears: Sequence[Gear | Coupling],
         gravity: Value,
         params: Mapping[str, ArrayLike] | None,
+        impacts: str,
     ) -> None:
         counted = turns.counted(joints, gears, params or {})
         self._body_layout = Layout(bodies, joints, counted)
         model = Model(bodies, joints, elements, gears, gravity, self._body_layout)
+        contacts = contacts_of(model, joints)
+        self.rubbing = tuple(joint.name for joint in joints if joint.friction)
+        if contacts and self.rubbing:
+            sentence = f"friction in {self._rubbing_joints} knows nothing of what contacts press"
+            hint = f"leave out either, the friction or contacts {quoted(tuple(contacts))}"
+            raise ValueError(hinted(sentence, hint))
         super().__init__(
             model.lagrangian,
             model.constraint if joints or self._body_layout.of_kind("spatial") else None,
@@ -71,6 +79,8 @@ class Mechanism(Lagrangian):
             params=params,
             force=model.force,
             switches=model.switches,
+            contacts=contacts,
+            impacts=impacts,
         )
         self._places = {place.name: place for place in model.places()}
         self.bodies, self.joints = self._body_layout.names, tuple(self._places)
@@ -84,7 +94,6 @@ class Mechanism(Lagrangian):
         self._matrices = tuple((what, name) for what, name, _ in matrix_functions(elements))
         self.checks_values = bool(self._limited or self._matrices or self._varying)
         self._wheels = tuple(joint.name for joint in joints if joint.kind == "rolling wheel")
-        self.rubbing = tuple(joint.name for joint in joints if joint.friction)
         self._directions = model.directions
 
     def values(self, params: Mapping[str, ArrayLike] | None) -> Array:

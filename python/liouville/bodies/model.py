@@ -32,10 +32,10 @@ from liouville.bodies.elements import (
     of_joints,
     parameter_functions,
 )
-from liouville.bodies.friction import contacts, edge, reversal, switches
-from liouville.bodies.joints import KINDS, MOTION, Joint, drawn
+from liouville.bodies.friction import edge, reversal, rubbed, switches
+from liouville.bodies.joints import KINDS, MOTION, Joint
 from liouville.bodies.normal_forces import multipliers, normal_forces, pushes
-from liouville.bodies.poses import Poses, kinetic
+from liouville.bodies.poses import Poses, drawn, kinetic
 from liouville.bodies.rolling import is_across, rolled
 
 
@@ -207,7 +207,7 @@ class Model:
             own
             for group in self.groups
             for j in range(len(group.items))
-            for own in contacts(group, j, [*holonomic, *rolling], self.coordinates, gravity)
+            for own in rubbed(group, j, [*holonomic, *rolling], self.coordinates, gravity)
         ]
         normal, pressing = normal_forces(slips, mass, rest, slopes, gamma, v)
         self.directions = tuple(x.press.shape[0] for x in slips)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from liouville._basics import casadi as ca
 from liouville._systems.tracing.sparse import jacobian, solve
-from liouville.bodies.friction import Contact
+from liouville.bodies.friction import Rubbing
 
 #: Normal forces of several slips are found in turn, this many times, then by so many corrections
 #: of Newton's method; they are found where these leave no more than this part of them.
@@ -36,7 +36,7 @@ class Rubs:
     rate : ndarray, shape (m,)
         The rates of constraints without accelerations.
     pushes : ndarray, shape (J, n)
-        The generalised force of each of J contacts for a normal force of one.
+        The generalised force of each of J slips for a normal force of one.
     presses : list of ndarray, shape (j, m)
         What multipliers press each contact with.
     least : ndarray, shape (J,)
@@ -78,43 +78,41 @@ class Rubs:
 
 
 def normal_forces(
-    contacts: Sequence[Contact],
+    slips: Sequence[Rubbing],
     mass: ca.SX,
     force: ca.SX,
     slopes: ca.SX,
     gamma: ca.SX,
     v: ca.SX,
 ) -> tuple[list[ca.SX], list[ca.SX]]:
-    r"""Return the normal forces of contacts, of M a + G^T lam = F + friction and G a = -gamma.
+    r"""Return the normal forces of slips, of M a + G^T lam = F + friction and G a = -gamma.
 
     With S = G M^-1 G^T the multipliers are :math:`\lambda_0 + \sum_j N_j \Lambda_j`, where
     :math:`S \lambda_0 = G M^{-1} F + \gamma` and :math:`S \Lambda_j = G M^{-1} d_j`. What presses
     each contact, of which they are the sizes, comes second.
     """
     weighted = solve(mass, slopes.T)  # M^-1 G^T
-    right = ca.mtimes(weighted.T, ca.horzcat(force, *pushes(contacts, v)))
+    right = ca.mtimes(weighted.T, ca.horzcat(force, *pushes(slips, v)))
     right[:, 0] += gamma
     parts = ca.horzsplit(ca.ldl_solve(right, *ca.ldl(ca.mtimes(slopes, weighted))))
     # what presses contact i is pressed[i] + sum_j N_j more[i][j]
-    pressed = [ca.mtimes(x.press, parts[0]) for x in contacts]
-    more = [[ca.mtimes(x.press, own) for own in parts[1:]] for x in contacts]
-    found = [ca.SX(0)] * len(contacts)
-    for _ in range(1 if len(contacts) == 1 else TURNS):
-        for k, x in enumerate(contacts):
+    pressed = [ca.mtimes(x.press, parts[0]) for x in slips]
+    more = [[ca.mtimes(x.press, own) for own in parts[1:]] for x in slips]
+    found = [ca.SX(0)] * len(slips)
+    for _ in range(1 if len(slips) == 1 else TURNS):
+        for k, x in enumerate(slips):
             others = [
                 N * way for j, (N, way) in enumerate(zip(found, more[k], strict=True)) if j != k
             ]
             found[k] = _root(sum(others, pressed[k]), more[k][k], x.least)
-    if len(contacts) > 1:
-        found = _corrected(found, contacts, pressed, more)
+    if len(slips) > 1:
+        found = _corrected(found, slips, pressed, more)
     return found, _pressing(found, pressed, more)
 
 
-def pushes(contacts: Sequence[Contact], v: ca.SX) -> list[ca.SX]:
-    """Return the generalised forces of contacts for normal forces of one."""
-    return [
-        ca.jtimes(ca.vertcat(*x.rates), v, ca.vertcat(*x.forces.values()), True) for x in contacts
-    ]
+def pushes(slips: Sequence[Rubbing], v: ca.SX) -> list[ca.SX]:
+    """Return the generalised forces of slips for normal forces of one."""
+    return [ca.jtimes(ca.vertcat(*x.rates), v, ca.vertcat(*x.forces.values()), True) for x in slips]
 
 
 def _pressing(
@@ -137,7 +135,7 @@ def _root(pressed: ca.SX, more: ca.SX, least: ca.SX) -> ca.SX:
 
 def _corrected(
     found: list[ca.SX],
-    contacts: Sequence[Contact],
+    slips: Sequence[Rubbing],
     pressed: Sequence[ca.SX],
     more: Sequence[Sequence[ca.SX]],
 ) -> list[ca.SX]:
@@ -145,9 +143,7 @@ def _corrected(
 
     def pressing() -> tuple[list[ca.SX], list[ca.SX]]:
         all_of = _pressing(found, pressed, more)
-        sizes = [
-            ca.sqrt(ca.dot(own, own) + x.least) for own, x in zip(all_of, contacts, strict=True)
-        ]
+        sizes = [ca.sqrt(ca.dot(own, own) + x.least) for own, x in zip(all_of, slips, strict=True)]
         return all_of, sizes
 
     pivots: list[ca.SX] = []

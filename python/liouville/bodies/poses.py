@@ -9,7 +9,19 @@ import numpy as np
 
 from liouville._basics import casadi as ca
 from liouville.bodies import rotations as rot
-from liouville.bodies.body import Body, Layout, column, inertia_matrix, row, stacked
+from liouville.bodies.body import (
+    Body,
+    Layout,
+    Value,
+    column,
+    inertia_matrix,
+    resolved,
+    row,
+    stacked,
+)
+
+#: Parts of unit vectors below this are roundoff.
+NONE = 1e-15
 
 
 class Poses:
@@ -128,3 +140,29 @@ def _turning(body: Body, params: Any) -> tuple[Any, Any]:
     middle = ca.SX(sorted(float(x) for x in own)[1]) if constant else own[0]
     chosen = pairs[0] if pairs else middle
     return ca.densify(ca.vec(matrix - chosen * ca.SX.eye(3))), chosen
+
+
+def constants(components: rot.Components) -> list[ca.SX]:
+    """Return rows of parts of unit vectors as expressions.
+
+    Roundoff of 0, 1 and -1 is taken off: products with these are no operations.
+    """
+    whole = [np.where(np.abs(x - np.round(x)) < NONE, np.round(x), x) for x in components]
+    return [ca.SX(ca.DM(x)).T for x in whole]
+
+
+def drawn(pairs: Sequence[tuple[Body, Value]], params: Any) -> ca.SX:
+    """Return points of the world, as drawn, in the axes of their bodies, a column each."""
+    places = [(resolved(point, params), resolved(body.at, params)) for body, point in pairs]
+    if all(isinstance(x, np.ndarray) for pair in places for x in pair):
+        turns = np.array([body.rotation for body, _ in pairs]).T
+        arms = np.array([point - at for point, at in places]).T
+        own = np.array(rot.rotate(rot.conjugate(turns), arms))
+        # without the roundoff of zero, whose products vanish
+        return ca.SX(ca.DM(np.where(np.abs(own) < NONE * np.abs(own).max(axis=0), 0.0, own)))
+    columns = []
+    for (body, _), (point, at) in zip(pairs, places, strict=True):
+        arm = ca.vertsplit(column(point, params, 3) - column(at, params, 3))
+        columns.append(ca.vertcat(*rot.rotate(rot.conjugate(body.rotation), arm)))
+    found: ca.SX = ca.horzcat(*columns)
+    return found

@@ -15,6 +15,7 @@ from liouville.bodies import rotations as rot
 from liouville.bodies.body import Body, Value, check_size, column, given, numbers, resolved, unit
 from liouville.bodies.elements import Element
 from liouville.bodies.joints import ANGLES, KINDS, RATES, Joint
+from liouville.bodies.limits import check_motion, limits_of
 
 Z = (0.0, 0.0, 1.0)
 #: Kinds of joints about a point that one of the bodies turns about.
@@ -274,7 +275,14 @@ def check_damping(of: str, damping: Mapping[str, Value]) -> None:
 
 
 def along(
-    of: str, kind: str, damping: Any, effort: Any, spring: Any, rest: Any, motion: Any
+    of: str,
+    kind: str,
+    damping: Any,
+    effort: Any,
+    spring: Any,
+    rest: Any,
+    motion: Any,
+    limits: Any = None,
 ) -> dict[str, Any]:
     """Return what acts along the coordinates of a joint."""
     dampers = by_coordinate(of, kind, "damping", damping, 0.0)
@@ -289,7 +297,15 @@ def along(
     if kind == "screw" and len(motions) > 1:
         hint = "a screw turns as it slides: prescribe one of both"
         raise ValueError(hinted(f"motion= of {of} has two functions", hint))
-    return {"damping": dampers, "springs": springs, "efforts": efforts, "motions": motions}
+    stops = limits_of(of, KINDS[kind].coordinates, limits)
+    check_motion(of, stops, motions)
+    return {
+        "damping": dampers,
+        "springs": springs,
+        "efforts": efforts,
+        "motions": motions,
+        "limits": stops,
+    }
 
 
 def check_plane(of: str, kind: str, a: Body, b: Body, axis: NDArray[np.float64]) -> None:

@@ -35,6 +35,7 @@ def counted(
         for name in joint.angles
         if name in joint.springs
         or (joint.name, name) in coupled
+        or (name in joint.limits and not joint.limits[name].are_within(name))
         or (name in joint.efforts and _is_read(joint, name, params))
     ]
 

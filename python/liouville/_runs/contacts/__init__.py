@@ -5,6 +5,6 @@ regularised. At a change a complementarity problem decides which mode goes on, a
 another; see :doc:`/theory/contacts`.
 """
 
-from liouville._runs.contacts.contact import Contact as Contact
-from liouville._runs.contacts.contact import Mode as Mode
 from liouville._runs.contacts.run import integrate as integrate
+from liouville._systems.mechanics.contact import Contact as Contact
+from liouville._systems.mechanics.contact import Mode as Mode

@@ -10,13 +10,13 @@ import numpy as np
 
 from liouville._basics.errors import IntegrationError, hinted
 from liouville._runs.contacts.complementarity import Array
-from liouville._runs.contacts.contact import Mode
 from liouville._runs.contacts.margin import forces_of
 from liouville._runs.contacts.record import ContactRecord
 from liouville._runs.contacts.switching import AT_REST, Switching
 from liouville._runs.contacts.traced import ModeSystem
 from liouville._solution.parts import GROUPS
 from liouville._solution.points import Points
+from liouville._systems.mechanics.contact import Mode
 
 if TYPE_CHECKING:
     from liouville._solution.solution import Solution

@@ -14,7 +14,7 @@ import numpy as np
 
 from liouville._basics.scipy import scipy
 from liouville._runs.contacts.complementarity import Array
-from liouville._runs.contacts.contact import Mode
+from liouville._systems.mechanics.contact import Mode
 
 if TYPE_CHECKING:
     from liouville._runs.contacts.traced import Contacts, Matrices

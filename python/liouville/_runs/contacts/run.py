@@ -10,12 +10,12 @@ import numpy as np
 
 from liouville._basics.errors import IntegrationError, hinted, quoted
 from liouville._runs.contacts.complementarity import Array
-from liouville._runs.contacts.contact import Mode
 from liouville._runs.contacts.joined import PENETRATES, Stretch, joined
 from liouville._runs.contacts.margin import margin
 from liouville._runs.contacts.switching import CLOSED, EPS, ROUNDINGS, Switching
 from liouville._runs.contacts.traced import Contacts, Matrices, ModeSystem
 from liouville._systems.events import Event, named
+from liouville._systems.mechanics.contact import Mode
 
 if TYPE_CHECKING:
     from liouville._methods.control import Steps
@@ -119,7 +119,7 @@ class Course:
         """Make a stretch; return the state at its end and the contacts whose slip came to zero."""
         now, (first, second) = self.now, self.contacts.system.states
         at = now.at(now.t, y, z)
-        system = self.contacts.mode(now.modes, self.contacts.independent(now.modes, at))
+        system = self.contacts.mode(now.modes, at)
         start = self._moved(system, at, y, z)
         events = {name: Event(_recorded, "down", terminal=True) for name in system.own_events}
         begin, (until, h) = now.t, self._limits(at)
@@ -159,7 +159,8 @@ class Course:
     def _moved(self, system: ModeSystem, at: Matrices, y: Array, z: Array) -> dict[str, Array]:
         """Return the start of a stretch on the constraints of its mode."""
         (first, second), t = system.states, self.now.t
-        start = system.consistent(t, self.request.params, None, **{first: y, second: z})
+        held = system.stepped(t, y, z, self.now.params)
+        start = held.consistent(t, self.request.params, None, **{first: y, second: z})
         off = float(np.abs(start[first] - y).max() / max(at.way, TINY))
         if off > MOVED:
             names = quoted(system.constraints)

@@ -13,8 +13,8 @@ from liouville import _core
 from liouville._basics import casadi as ca
 from liouville._basics.errors import hinted
 from liouville._runs.contacts.complementarity import Array
-from liouville._runs.contacts.contact import Contact, Mode
 from liouville._systems.events import Event
+from liouville._systems.mechanics.contact import Contact, Mode
 from liouville._systems.mechanics.form import Nonholonomic, total_derivative
 from liouville._systems.mechanics.general import Mechanics
 from liouville._systems.mechanics.traced import INVARIANT, SWITCH
@@ -93,7 +93,7 @@ class Contacts:
         #: The coefficients of sliding friction, and of static friction.
         self.friction = np.array([x.friction for x in given.values()], dtype=float)
         self.static = np.array([x.largest for x in given.values()], dtype=float)
-        self._systems: dict[tuple[tuple[Mode, ...], tuple[int, ...]], ModeSystem] = {}
+        self._systems: dict[tuple[tuple[Mode, ...], tuple[int, ...], bool], ModeSystem] = {}
         s, model = system._symbols, system._model
         slopes = ca.vertcat(entries(jacobian(model.p, s.z)), entries(jacobian(model.v, s.z)))
         reactions = entries(jacobian(model.r, model.lam))
@@ -196,17 +196,18 @@ class Contacts:
             C @ free + C_t[:, 0], F, free, v[:, 0], np.vstack([B, C]),
         )  # fmt: skip
 
-    def independent(self, modes: tuple[Mode, ...], at: Matrices) -> tuple[int, ...]:
-        """Return the rows of a mode that no rows before them imply, those of gaps first.
+    def mode(self, modes: tuple[Mode, ...], at: Matrices) -> ModeSystem:
+        """Return the system in these modes at a state; each is made once.
 
-        Rows are numbered as in :class:`Matrices`, 0..c-1 for gaps and c..2c-1 for slips.
+        It steps the rows that no rows before them imply, those of gaps first, numbered as in
+        :class:`Matrices`, 0..c-1 for gaps and c..2c-1 for slips.
         """
         c = len(modes)
         wanted = [k for k, mode in enumerate(modes) if mode is not Mode.OPEN]
         wanted += [c + k for k, mode in enumerate(modes) if mode is Mode.STICK]
         fixed = len(at.rows) - 2 * c
         basis: list[Array] = []
-        found = []
+        found, is_redundant = [], False
         for row in [*range(fixed), *(fixed + k for k in wanted)]:
             x = at.rows[row]
             size = np.linalg.norm(x)
@@ -217,13 +218,11 @@ class Contacts:
                 basis.append(x / np.linalg.norm(x))
                 if row >= fixed:
                     found.append(row - fixed)
-        return tuple(found)
-
-    def mode(self, modes: tuple[Mode, ...], rows: tuple[int, ...]) -> ModeSystem:
-        """Return the system in these modes, which steps these rows; it is made once."""
-        key = modes, rows
+            else:
+                is_redundant |= row < fixed
+        key = modes, tuple(found), is_redundant
         if key not in self._systems:
-            self._systems[key] = ModeSystem(self, modes, rows)
+            self._systems[key] = ModeSystem(self, *key)
         return self._systems[key]
 
 
@@ -242,12 +241,22 @@ class ModeSystem(Mechanics):
         Whether more contacts bear than rows are independent: their forces are not determined.
     own_events : dict of str to tuple
         The events of the mode by name: the contact, and what happens there.
+    is_redundant : bool
+        Whether constraints of the system itself imply one another.
     """
 
-    def __init__(self, contacts: Contacts, modes: tuple[Mode, ...], rows: tuple[int, ...]) -> None:
+    may_rest = True
+
+    def __init__(
+        self,
+        contacts: Contacts,
+        modes: tuple[Mode, ...],
+        rows: tuple[int, ...],
+        is_redundant: bool,
+    ) -> None:
         base, c, its = contacts.system, len(modes), contacts.columns
         s, model = base._symbols, base._model
-        self.modes = modes
+        self.modes, self.is_redundant = modes, is_redundant
         stuck = sum(mode is Mode.STICK for mode in modes)
         self.is_shared = len(rows) < stuck + sum(mode is not Mode.OPEN for mode in modes)
         self._counts = len(base._holonomic), len(base.nonholonomic)
@@ -321,6 +330,12 @@ class ModeSystem(Mechanics):
             self.own_events[name] = k, kind
             needs = kind in ("leave", "tear")
             self._tapes_of_events[name] = record(f"event '{name}'", inputs, value), needs, None
+
+    def stepped(  # type: ignore[override]
+        self, t: float, y: Array, z: Array, params: Array
+    ) -> Mechanics:
+        """Return the system without redundant constraints, which are its own ones."""
+        return super().stepped(t, y, z, params) if self.is_redundant else self
 
     def rows_of(self, residual: str) -> int:
         """Return how many rows of residuals are those of the system itself."""

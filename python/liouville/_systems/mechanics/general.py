@@ -42,8 +42,8 @@ from liouville._systems.tracing.expressions import Expressions, Symbols
 from liouville._systems.tracing.layout import Layout, of_mechanics
 
 if TYPE_CHECKING:
-    from liouville._runs.contacts import Contact
     from liouville._runs.contacts.traced import Contacts
+    from liouville._systems.mechanics.contact import Contact
 
 #: The hint where a start violates a constraint.
 ONTO = "system.consistent({}=..., {}=...) moves a start onto its constraints"
@@ -89,6 +89,8 @@ class Mechanics(TracedSystem):
     problem: _core.Mechanical
     #: What its contacts are, traced; None where it has none.
     contacts: Contacts | None = None
+    #: Whether redundant constraints may leave nothing to move.
+    may_rest = False
 
     def __init__(
         self,

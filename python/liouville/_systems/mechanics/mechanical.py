@@ -18,7 +18,7 @@ from liouville._systems.tracing.expressions import Symbols
 from liouville._systems.tracing.sparse import jacobian
 
 if TYPE_CHECKING:
-    from liouville._runs.contacts import Contact
+    from liouville._systems.mechanics.contact import Contact
 
 
 class Lagrangian(Mechanics):

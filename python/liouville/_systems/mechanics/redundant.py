@@ -93,7 +93,7 @@ def redundant(
             return ()
     if not _are_alike(system, t, y, z, params, kept, left):
         return ()
-    if rows > n == len(kept) and not _is_driven(system):
+    if rows > n == len(kept) and not (system.may_rest or _is_driven(system)):
         raise ValueError(f"{rows} constraints on {n} coordinates leave nothing to move")
     return left
 

@@ -97,12 +97,8 @@ class Contact:
             value = getattr(self, what)
             if value is None:
                 continue
-            if isinstance(value, bool) or not isinstance(value, int | float):
-                raise TypeError(f"{what} must be a number, not {value!r}")
-            if not 0 <= value < float("inf"):
-                raise ValueError(f"{what} must be zero or positive, not {value!r}")
-        if self.restitution > 1:
-            raise ValueError(f"restitution must be from 0 to 1, not {self.restitution!r}")
+            check_number(what, value)
+        check_restitution(self.restitution)
         if self.static_friction is not None and self.static_friction < self.friction:
             raise ValueError(
                 f"static_friction must be at least friction = {self.friction:g}, "
@@ -116,3 +112,18 @@ class Contact:
     def largest(self) -> float:
         """The coefficient of friction where the contact sticks."""
         return self.friction if self.static_friction is None else float(self.static_friction)
+
+
+def check_number(what: str, value: Any) -> None:
+    """Refuse what is no coefficient."""
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise TypeError(f"{what} must be a number, not {value!r}")
+    if not 0 <= value < float("inf"):
+        raise ValueError(f"{what} must be zero or positive, not {value!r}")
+
+
+def check_restitution(value: Any) -> None:
+    """Refuse what is no restitution."""
+    check_number("restitution", value)
+    if value > 1:
+        raise ValueError(f"restitution must be from 0 to 1, not {value!r}")
