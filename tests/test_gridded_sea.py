@@ -98,6 +98,26 @@ def archipelago():
 
 
 @pytest.mark.filterwarnings("ignore:the field was not divergence-free")
+@pytest.mark.parametrize(("degree", "cells"), [(3, 1), (3, 2), (3, 3), (5, 4), (5, 5)])
+def test_nothing_flows_on_islands_with_a_strait_between_them(degree, cells):
+    """One of fewer than p cells is closed: a function meets both its shores."""
+    x = np.linspace(0, 1, 41)
+    X, Y = np.meshgrid(np.pi * x, np.pi * x, indexing="ij")
+    land = np.zeros((41, 41), bool)
+    land[10:15, 10:20] = land[14 + cells : 20 + cells, 10:20] = True
+    velocity = np.sin(X) * np.cos(Y), -np.cos(X) * np.sin(Y)
+    field = lv.GriddedField(
+        x, x, velocity=velocity, mask=land, walls=("x", "y"), degree=degree, most_divergence=1
+    )
+    assert field.islands == 1 + (cells >= degree)
+    for first, last in ((10, 14), (14 + cells, 19 + cells)):
+        inner = np.meshgrid(
+            *(np.linspace(x[a], x[b], 19)[1:-1] for a, b in ((first, last), (10, 19)))
+        )
+        assert np.abs(field.velocity(np.stack(inner, axis=-1))).max() < 1e-13
+
+
+@pytest.mark.filterwarnings("ignore:the field was not divergence-free")
 def test_nothing_flows_on_islands_or_through_their_shores(archipelago):
     field, land, (a, b) = archipelago
     assert field.islands == 2

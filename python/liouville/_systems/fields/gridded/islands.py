@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from liouville._basics.errors import hinted
 from liouville._basics.scipy import scipy
-from liouville._systems.fields.gridded.axis import WHAT, Array, Axis
+from liouville._systems.fields.gridded.axis import WHAT, Array, Axis, Kind
 
 Mask = NDArray[np.bool_]
 
@@ -43,13 +43,9 @@ def with_islands(
     psi: Array, mean: Array, land: Mask, axes: Sequence[Axis], lead: int
 ) -> tuple[Array, int]:
     """Return the stream function with islands, and their number."""
-    label = scipy("ndimage", WHAT).label
-    numbers, count = label(land, structure=np.ones((3, 3)))
-    numbers = _joined(numbers, axes)
     islands, is_wall = [], []
-    for number in np.unique(numbers[numbers > 0]):
-        cells = numbers == number
-        islands.append(_touched(cells, axes))
+    for cells, functions in pieces(land, axes):
+        islands.append(functions)
         walls = [np.take(cells, [0, -1], k).any() for k, a in enumerate(axes) if a.bounds == "wall"]
         is_wall.append(any(walls))
         for k, axis in enumerate(axes):
@@ -57,7 +53,6 @@ def with_islands(
             if is_seam and np.any(mean[..., 1 - k]):
                 sentence = f"land crosses the seam of '{axis.name}', where the mean flow goes by"
                 raise ValueError(hinted(sentence, "let the axis begin in the water: np.roll"))
-    del count
     flat = psi.reshape(-1, *psi.shape[lead:])
     means = np.broadcast_to(mean, (len(flat), 2))
     found = np.stack(
@@ -105,13 +100,14 @@ def _slopes(psi: Array, axes: Sequence[Axis]) -> Array:
     return np.concatenate(parts)
 
 
-def _touched(cells: Mask, axes: Sequence[Axis]) -> Mask:
-    """Return the functions that are not zero on these cells."""
+def touched(cells: Mask, axes: Sequence[Axis], kinds: Sequence[Kind] | None = None) -> Mask:
+    """Return the functions that are not zero on these cells, B along all axes if not said."""
     for k, axis in enumerate(axes):
+        width = axis.p + (kinds is None or kinds[k] == "B")  # functions on a cell
         shape = list(cells.shape)
-        shape[k] = axis.n if axis.is_periodic else axis.n + axis.p
+        shape[k] = axis.n if axis.is_periodic else axis.n + width - 1
         found = np.zeros(shape, dtype=bool)
-        for m in range(axis.p + 1):
+        for m in range(width):
             places = np.arange(axis.n) + m
             index = [slice(None)] * cells.ndim
             index[k] = places % axis.n if axis.is_periodic else places  # type: ignore[call-overload]
@@ -120,16 +116,22 @@ def _touched(cells: Mask, axes: Sequence[Axis]) -> Mask:
     return cells
 
 
-def _joined(numbers: NDArray[np.int64], axes: Sequence[Axis]) -> NDArray[np.int64]:
-    """Give islands one number that meet across the seam of a periodic axis."""
-    for k, axis in enumerate(axes):
-        if not axis.is_periodic:
-            continue
-        for shift in (-1, 0, 1):
-            first, last = np.take(numbers, 0, k), np.roll(np.take(numbers, -1, k), shift)
-            for a, b in zip(first, last, strict=True):
-                if a and b and a != b:
-                    numbers[numbers == max(a, b)] = min(a, b)
-                    first[first == max(a, b)] = min(a, b)
-                    last[last == max(a, b)] = min(a, b)
-    return numbers
+def pieces(land: Mask, axes: Sequence[Axis]) -> list[tuple[Mask, Mask]]:
+    """Return the pieces of land in a plane that share no function: their cells, their functions.
+
+    Pieces that meet are one, and so are those with fewer than p cells between them: a function that
+    meets both has one coefficient.
+    """
+    label = scipy("ndimage", WHAT).label
+    numbers, count = label(land, structure=np.ones((3, 3)))
+    found: dict[int, tuple[Mask, Mask]] = {}
+    owner = np.zeros_like(touched(land, axes), dtype=np.int64)
+    for number in range(1, count + 1):
+        cells = numbers == number
+        functions = touched(cells, axes)
+        for other in set(np.unique(owner[functions])) - {0}:
+            own = found.pop(other)
+            cells, functions = cells | own[0], functions | own[1]
+        owner[functions] = number
+        found[number] = cells, functions
+    return [*found.values()]
