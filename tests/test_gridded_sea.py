@@ -118,6 +118,33 @@ def test_nothing_flows_on_islands_with_a_strait_between_them(degree, cells):
 
 
 @pytest.mark.filterwarnings("ignore:the field was not divergence-free")
+def test_islands_may_be_on_the_seam_of_an_axis_with_a_mean_flow_by():
+    """A row of islands in a flow along y, moved along x: the same field, moved."""
+    n, y = 40, np.linspace(0, 2, 81)
+    x = np.arange(n) / n
+    given = {"periodic": ("x",), "most_divergence": 1}
+    still, flow = np.zeros((n, 81)), np.ones((n, 81))
+    land = np.zeros((n, 81), bool)
+    land[:5, 30:36] = True
+    own = [np.linspace(0, 0.1, 17)[1:-1], np.linspace(y[30], y[35], 17)[1:-1]]
+    shifts = (0, 34, 36, 38)
+    fields = [
+        lv.GriddedField(x, y, velocity=(still, flow), mask=np.roll(land, moved, 0), **given)
+        for moved in shifts
+    ]
+    places = np.stack(np.meshgrid(x, y[1:-1]), axis=-1)
+    for field, moved in zip(fields, shifts, strict=True):
+        at = np.stack(np.meshgrid(own[0] + moved / n, own[1]), axis=-1)
+        assert np.abs(field.velocity(at)).max() < 1e-13
+        assert field.velocity(places + np.array([moved / n, 0])) == pytest.approx(
+            fields[0].velocity(places)
+        )
+    land[:, 30:36] = True
+    with pytest.raises(ValueError, match="land goes all round 'x', and a mean flow along 'y'"):
+        lv.GriddedField(x, y, velocity=(still, flow), mask=land, **given)
+
+
+@pytest.mark.filterwarnings("ignore:the field was not divergence-free")
 def test_nothing_flows_on_islands_or_through_their_shores(archipelago):
     field, land, (a, b) = archipelago
     assert field.islands == 2

@@ -43,39 +43,59 @@ def with_islands(
     psi: Array, mean: Array, land: Mask, axes: Sequence[Axis], lead: int
 ) -> tuple[Array, int]:
     """Return the stream function with islands, and their number."""
-    islands, is_wall = [], []
+    islands, is_wall, places = [], [], []
     for cells, functions in pieces(land, axes):
         islands.append(functions)
         walls = [np.take(cells, [0, -1], k).any() for k, a in enumerate(axes) if a.bounds == "wall"]
         is_wall.append(any(walls))
-        for k, axis in enumerate(axes):
-            is_seam = axis.is_periodic and np.take(cells, [0, -1], k).any(1 - k).all()
-            if is_seam and np.any(mean[..., 1 - k]):
-                sentence = f"land crosses the seam of '{axis.name}', where the mean flow goes by"
-                raise ValueError(hinted(sentence, "let the axis begin in the water: np.roll"))
+        places.append(coordinates(functions, mean, axes))
     flat = psi.reshape(-1, *psi.shape[lead:])
     means = np.broadcast_to(mean, (len(flat), 2))
     found = np.stack(
-        [_constant(p, m, islands, is_wall, axes) for p, m in zip(flat, means, strict=True)]
+        [_constant(p, m, islands, is_wall, places, axes) for p, m in zip(flat, means, strict=True)]
     )
     return found.reshape(psi.shape), len(islands)
 
 
+def coordinates(functions: Mask, mean: Array, axes: Sequence[Axis]) -> list[Array]:
+    """Return the coordinates of the functions of a piece of land, going on beyond a seam.
+
+    Raises
+    ------
+    ValueError
+        The piece goes all round an axis, and a mean flow goes by there.
+    """
+    found = []
+    for k, (axis, other) in enumerate(zip(axes, axes[::-1], strict=True)):
+        x, taken = axis.greville[: functions.shape[k]], functions.any(1 - k)
+        if axis.is_periodic and np.any(mean[..., 1 - k]):
+            if taken.all():
+                sentence = (
+                    f"land goes all round '{axis.name}', and a mean flow along '{other.name}'"
+                )
+                raise ValueError(hinted(sentence, "nothing can flow there: cut that part out"))
+            x = x + axis.length * (np.arange(x.size) < np.argmin(taken))
+        found.append(x[np.nonzero(functions)[k]])
+    return found
+
+
 def _constant(
-    psi: Array, mean: Array, islands: list[Mask], is_wall: list[bool], axes: Sequence[Axis]
+    psi: Array,
+    mean: Array,
+    islands: list[Mask],
+    is_wall: list[bool],
+    places: list[list[Array]],
+    axes: Sequence[Axis],
 ) -> Array:
     """Return one stream function with its constants."""
-    x, y = (axis.greville[: psi.shape[k]] for k, axis in enumerate(axes))
-    linear = mean[0] * y[None, :] - mean[1] * x[:, None]
     rest = psi.copy()
-    for island in islands:
-        rest[island] = -linear[island]
+    for island, (x, y) in zip(islands, places, strict=True):
+        rest[island] = mean[1] * x - mean[0] * y
     free = [island for island, fixed in zip(islands, is_wall, strict=True) if not fixed]
     for island, fixed in zip(islands, is_wall, strict=True):
         if fixed:
             # the shore goes on along the wall, where psi is zero but for the mean flow
-            wall = _wall_value(island, linear, axes)
-            rest[island] += wall
+            rest[island] += wall_value(island, mean, axes)
     if not free:
         return rest
     change = _slopes(rest - psi, axes)
@@ -86,12 +106,13 @@ def _constant(
     return rest
 
 
-def _wall_value(island: Mask, linear: Array, axes: Sequence[Axis]) -> float:
+def wall_value(functions: Mask, mean: Array, axes: Sequence[Axis]) -> float:
+    """Return the stream function of a mean flow at the wall that a piece of land meets."""
     for k, axis in enumerate(axes):
         if axis.bounds == "wall":
             for end in (0, -1):
-                if np.take(island, end, k).any():
-                    return float(np.take(linear, end, k)[np.take(island, end, k)].mean())
+                if np.take(functions, end, k).any():
+                    return float((mean[0] if k else -mean[1]) * axis.edges[end])
     return 0.0
 
 
