@@ -379,6 +379,7 @@ def test_jax_takes_whole_numbers_and_names_and_is_pickled(jax):
     again = pickle.loads(pickle.dumps(solve))
     np.testing.assert_array_equal(again(*POINT)[0], wanted)
     assert "(q (2,), v (2,), params.l (), t1 ()) -> (q (3, 2), lam (3, 1))" in solve.__doc__
+    assert "Run Lagrangian by Spark(stages=2)" in repr(solve)
     with pytest.raises(TypeError, match=r"has no input 'g'\nhint: there are q, v, params\.l, t1"):
         solve(*POINT[:3], g=1.0)
     with pytest.raises(TypeError, match=r"is given 'params\.l' twice"):
@@ -402,6 +403,25 @@ def test_jax_has_nan_for_a_member_that_fails_and_says_why(jax):
         np.testing.assert_array_equal(np.isnan(found), [False, False, True])
     alone = jax.grad(lambda v: solve(v)[-1, 0])(starts[1])
     np.testing.assert_allclose(slope[1], alone, rtol=1e-12)
+
+
+def test_jax_has_nan_for_members_that_are_no_numbers_or_have_no_derivative(jax):
+    """Others go on: those that begin at no number, at no place on the constraint, at a kink."""
+    solve = lv.jax.solver(SYSTEM, METHOD, **{**CALL, "wrt": ("v", "params.l"), "q": POINT[0]})
+    lengths = np.array([2.0, np.nan, 0.0, 1.9])
+    by_length = jax.grad(lambda length: solve(POINT[1], length)[0][-1, 0])
+    slope = jax.vmap(by_length)(lengths)
+    np.testing.assert_array_equal(np.isnan(slope), [False, True, True, False])
+    assert solve.failures[1] == "'params.l' is not finite"
+    assert slope[3] == by_length(1.9)
+    bent = lv.Lagrangian(
+        lambda t, q, v, params: v[0] ** 2 / 2, force=lambda t, q, v, params: -ca.fabs(v), q=("x",)
+    )
+    solve = lv.jax.solver(bent, METHOD, wrt=("v",), returns="q", t=(0, 1), steps=80, q=[0.0])
+    speeds = np.array([[1.0], [0.0], [2.0]])
+    slope = jax.vmap(jax.grad(lambda v: solve(v)[-1, 0]))(speeds)
+    np.testing.assert_allclose(slope.ravel(), [1 - np.exp(-1), np.nan, 1 - np.exp(-1)], atol=1e-10)
+    assert "kink of 'fabs(v[0])'" in solve.failures[1]
 
 
 @pytest.mark.parametrize(("changes", "sentence"), [

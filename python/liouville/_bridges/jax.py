@@ -106,7 +106,8 @@ class Solver:
     Attributes
     ----------
     failures : dict of int to str
-        The members of the last mapped call that failed, with what was said of each.
+        The members of the last mapped call that failed, with what was said of each: a step, an
+        input that is no number, a start that the constraints do not allow, or no derivative there.
     """
 
     def __init__(
@@ -146,6 +147,10 @@ class Solver:
         self._function.check([(x.shape, str(x.dtype)) for x in arrays])
         found = self._run(*arrays)
         return found[0] if self._function.is_single else tuple(found)
+
+    def __repr__(self) -> str:
+        """Return what is run, with what it takes and returns."""
+        return f"<lv.jax.solver: {self._function.described}>"
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Return the arguments, of which it is made again."""

@@ -15,7 +15,6 @@ from liouville._basics.arguments import kept
 from liouville._basics.errors import IntegrationError, hinted, quoted
 from liouville._basics.options import check_options
 from liouville._methods import Method
-from liouville._runs.edges import hints_without_events
 from liouville._runs.execute import finished
 from liouville._runs.gradients import Pullback, vjp
 from liouville._runs.integrate import integrate
@@ -285,8 +284,7 @@ class RunPoint:
         function, system = self.function, self.system
         tangents = self.directions(dict(zip(function.inputs, directions, strict=True)))
         run: dict[str, Any] = {**self.run, **self.start, "tangents": tangents}
-        with hints_without_events():
-            each = finished(integrate(system, function.method, **run)).tangents.values()
+        each = finished(integrate(system, function.method, **run)).tangents.values()
         sums = (sum(tangent.states[name] for tangent in each) for name in function.outputs)
         return [np.moveaxis(np.asarray(x), 1, 0) for x in sums]
 
@@ -297,8 +295,7 @@ class RunPoint:
     def pulled(self, cotangents: Sequence[Array]) -> list[Array]:
         """Return the derivatives by all inputs of a scalar, from those by all outputs."""
         function, (_, pullback) = self.function, self.made
-        with hints_without_events():
-            pulled = pullback(**dict(zip(function.outputs, cotangents, strict=True)))
+        pulled = pullback(**dict(zip(function.outputs, cotangents, strict=True)))
         found = self.gradients(pulled)
         return [np.asarray(found[name], dtype=function.types[name]) for name in function.inputs]
 
@@ -313,12 +310,13 @@ class RunMembers:
     """
 
     def __init__(self, function: RunFunction, inputs: list[Array]) -> None:
-        self.inputs = inputs
+        self.inputs, self._function = inputs, function
         alike = [_are_alike(x) for x in inputs]
-        own = [x[0] if same else x for x, same in zip(inputs, alike, strict=True)]
-        varied = {name for name, same in zip(function.inputs, alike, strict=True) if not same}
-        self._is_one, self._function = not varied, function
-        self._whole = function.point(own) if function.takes_members(varied) else None
+        self._own = [x[0] if same else x for x, same in zip(inputs, alike, strict=True)]
+        names = zip(function.inputs, alike, strict=True)
+        self._varied = {name for name, same in names if not same}
+        self._whole = None if self._varied else function.point(self._own)
+        self._points: dict[int, RunPoint] = {}
         self._failed: dict[int, str] = {}
 
     @property
@@ -327,15 +325,16 @@ class RunMembers:
         assert self._whole is not None, "one member is no other than itself"
         return self._whole
 
-    @cached_property
-    def _each(self) -> list[RunPoint]:
-        rows = zip(*self.inputs, strict=True)
-        return [self._function.point([np.asarray(x) for x in row]) for row in rows]
+    def _point(self, k: int) -> RunPoint:
+        """Return the run of a member."""
+        if k not in self._points:
+            self._points[k] = self._function.point([np.asarray(x[k]) for x in self.inputs])
+        return self._points[k]
 
     @property
     def values(self) -> list[Array]:
         """The states in `outputs`, each of shape (P, k, n), or (1, k, n) where all are alike."""
-        if self._whole is not None and self._is_one:
+        if self._whole is not None:
             return [x[None] for x in self._whole.values]
         if (whole := self._made) is not None:
             return [np.moveaxis(x, 1, 0) for x in whole.values]
@@ -346,7 +345,7 @@ class RunMembers:
 
     def pushed(self, directions: Sequence[Array]) -> list[Array]:
         """Return the derivatives of all outputs, each member's by its own direction."""
-        if self._is_one and self._whole is not None:
+        if self._whole is not None:
             return self._whole.pushed(directions)
         shapes = [*self._function.outputs.values()]
 
@@ -357,10 +356,13 @@ class RunMembers:
 
     def pulled(self, cotangents: Sequence[Array]) -> list[Array]:
         """Return the derivatives by all inputs of a scalar of each member."""
-        if self._whole is not None and self._is_one:
+        if self._whole is not None:
             return self._stacked([self._whole.pulled(row) for row in zip(*cotangents, strict=True)])
         if (whole := self._made) is not None:
-            return whole.pulled([np.moveaxis(x, 0, 1) for x in cotangents])
+            try:
+                return whole.pulled([np.moveaxis(x, 0, 1) for x in cotangents])
+            except IntegrationError:  # a member has no derivative
+                pass
         shapes = [*self._function.inputs.values()]
 
         def derived(point: RunPoint, k: int) -> list[Array]:
@@ -375,13 +377,14 @@ class RunMembers:
     @cached_property
     def _made(self) -> RunPoint | None:
         """The ensemble, or None where there is none, or one with members that fail."""
-        if self._whole is None:
+        if not self._function.takes_members(self._varied):
             return None
         try:
-            _ = self._whole.made
-        except IntegrationError:
+            whole = self._function.point(self._own)
+            _ = whole.made
+        except FAILURES:
             return None
-        return self._whole
+        return whole
 
     def _tried(
         self, k: int, call: Callable[[RunPoint, int], list[Array]], shapes: Sequence[Any]
@@ -391,10 +394,8 @@ class RunMembers:
         kind = next(iter(types))
         try:
             if k not in self._failed:
-                return call(self._each[k], k)
-        except IntegrationError as error:
-            if self._count == 1:
-                raise
+                return call(self._point(k), k)
+        except FAILURES as error:
             self._failed[k] = str(error)
         self._function.failures = dict(self._failed)
         return [np.full(shape, np.nan, dtype=kind) for shape in shapes]
@@ -403,6 +404,9 @@ class RunMembers:
     def _stacked(found: Sequence[Sequence[Array]]) -> list[Array]:
         return [np.stack(parts) for parts in zip(*found, strict=True)]
 
+
+#: How the run of a member fails; numbers that are refused are its own.
+FAILURES = (IntegrationError, ValueError)
 
 #: Results of runs for arguments with a row for each member.
 Call = Callable[[RunMembers, list[Any]], list[Array]]
