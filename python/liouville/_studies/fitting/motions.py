@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from contextlib import nullcontext
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
 from liouville._methods import Method
-from liouville._runs.edges import hints_without_events
 from liouville._runs.execute import finished
 from liouville._runs.integrate import integrate
 from liouville._runs.tangents import PARAMS
@@ -131,8 +129,7 @@ class Motion:
             tangents |= self.place.tangents(along, params, fitted, start)
         times = {**self.data.run, **self.model.options}
         times |= {"tangents": tangents} if tangents else {}
-        with hints_without_events() if "events" not in self.model.options else nullcontext():
-            run = self.model.run(params, times, start)
+        run = self.model.run(params, times, start)
         self.solution, self.params, self.start, self.tangents = run, params, start, tangents
         if self.guessed is None:
             self.guessed = np.abs(self.model.columns(run, params)[0])
