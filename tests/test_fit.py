@@ -250,12 +250,12 @@ GIVEN = {"h": 0.05, "params": ("l",)}
     ("data", "more", "says"),
     [
         ({"q": TRUTH.q}, GIVEN, "data has no 't'"),
-        ({"t": [0.0, 1.5, 1.5], "x": [0, 1, 2]}, GIVEN, "rise: 1.5 is followed by 1.5\nhint: sort"),
+        ({"t": [0.0, 1.5, 1.5], "x": [0, 1, 2]}, GIVEN, "1.5 is followed by 1.5\nhint: sort"),
         ({"t": TRUTH.t, "w": TRUTH.q}, GIVEN, "'w', which is no state"),
         ({"t": TRUTH.t, "q": TRUTH.q[:3]}, GIVEN, "shape"),
         ({"t": TRUTH.t, "x": np.full(21, np.nan)}, GIVEN, "data have no measurement"),
-        ({"t": TRUTH.t, "x": np.full(21, np.inf)}, GIVEN, "finite numbers"),
-        ({"t": [0.0, np.nan], "x": [1, 2]}, GIVEN, "'t' must be finite times"),
+        ({"t": TRUTH.t, "x": np.full(21, np.inf)}, GIVEN, "must be finite, or NaN"),
+        ({"t": [0.0, np.nan], "x": [1, 2]}, GIVEN, "'t' must be finite, and its entry 1"),
         ({"t": [0.0], "x": [1]}, GIVEN, "only measurement is at the start, t0 = 0\nhint: give t0"),
         (
             {"t": [0.0, 1.0], "x": [np.nan, 1]},
@@ -277,7 +277,7 @@ GIVEN = {"h": 0.05, "params": ("l",)}
         (noisy(0), GIVEN | {"params": ("l", "l")}, "params names 'l' twice"),
         (noisy(0) | {"x": TRUTH.q[:, 0]}, GIVEN, "data 'x' gives again what"),
         (noisy(0), GIVEN | {"sigma": {"q": 1, "x": 1}}, "sigma has 'x', of which there are no"),
-        (noisy(0), GIVEN | {"sigma": -1.0}, "sigma is positive"),
+        (noisy(0), GIVEN | {"sigma": -1.0}, "sigma must be positive"),
         (
             noisy(0),
             GIVEN | {"sigma": 1e-300},
@@ -293,9 +293,9 @@ GIVEN = {"h": 0.05, "params": ("l",)}
         (noisy(0), GIVEN | {"h": -1.0}, "h must be positive"),
         (noisy(0), GIVEN | {"free": "q"}, "no freedom to 'q' while the other state is held"),
         (noisy(0), GIVEN | {"free": 1}, "free must be a sequence of states, not 1"),
-        (noisy(0), GIVEN | {"sigma": "a"}, "sigma is made of real numbers"),
+        (noisy(0), GIVEN | {"sigma": "a"}, "sigma must be real numbers"),
         (noisy(0), GIVEN | {"sigma": [0.1] * 3}, r"sigma of 'q' has shape \(3,\)"),
-        ({"t": TRUTH.t, "q": TRUTH.q + 0j}, GIVEN, "data 'q' is made of real numbers"),
+        ({"t": TRUTH.t, "q": TRUTH.q + 0j}, GIVEN, "data 'q' must be real numbers"),
     ],
 )
 def test_bad_calls_are_refused(data, more, says):

@@ -249,3 +249,88 @@ BARE = {"h": 0.1, "params": ["k"]}
 def test_bad_calls_are_refused(data, call, says):
     with pytest.raises((ValueError, TypeError), match=says):
         lv.fit(SPRING, METHOD, data, **call)
+
+
+def test_a_pendulum_that_hangs_at_rest_has_a_start_that_is_free():
+    """Its velocity is roundoff, beside which any change is large; noise has the plain mean."""
+    seen = np.tile([0.0, -2.0], (21, 1)) + 1e-3 * noise((21, 2))
+    data = {"t": np.linspace(0, 2, 21), "q": seen}
+    found = lv.fit(
+        PENDULUM, METHOD, data, h=0.1, free=("q", "v"), sigma=1e-3, q=[0.0, -2.0], v=[0.0, 0.0]
+    )
+    w, t = np.sqrt(9.81 / 2), data["t"]
+    columns = np.column_stack([np.cos(w * t), np.sin(w * t) / w])
+    wanted = np.linalg.lstsq(columns, seen[:, 0])[0]
+    assert [found.start["q"][0], found.start["v"][0]] == pytest.approx(wanted, abs=2e-6)
+    assert found.errors["v.x"] == pytest.approx(
+        1e-3 * np.sqrt(np.linalg.inv(columns.T @ columns)[1, 1]), rel=1e-3
+    )
+
+
+def test_a_fit_begins_at_a_bound_and_its_interval_ends_there():
+    """Damping is not negative, and by default there is none."""
+    system = lv.Lagrangian(
+        lambda t, q, v, params: (v[0] ** 2 - params.k * q[0] ** 2) / 2,
+        force=lambda t, q, v, params: -params.c * v[0], q=("x",), params={"k": 9.0, "c": 0.0},
+    )  # fmt: skip
+    call = {"h": 0.05, "params": ["k", "c"], "bounds": {"c": (0, None)}, "sigma": 0.01}
+    t = np.linspace(0, 4, 81)
+    ends = []
+    for c in (0.3, 0.0):
+        w = np.sqrt(9 - c**2 / 4)
+        x = np.exp(-c * t / 2) * (np.cos(w * t) + c / (2 * w) * np.sin(w * t))
+        data = {"t": t, "x": x + 0.01 * noise(81, seed=1)}
+        found = lv.fit(system, METHOD, data, **call, q=[1.0], v=[0.0])
+        free = lv.fit(system, METHOD, data, **{**call, "bounds": None}, q=[1.0], v=[0.0])
+        assert found.params["c"] == pytest.approx(max(free.params["c"], 0), abs=1e-7)
+        ends.append(found.interval("params.c"))
+        assert ends[-1][0] == pytest.approx(max(free.interval("params.c")[0], 0), abs=1e-5)
+    assert ends[0][0] > 0
+    assert ends[1][0] == 0 < ends[1][1]
+    with pytest.raises(ValueError, match="the bounds of 'c' leave nothing"):
+        lv.fit(system, METHOD, data, **{**call, "bounds": {"c": (0, 0)}}, q=[1.0], v=[0.0])
+
+
+@pytest.mark.parametrize("ends", ["an event", "hits that accumulate"])
+def test_a_motion_that_ends_before_the_last_measurement_is_refused(ends):
+    terminal = lv.Event(lambda t, q, v, lam, params: q[0], terminal=True)
+    events, e = ({"floor": terminal}, 0.8) if ends == "an event" else (FLOOR, 0.0)
+    data = {"t": np.linspace(0, 2, 21), "x": np.zeros(21)}
+    with pytest.raises(lv.IntegrationError, match=r"the motion ends before t = 2, .*'floor'"):
+        lv.fit(
+            FALL, METHOD, data, h=0.02, params={"g": 9.0, "e": e}, events=events, q=[1.0], v=[0.0]
+        )
+
+
+@pytest.mark.parametrize(("changes", "sentence"), [
+    ({"observe": {"x": lambda t, q, v, params: q[0] ** 2}}, "'x' has the name of a state"),
+    ({"observe": {"t": lambda t, q, v, params: q[0] ** 2}}, "'t' has the name of the time"),
+    ({"observe": {"root": lambda t, q, v, params: ca.sqrt(v[0])}, "name": "root"},
+     "'root' has no derivative at t = 0 to fit by"),
+    ({"loss": ["huber"]}, r"loss must be one of .*, not \['huber'\]"),
+    ({"sigma": 0}, "sigma must be positive and finite, not 0"),
+    ({"t": np.where(np.arange(9) == 7, np.nan, np.arange(9))}, "its entry 7 is nan"),
+])  # fmt: skip
+def test_what_is_wrong_is_named(changes, sentence):
+    given = dict(changes)
+    data = {"t": given.pop("t", np.arange(9.0)), given.pop("name", "x"): np.cos(np.arange(9))}
+    call = {"h": 0.5, "params": ["k"], "sigma": 0.1, "q": [1.0], "v": [0.0]}
+    with pytest.raises(ValueError, match=sentence):
+        lv.fit(SPRING, METHOD, data, **{**call, **given})
+
+
+def test_one_trial_needs_no_list():
+    t = np.linspace(0, 2, 21)
+    data, start = {"t": t, "x": np.cos(2 * t)}, {"q": [1.0], "v": [0.0]}
+    call = {"h": 0.1, "params": ["k", "c"]}
+    one = lv.fit(SPRING, METHOD, lv.Trial(data, start), **call)
+    assert one.params == lv.fit(SPRING, METHOD, [lv.Trial(data, start)], **call).params
+
+
+def test_roundoff_is_not_said_to_be_decided_by_the_step():
+    """Parabolas are exact for any step."""
+    t = np.linspace(0, 1, 11)
+    data = {"t": t, "x": 2 - 4.9 * t**2}
+    found = lv.fit(FALL, METHOD, data, h=0.1, params={"g": 9.0}, q=[2.0], v=[0.0])
+    assert found.params["g"] == pytest.approx(9.8, abs=1e-13)
+    assert not found.message

@@ -15,7 +15,7 @@ from liouville._methods import Method
 from liouville._studies.fitting.motions import Model, Motion, Trial
 from liouville._studies.fitting.observed import Observed
 from liouville._studies.fitting.problem import Problem
-from liouville._studies.fitting.profile import Held
+from liouville._studies.fitting.profile import Held, Profile
 from liouville._studies.fitting.result import Fit
 from liouville._studies.fitting.robust import loss_of
 from liouville._studies.fitting.unknowns import Unknowns
@@ -26,7 +26,7 @@ from liouville._systems.events import Event
 def fit(
     system: Mechanics | SemiExplicit,
     method: Method,
-    data: Mapping[str, ArrayLike] | Sequence[Trial],
+    data: Mapping[str, ArrayLike] | Trial | Sequence[Trial],
     *,
     h: float | None = None,
     rtol: float | None = None,
@@ -82,6 +82,7 @@ def fit(
         deviation is found from the residuals.
     bounds : mapping, optional
         Least and largest value of parameters by name, ``{"l": (0, 2)}``; None leaves a side open.
+        A fit may begin at one.
     priors : mapping, optional
         Value and standard deviation of parameters by name that are known besides; such a pair
         counts as a measurement. Takes `sigma`.
@@ -175,7 +176,8 @@ def fit(
         each = [Motion(own, *x) for x in zip(near, sigmas, strict=True)]
         return Problem(own, each, rho, is_absolute=is_absolute).least(unknowns.known(name, value))
 
-    return replace(found, _hold=held)
+    sides = dict(zip(unknowns.names, map(tuple, unknowns.bounds.tolist()), strict=True))
+    return replace(found, _profile=Profile(held, sides))
 
 
 def _steps(h: Any, rtol: Any) -> dict[str, float]:
@@ -192,6 +194,8 @@ def _steps(h: Any, rtol: Any) -> dict[str, float]:
 
 def _trials(data: Any, start: Mapping[str, Any], t0: Any) -> list[Trial]:
     """Return the trials of a call; TypeError or ValueError where their parts do not fit."""
+    if isinstance(data, Trial):
+        data = [data]
     if isinstance(data, Mapping) or hasattr(data, "columns") or not isinstance(data, Sequence):
         return [Trial(data, start, t0=t0)]
     for each in data:

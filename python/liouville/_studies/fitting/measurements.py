@@ -34,7 +34,7 @@ def _numbers(what: str, value: Any) -> np.ndarray:
             return np.ma.filled(array.astype(float), np.nan)
     except (TypeError, ValueError):
         pass
-    raise TypeError(f"{what} is made of real numbers")
+    raise TypeError(f"{what} must be real numbers, not {value!r}")
 
 
 def _of_frame(frame: Any) -> dict[str, Any]:
@@ -90,10 +90,13 @@ class Measurements:
             raise TypeError(hinted("data has no 't'", 'write data={"t": times, "q": values}'))
         times = _numbers("data 't'", data["t"])
         if times.ndim != 1 or not times.size or not np.isfinite(times).all():
-            raise ValueError(f"data 't' must be finite times in a row, not {times!r}")
+            if times.ndim == 1 and times.size:
+                k = int(np.argmin(np.isfinite(times)))
+                raise ValueError(f"data 't' must be finite, and its entry {k} is {times[k]}")
+            raise ValueError(f"data 't' must be times in a row, not of shape {times.shape}")
         if not (np.diff(times) > 0).all():
             k = int(np.argmin(np.diff(times) > 0))
-            sentence = f"data 't' rise: {times[k]:g} is followed by {times[k + 1]:g}"
+            sentence = f"data 't' must rise, and {times[k]:g} is followed by {times[k + 1]:g}"
             raise ValueError(hinted(sentence, "sort measurements by time, and join those of one"))
         self.t = times
         self.t0 = float(times[0]) if t0 is None else number("t0 must be a number", t0)
@@ -179,12 +182,14 @@ class Measurements:
                 raise ValueError(f"sigma has {name!r}, of which there are no data")
         self.is_there = np.isfinite(self.values)
         if np.isinf(self.values).any():
-            raise ValueError("data are finite numbers, and NaN where nothing was measured")
+            raise ValueError("data must be finite, or NaN where nothing was measured, not infinite")
         if not self.is_there.any():
             raise ValueError("data have no measurement: nothing, or NaN alone, is with their times")
         sizes = self.weights[self.is_there]
         if not (sizes > 0).all() or not np.isfinite(sizes).all():
-            raise ValueError("sigma is positive and finite")
+            bad = sizes[~((sizes > 0) & np.isfinite(sizes))][0]
+            sentence = f"sigma must be positive and finite, not {bad:g}"
+            raise ValueError(hinted(sentence, "NaN in the data is what was not measured"))
 
 
 def shared_unit(trials: Sequence[Measurements], is_absolute: bool) -> float:

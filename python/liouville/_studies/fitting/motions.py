@@ -8,13 +8,14 @@ from typing import Any
 
 import numpy as np
 
+from liouville._basics.errors import IntegrationError, hinted
 from liouville._methods import Method
 from liouville._runs.execute import finished
 from liouville._runs.integrate import integrate
 from liouville._runs.tangents import PARAMS
 from liouville._solution.solution import Solution
 from liouville._studies.fitting.freedoms import FreeStart, movable
-from liouville._studies.fitting.measurements import Measurements, System
+from liouville._studies.fitting.measurements import EVEN, Measurements, System
 from liouville._studies.fitting.observed import Observed
 from liouville._studies.fitting.unknowns import Unknowns
 from liouville.analysis.point import Array
@@ -73,8 +74,20 @@ class Model:
     def run(
         self, params: Mapping[str, Any], times: Mapping[str, Any], start: Mapping[str, Any]
     ) -> Solution:
-        """Return a run that is not cut short."""
-        return finished(integrate(self.system, self.method, params=params, **times, **start))
+        """Return a run that is not cut short.
+
+        Raises
+        ------
+        IntegrationError
+            A step fails, or an event ends the run before its last time.
+        """
+        run = finished(integrate(self.system, self.method, params=params, **times, **start))
+        begin, end = times["t"]
+        if abs(end - run.t[-1]) > EVEN * (end - begin):
+            sentence = f"the motion ends before t = {end:g}, which was measured: {run.message}"
+            hint = "leave out later measurements, begin nearer, or take events that end no run"
+            raise IntegrationError(hinted(sentence, hint), t=float(run.t[-1]), solution=run)
+        return run
 
     def columns(self, run: Solution, params: Mapping[str, Any]) -> Array:
         """Return all that may be measured of a run, shape (k, w)."""
@@ -154,11 +167,31 @@ class Motion:
         slopes = self.slopes(self.solution)[self.data.first :] / self.data.weights[:, None]
         found: Array = np.moveaxis(slopes, 1, 2)[self.is_there]
         if not np.isfinite(found).all():
-            raise ValueError("multipliers of redundant constraints have no derivatives to fit by")
+            raise ValueError(self._without_slope(slopes))
         return found
+
+    def _without_slope(self, slopes: Array) -> str:
+        """Say which quantity has no derivative, and when."""
+        is_bad = (~np.isfinite(slopes)).any(axis=1) & self.is_there
+        row, column = np.argwhere(is_bad)[0].tolist()
+        places = self.model.observed.places
+        state, name = [(state, x) for state, own in places.items() for x in own][column]
+        if state == "lam":
+            return "multipliers of redundant constraints have no derivatives to fit by"
+        sentence = f"'{name}' has no derivative at t = {self.data.t[row]:g} to fit by"
+        return hinted(sentence, "write a function that is smooth there, or leave that time out")
 
     def slopes(self, run: Solution) -> Array:
         """Return derivatives of all records of a run, shape (k, K + L, w)."""
+        states = self._changes(run)
+        values = self.model.system.values(self.params)
+        directions = next(iter(states.values())).shape[1]
+        return self.model.observed.slopes(
+            run, values, states, self.model.unknowns.directions(values.size, directions)
+        )
+
+    def _changes(self, run: Solution) -> dict[str, Array]:
+        """Return derivatives of all states of a run by name, shape (k, K + L, n)."""
         own = [PARAMS + name for name in self.model.unknowns.fitted]
         states: dict[str, Array] = {}
         for state in next(iter(run.tangents.values())).states:
@@ -169,11 +202,7 @@ class Motion:
                 rows = np.concatenate([each[name] for name in own], axis=1)
                 total[:, : rows.shape[1]] += rows
             states[state] = total
-        values = self.model.system.values(self.params)
-        directions = next(iter(states.values())).shape[1]
-        return self.model.observed.slopes(
-            run, values, states, self.model.unknowns.directions(values.size, directions)
-        )
+        return states
 
     def slopes_of_start(self) -> Array:
         """Return derivatives of both states of the start by all unknowns, shape (w, K + L).
@@ -204,15 +233,18 @@ class Motion:
         return found
 
     def along(self) -> Array:
-        """Return how much each direction changes the start, as parts of the largest of its states.
+        """Return how much each direction changes the motion, as a part of the largest of a state.
 
-        Positions and velocities have units of their own, and one may begin at zero.
+        Positions and velocities have units of their own, and one of them may be zero, or roundoff
+        of it, all along: the state counts that changes by the smaller part.
         """
-        found = np.zeros(self.place.basis.shape[1])
-        for name, part in self.place.bases.items():
-            largest = np.abs(self.solution.states[name]).max()
-            if part.size and largest > 0:
-                found += np.linalg.norm(part, axis=0) / largest
+        count, parts = self.place.basis.shape[1], []
+        for name, change in self._changes(self.solution).items() if count else ():
+            largest = np.abs(self.solution.states[name]).max(initial=0.0)
+            if name in self.model.system.states and largest > 0:
+                sizes = np.linalg.norm(change[:, change.shape[1] - count :], axis=2)
+                parts.append(sizes.max(axis=0) / largest)
+        found: Array = np.min(parts, axis=0) if parts else np.zeros(count)
         return found
 
     @property

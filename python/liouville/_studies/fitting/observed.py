@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from liouville._basics.errors import hinted
 from liouville._solution.solution import Solution
 from liouville._studies.fitting.measurements import System
 from liouville.analysis.point import Array
@@ -23,6 +24,12 @@ class Observed:
 
     def __init__(self, system: System, functions: Mapping[str, Callable[..., Any]] | None) -> None:
         self.system = system
+        known = {"t", *system.places, *(x for own in system.places.values() for x in own)}
+        for name in functions or ():
+            if name in known:
+                what = "the time" if name == "t" else "a state, or of an entry of one"
+                sentence = f"observed '{name}' has the name of {what}"
+                raise ValueError(hinted(sentence, "call it otherwise, in the data too"))
         self._tape, widths = system.measured(functions or {})
         self._width = sum(widths.values())
         own = {

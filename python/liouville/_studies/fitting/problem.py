@@ -21,6 +21,8 @@ from liouville.analysis.point import Array
 MOST, SETTLED = 10, 1e-3
 #: Residuals below this part of the states, or of the start of the guess, are roundoff.
 ROUNDED = 1e-8
+#: Motions that differ by less than this part of them do so by roundoff.
+EXACT = 1e-12
 #: A singular value of the scaled Jacobian below this part of the largest determines nothing, of
 #: unknowns that have more than the second part in it.
 RANK, APART = 1e-10, 0.1
@@ -360,6 +362,9 @@ class Problem:
             off = [motion.moved_by_finer_steps() for motion in self.motions]
         except IntegrationError:
             return np.full(jacobian.shape[1], np.nan)
+        sizes = np.concatenate([motion.sizes() for motion in self.motions])
+        if np.linalg.norm(np.concatenate(off)) <= EXACT * np.linalg.norm(sizes):
+            return np.zeros(jacobian.shape[1])
         off.append(np.zeros(len(self.unknowns.priors)))
         scales = np.linalg.norm(jacobian, axis=0)
         change = np.linalg.lstsq(jacobian / scales, np.concatenate(off), rcond=None)[0]

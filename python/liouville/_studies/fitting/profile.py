@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from liouville._basics.arguments import number
 from liouville._basics.errors import IntegrationError, hinted, quoted
 from liouville._basics.scipy import scipy
 
@@ -40,11 +41,23 @@ class Held:
     starts: list[dict[str, Any]]
 
 
-#: A fit from parameters and starts with a parameter of a name held at a value.
-Hold = Callable[[Mapping[str, Any], Sequence[Any], str, float], Held]
+@dataclass(frozen=True)
+class Profile:
+    """How a fit is made again with a parameter held.
+
+    Attributes
+    ----------
+    hold : callable
+        A fit from parameters and starts, with a parameter of a name held at a value.
+    bounds : dict of str to tuple of two floats
+        Least and largest values by the names of what was fitted.
+    """
+
+    hold: Callable[[Mapping[str, Any], Sequence[Any], str, float], Held]
+    bounds: Mapping[str, tuple[float, float]]
 
 
-def interval(found: Fit, hold: Hold, name: str, level: float) -> tuple[float, float]:
+def interval(found: Fit, profile: Profile, name: str, level: float) -> tuple[float, float]:
     """Return the values at which the sum of squares rises by what the level allows.
 
     Raises
@@ -56,7 +69,7 @@ def interval(found: Fit, hold: Hold, name: str, level: float) -> tuple[float, fl
     if name not in known:
         hint = f"there are {quoted(known)}" if known else "there is none"
         raise ValueError(hinted(f"{name!r} is no number that was fitted as a parameter", hint))
-    if not 0 < level < 1:
+    if not 0 < number("level must be a number", level) < 1:
         raise ValueError(f"level must be between 0 and 1, not {level!r}")
     quantile = scipy("stats", "an interval of a fit")
     if found.sigma is None:
@@ -69,25 +82,26 @@ def interval(found: Fit, hold: Hold, name: str, level: float) -> tuple[float, fl
     value, error = found.params[key], found.errors[name]
     scale = 1.0 if found.sigma is None else found.dof / found.chi2
     ends = []
-    for side in (-1.0, 1.0):
+    for side, bound in zip((-1.0, 1.0), profile.bounds[name], strict=True):
         near = Held(best, found.params, [trial.start for trial in found.trials])
 
         def above(widths: float, side: float = side) -> float:
             nonlocal near
-            near = hold(near.params, near.starts, key, value + side * widths * error)
+            near = profile.hold(near.params, near.starts, key, value + side * widths * error)
             return (near.chi2 - best) * scale - most
 
-        ends.append(value + side * _root(above, np.sqrt(most)) * error)
+        width = _root(above, np.sqrt(most), abs(bound - value) / error)
+        ends.append(bound if abs(bound - value) <= width * error else value + side * width * error)
     return ends[0], ends[1]
 
 
-def _root(above: Callable[[float], float], first: float) -> float:
-    """Return the width at which a rising function is zero, infinity where none is found."""
-    low, high = 0.0, float(first)
+def _root(above: Callable[[float], float], first: float, last: float) -> float:
+    """Return the width at which a rising function is zero, infinity where it is not by `last`."""
+    low, high = 0.0, min(float(first), last)
     try:
         while above(high) < 0:
-            low, high = high, 2 * high
-            if high > WIDEST * first:
+            low, high = high, min(2 * high, last)
+            if low == high or high > WIDEST * first:
                 return np.inf
     except IntegrationError:
         return np.inf  # no motion is there

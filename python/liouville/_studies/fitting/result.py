@@ -11,7 +11,7 @@ import numpy as np
 from liouville._basics.errors import hinted
 from liouville._solution.solution import Solution
 from liouville._studies.fitting.freedoms import values_of
-from liouville._studies.fitting.profile import Hold, interval
+from liouville._studies.fitting.profile import Profile, interval
 from liouville.analysis.point import Array
 
 #: Sums of squares so many standard deviations from what is expected are not by chance.
@@ -89,14 +89,15 @@ class Fit:
     dof: int
     evaluations: int
     message: str
-    _hold: Hold | None = None
+    _profile: Profile | None = None
 
     def interval(self, name: str, level: float = 0.95) -> tuple[float, float]:
         r"""Return the interval of a parameter by profile likelihood.
 
         At its ends the sum of squares, least over all other unknowns, is above the best by
         :math:`\chi^2_1` of the level, without `sigma` by :math:`F_{1, N - K}` of it and the mean
-        square. It is not the symmetric one of `errors` where the model bends.
+        square. It is not the symmetric one of `errors` where the model bends, and it ends at a
+        bound of the parameter.
 
         Parameters
         ----------
@@ -115,14 +116,14 @@ class Fit:
         ValueError
             There is no such parameter, or the loss is a robust one.
         """
-        if self._hold is None:
+        if self._profile is None:
             sentence = "a fit by a robust loss, or one that was pickled, has no interval"
             raise ValueError(hinted(sentence, "errors has standard deviations"))
-        return interval(self, self._hold, name, level)
+        return interval(self, self._profile, name, level)
 
     def __getstate__(self) -> dict[str, Any]:
         """Leave out what fits again, whose functions may be the user's."""
-        return {**self.__dict__, "_hold": None}
+        return {**self.__dict__, "_profile": None}
 
     @property
     def start(self) -> dict[str, Array]:

@@ -48,7 +48,7 @@ LOSSES: dict[str, Loss] = {
 
 def loss_of(name: str, sigma: object) -> Loss:
     """Return a loss by its name; ValueError where there is none, or no deviation to measure by."""
-    if name not in LOSSES:
+    if not isinstance(name, str) or name not in LOSSES:
         known = ", ".join(map(repr, LOSSES))
         raise ValueError(f"loss must be one of {known}, not {name!r}")
     if name != "linear" and sigma is None:

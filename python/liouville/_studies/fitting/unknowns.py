@@ -163,7 +163,9 @@ def _bounded(name: str, given: Any, limits: Any) -> Array:
     """Return the bounds of a parameter's elements, which its value is within."""
     value = np.asarray(given)
     low, high = _trace.pair(f"'{name}'", limits, value.shape)
-    if not ((low < value) & (value < high)).all():
+    if not (low < high).all():
+        raise ValueError(f"the bounds of '{name}' leave nothing: {limits!r}")
+    if not ((low <= value) & (value <= high)).all():
         sentence = f"'{name}' begins at {value}, which is not between {low} and {high}"
         raise ValueError(hinted(sentence, "give params= as a mapping with first values"))
     found: Array = np.stack([low, high], axis=-1).reshape(-1, 2)
