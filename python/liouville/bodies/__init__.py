@@ -8,16 +8,22 @@ from liouville.bodies.joints import Joint
 from liouville.bodies.limits import Limits
 from liouville.bodies.mechanism import Mechanism
 from liouville.bodies.results import BodyMotion, JointMotion, body_of, joint_of
+from liouville.bodies.shapes import Box, Capsule, Plane, Polygon, Sphere
 
 __all__ = [
     "Assembly",
     "Body",
     "BodyMotion",
+    "Box",
+    "Capsule",
     "Coulomb",
     "Joint",
     "JointMotion",
     "Limits",
     "Mechanism",
+    "Plane",
+    "Polygon",
+    "Sphere",
     "Stribeck",
     "body_of",
     "from_mjcf",

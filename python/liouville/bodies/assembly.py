@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from liouville._basics.errors import hinted, quoted
+from liouville._systems.mechanics.contact import check_restitution
 from liouville._systems.tracing import trace as _trace
 from liouville.bodies import rotations as rot
 from liouville.bodies.acting import Acting
@@ -22,9 +23,12 @@ from liouville.bodies.body import (
     numbers,
     unit,
 )
+from liouville.bodies.chaining import Which
 from liouville.bodies.elements import check_matrix, matrix_functions, parameter_functions
 from liouville.bodies.mechanism import Mechanism
-from liouville.bodies.registry import with_height
+from liouville.bodies.registry import apart, two_points, with_height
+from liouville.bodies.shapes import Shape
+from liouville.bodies.touching import Rope, Touch, touch_of
 
 
 class Assembly(Acting):
@@ -197,6 +201,105 @@ class Assembly(Acting):
         self._bodies[body.name] = body
         return body
 
+    def contact(
+        self,
+        name: str,
+        a: Shape,
+        b: Shape,
+        *,
+        restitution: float = 0.0,
+        friction: float = 0.0,
+        static_friction: float | None = None,
+        across: ArrayLike | None = None,
+    ) -> Touch:
+        """Let shapes of two bodies touch: a contact that hits, slides, sticks and lets go.
+
+        Spheres touch all shapes, all shapes touch planes, and polygons each other. Pairs with one
+        point of contact have the name given; corners, and ends of capsules, are counted behind it,
+        ``"table.0"``. A slip is the velocity of the body of `a` against that of `b`, or of what
+        touches a plane against it, to the right of its normal where `across` comes forwards.
+
+        Parameters
+        ----------
+        name : str
+            Its name.
+        a, b : Plane, Sphere, Capsule, Box or Polygon
+            Shapes of different bodies, or of a body and the ground; see :mod:`liouville.bodies`.
+        restitution, friction, static_friction : optional
+            As for :class:`~liouville.Contact`. Friction is for bodies that move in a plane.
+        across : array_like, shape (3,), optional
+            The normal of the plane that bodies in space move in, for friction; planar bodies move
+            across z.
+
+        Returns
+        -------
+        Touch
+            The contact.
+
+        Raises
+        ------
+        TypeError, ValueError
+            An argument is wrong, the shapes do not touch one another, or the name is there already.
+        """
+        of = f"contact '{name}'"
+        for shape in (a, b):
+            if not isinstance(shape, Shape):
+                hint = "write lv.bodies.Sphere(body, radius=0.1) or lv.bodies.Plane('ground')"
+                raise TypeError(hinted(f"{of} takes two shapes, not {shape!r}", hint))
+        sides = self._sides(of, a.body, b.body)
+        laws = {"restitution": restitution, "friction": friction}
+        normal = None if across is None else unit(f"across= of {of}", across)
+        more = laws | {"static_friction": static_friction}
+        touch = touch_of(name, sides, (a, b), more, normal)
+        self._touches[self._new(name)] = touch
+        return touch
+
+    def rope(
+        self,
+        name: str,
+        a: Which,
+        b: Which,
+        *,
+        at: Any,
+        length: Value | None = None,
+        restitution: float = 0.0,
+    ) -> Rope:
+        """Keep two points within a length: a rope without mass, which may go slack.
+
+        It is a contact, ``solution.contacts[name]``, whose gap is how much of it is slack, and
+        whose normal force is its tension.
+
+        Parameters
+        ----------
+        name : str
+            Its name.
+        a, b : Body or str
+            Its bodies, or their names.
+        at : sequence of two
+            A point on a and one on b, each of shape (3,) or callable, in the world as drawn.
+        length : float or callable, optional
+            Its length, positive; the distance as drawn by default.
+        restitution : float, default 0
+            Of the jerk as it goes taut, from 0 to 1.
+
+        Returns
+        -------
+        Rope
+            The rope.
+
+        Raises
+        ------
+        TypeError, ValueError
+            An argument is wrong, or the name is there already.
+        """
+        of = f"rope '{name}'"
+        sides, points = self._sides(of, a, b), two_points(of, at)
+        length = apart(points) if length is None else given(f"length= of {of}", length, ())
+        check_size(f"length= of {of}", "length", length)
+        check_restitution(restitution)
+        self._touches[self._new(name)] = rope = Rope(name, *sides, points, length, restitution)
+        return rope
+
     def system(
         self, params: Mapping[str, ArrayLike] | None = None, *, impacts: str = "poisson"
     ) -> Mechanism:
@@ -240,7 +343,8 @@ class Assembly(Acting):
             if callable(body.at):
                 evaluated(f"at= of body '{body.name}'", body.at, numbers_of, 3)
         own_parts = list(self._joints.values()), list(self._elements.values())
-        for what, name, function, size in parameter_functions(*own_parts):
+        touches = list(self._touches.values())
+        for what, name, function, size in parameter_functions(*own_parts, touches):
             found = evaluated(what, function, numbers_of, size)
             if size == 1:
                 check_size(what, name, found[0])
@@ -251,6 +355,7 @@ class Assembly(Acting):
             bodies,
             *own_parts,
             list(self._gears.values()),
+            touches,
             self._gravity,
             own,
             impacts,

@@ -65,11 +65,11 @@ class Element:
 
 
 def parameter_functions(
-    joints: Sequence[Joint], elements: Sequence[Element]
+    joints: Sequence[Joint], elements: Sequence[Element], touches: Sequence[Any]
 ) -> Iterator[tuple[str, str, Value, int]]:
     """Return the functions of the parameters: what and its name, function, number of values."""
-    owners: list[tuple[str, Joint | Element]] = [(f"joint '{x.name}'", x) for x in joints]
-    owners += [(f"{x.kind} '{x.name}'", x) for x in elements]
+    owners: list[tuple[str, Any]] = [(f"joint '{x.name}'", x) for x in joints]
+    owners += [(f"{x.kind} '{x.name}'", x) for x in (*elements, *touches)]
     for of, owner in owners:
         for name, function, size in owner.functions:
             yield f"{name} of {of}", name, function, size

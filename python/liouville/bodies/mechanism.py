@@ -23,7 +23,7 @@ from liouville.bodies.joints import RATES, Joint
 from liouville.bodies.model import Model, Place
 from liouville.bodies.normal_forces import Rubs
 from liouville.bodies.poses import Poses
-from liouville.bodies.touching import contacts_of
+from liouville.bodies.touching import Rope, Touch
 
 if TYPE_CHECKING:
     from liouville.bodies.chaining import Gear
@@ -58,14 +58,15 @@ class Mechanism(Lagrangian):
         joints: Sequence[Joint],
         elements: Sequence[Element],
         gears: Sequence[Gear | Coupling],
+        touches: Sequence[Touch | Rope],
         gravity: Value,
         params: Mapping[str, ArrayLike] | None,
         impacts: str,
     ) -> None:
         counted = turns.counted(joints, gears, params or {})
         self._body_layout = Layout(bodies, joints, counted)
-        model = Model(bodies, joints, elements, gears, gravity, self._body_layout)
-        contacts = contacts_of(model, joints)
+        model = Model(bodies, joints, elements, gears, touches, gravity, self._body_layout)
+        contacts = model.contacts()
         self.rubbing = tuple(joint.name for joint in joints if joint.friction)
         if contacts and self.rubbing:
             sentence = f"friction in {self._rubbing_joints} knows nothing of what contacts press"

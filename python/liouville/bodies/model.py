@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from liouville._basics import casadi as ca
+from liouville._systems.mechanics.contact import Contact
 from liouville._systems.mechanics.traced import HALF_TURN
 from liouville.bodies import rotations as rot
 from liouville.bodies import turns
@@ -37,6 +38,7 @@ from liouville.bodies.joints import KINDS, MOTION, Joint
 from liouville.bodies.normal_forces import multipliers, normal_forces, pushes
 from liouville.bodies.poses import Poses, drawn, kinetic
 from liouville.bodies.rolling import is_across, rolled
+from liouville.bodies.touching import Rope, Touch, stops
 
 
 @dataclass(frozen=True)
@@ -83,10 +85,12 @@ class Model:
         joints: Sequence[Joint],
         elements: Sequence[Element],
         gears: Sequence[Gear | Coupling],
+        touches: Sequence[Touch | Rope],
         gravity: Value,
         layout: Layout,
     ) -> None:
         self.bodies, self.joints, self.elements = bodies, joints, elements
+        self.touches = touches
         self.couplings = [x for x in gears if x.joints]
         self.gears = [x for x in gears if isinstance(x, Gear) and not x.joints]
         self.gravity, self.layout = gravity, layout
@@ -253,6 +257,11 @@ class Model:
         rates, efforts = (ca.vertcat(*x) for x in zip(*pairs, strict=True))
         return ca.jtimes(rates, v, efforts, True)
 
+    def contacts(self) -> dict[str, Contact]:
+        """Return the contacts, whose functions are expressions of the symbols of the Lagrangian."""
+        found = {name: own for joint in self.joints for name, own in stops(self, joint)}
+        return found | {name: own for x in self.touches for name, own in x.contacts(self)}
+
     def places(self) -> list[Place]:
         """Return the joints in numbers."""
         found, first = [], 0
@@ -298,7 +307,7 @@ class Model:
     @property
     def limited(self) -> list[tuple[str, str, Value]]:
         """Limited sizes that are functions of the parameters: what, name and function."""
-        functions = parameter_functions(self.joints, self.elements)
+        functions = parameter_functions(self.joints, self.elements, self.touches)
         return [(what, name, x) for what, name, x, _ in functions if is_limited(name)]
 
     def _looks(self) -> dict[str, ca.SX]:

@@ -32,6 +32,7 @@ class Registry:
         self._joints: dict[str, Joint] = {}
         self._elements: dict[str, Element] = {}
         self._gears: dict[str, Any] = {}
+        self._touches: dict[str, Any] = {}
 
     def _changed(self) -> None:
         """Note that something was added."""
@@ -41,7 +42,7 @@ class Registry:
         if not isinstance(name, str) or not name:
             raise TypeError(f"a body, joint or element has a name, not {name!r}")
         kinds = ("body", self._bodies), ("joint", self._joints), ("element", self._elements)
-        for kind, known in (*kinds, ("gear", self._gears)):
+        for kind, known in (*kinds, ("gear", self._gears), ("contact", self._touches)):
             if name in known:
                 article = "an" if kind == "element" else "a"
                 sentence = f"there is {article} {kind} called '{name}' already"
@@ -51,7 +52,7 @@ class Registry:
         return name
 
     def remove(self, name: str) -> None:
-        """Take a body, joint, element, gear or coupling out again, so that its name is free.
+        """Take a body, joint, element, gear, coupling or contact out again: its name is free then.
 
         Parameters
         ----------
@@ -63,12 +64,13 @@ class Registry:
         ValueError
             There is nothing of this name, or something that is left needs it.
         """
-        kinds = (self._bodies, self._joints, self._elements, self._gears)
+        kinds = (self._bodies, self._joints, self._elements, self._gears, self._touches)
         known = next((own for own in kinds if name in own and name != "ground"), None)
         if known is None:
             there = quoted([x for own in kinds for x in own if x != "ground"]) or "nothing"
             raise ValueError(hinted(f"the assembly has no {name!r}", f"there is {there}"))
-        held: list[Joint | Element] = [*self._joints.values(), *self._elements.values()]
+        held: list[Any] = [*self._joints.values(), *self._elements.values()]
+        held += self._touches.values()
         users = [x.name for x in held if name in (x.a.name, x.b.name) and known is self._bodies]
         users += [x.name for x in self._gears.values() if name in x.uses and known is self._joints]
         if users:

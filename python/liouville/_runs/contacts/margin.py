@@ -19,13 +19,20 @@ from liouville._systems.mechanics.contact import Mode
 if TYPE_CHECKING:
     from liouville._runs.contacts.traced import Contacts, Matrices
 
+#: Forces below this part of those that would move the system so are none.
+NONE, ROUNDED = 1e-9, 1e-14
 #: The largest margin, in units of what the forces lead to.
 LARGEST = 1.0
 
 
-def margin(contacts: Contacts, at: Matrices, modes: tuple[Mode, ...]) -> float:
-    """Return the margin of a mode."""
-    return _program(contacts, at, modes)[0]
+def gives_way(contacts: Contacts, at: Matrices, modes: tuple[Mode, ...]) -> bool:
+    """Return whether no forces within their bounds give the accelerations of a mode."""
+    return _program(contacts, at, modes)[0] < -ROUNDED * _weight(at)
+
+
+def _weight(at: Matrices) -> float:
+    """Return the size of forces that give the accelerations that there are without them."""
+    return float(np.abs(at.free).max() / (np.abs(at.moves).max() or 1.0))
 
 
 def forces_of(contacts: Contacts, at: Matrices, modes: tuple[Mode, ...]) -> tuple[Array, Array]:
@@ -50,7 +57,7 @@ def _program(
     own = values > 1e-10 * values.max(initial=0.0)
     equal = np.hstack([vt[own], np.zeros((own.sum(), 1))])
     sides = -(u.T @ at.b[active])[own] / values[own]
-    scale = np.abs(sides).max(initial=0.0) or 1.0
+    scale = max(np.abs(sides).max(initial=0.0), NONE * _weight(at)) or 1.0
     bounds = []
     for j in range(len(closed)):
         bounds.append(np.eye(1, columns.shape[1], j)[0])

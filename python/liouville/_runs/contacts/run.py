@@ -11,7 +11,7 @@ import numpy as np
 from liouville._basics.errors import IntegrationError, hinted, quoted
 from liouville._runs.contacts.complementarity import Array
 from liouville._runs.contacts.joined import PENETRATES, Stretch, joined
-from liouville._runs.contacts.margin import margin
+from liouville._runs.contacts.margin import gives_way
 from liouville._runs.contacts.switching import CLOSED, EPS, ROUNDINGS, Switching
 from liouville._runs.contacts.traced import Contacts, Matrices, ModeSystem
 from liouville._systems.events import Event, named
@@ -202,20 +202,20 @@ class Course:
         first, second = self.contacts.system.states
         modes = self.now.modes
 
-        def left(t: float, y: Array, z: Array) -> float:
-            return margin(self.contacts, self.now.at(t, y, z), modes)
+        def is_torn(t: float, y: Array, z: Array) -> bool:
+            return gives_way(self.contacts, self.now.at(t, y, z), modes)
 
         def at(t: float) -> tuple[Array, Array]:
             found = run(t)
             return found.states[first], found.states[second]
 
         rows = zip(run.t, run.states[first], run.states[second], strict=True)
-        below = [k for k, row in enumerate(rows) if k and left(float(row[0]), *row[1:]) < 0]
+        below = [k for k, row in enumerate(rows) if k and is_torn(float(row[0]), *row[1:])]
         if not below:
             return len(run.t), float(run.t[-1]), end
         low, high = float(run.t[below[0] - 1]), float(run.t[below[0]])
         while low < (middle := low + (high - low) / 2) < high:
-            if left(middle, *at(middle)) < 0:
+            if is_torn(middle, *at(middle)):
                 high = middle
             else:
                 low = middle
