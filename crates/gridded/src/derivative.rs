@@ -6,7 +6,8 @@
 //! with σ = ∓h, U and V the mean flow of u and e, and c the frozen coordinates.
 
 use crate::basis::MOST;
-use crate::flow::{Fault, PlaneFlow};
+use crate::equation::Fault;
+use crate::flow::PlaneFlow;
 use crate::plane::Plane;
 use crate::spline::Spline;
 use crate::traced::{Memory, Traced};

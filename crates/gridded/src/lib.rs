@@ -6,14 +6,17 @@
 
 mod basis;
 mod derivative;
+mod equation;
 mod flow;
+mod local;
 mod plane;
 mod spline;
 mod traced;
 mod window;
 
 pub use basis::{Basis, Bounds};
-pub use flow::{Fault, MOST_CORRECTIONS, PlaneFlow};
+pub use equation::{Fault, MOST_CORRECTIONS};
+pub use flow::PlaneFlow;
 pub use plane::Plane;
 pub use spline::Spline;
 pub use traced::{Memory, Traced};

@@ -1,6 +1,6 @@
 //! The Hamiltonian of two coordinates, given frozen ones.
 
-use crate::flow::Fault;
+use crate::equation::Fault;
 use crate::spline::Spline;
 use crate::traced::{Memory, Traced};
 

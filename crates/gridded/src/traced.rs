@@ -1,6 +1,6 @@
 //! A Hamiltonian of two coordinates and of frozen ones that is given by programs.
 
-use crate::flow::{Fault, MOST_CORRECTIONS, Near};
+use crate::equation::{Fault, MOST_CORRECTIONS, Near};
 use crate::{Malformed, finite, size};
 use liouville_base::tape::{Registers, Tape};
 use std::sync::Arc;

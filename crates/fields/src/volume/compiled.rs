@@ -1,7 +1,8 @@
 //! A split, compiled.
 
-use super::flow::{PieceFlow, SplitLayout};
+use super::flow::PieceFlow;
 use super::functions::Functions;
+use super::layout::SplitLayout;
 use super::order::Order;
 use crate::problem::Split;
 
@@ -31,7 +32,7 @@ impl CompiledSplit {
                 number,
                 in_runs,
             };
-            layout.flow(piece)
+            PieceFlow::new(&layout, piece)
         });
         let piece_flows: Vec<PieceFlow> = pieces.collect();
         functions.link(split.n());

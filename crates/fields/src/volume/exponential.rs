@@ -7,8 +7,8 @@
 
 #![allow(clippy::inline_always)] // all of a kernel is compiled for one instruction set
 
-use super::State;
-use super::kernel::{FlowOf, multiply};
+use super::state::State;
+use super::views::{FlowOf, multiply};
 use liouville_base::real::Scalar;
 use liouville_base::simd::{ForEach, Kernel, Number, SimdView, SimdViews};
 

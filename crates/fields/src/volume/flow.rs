@@ -2,13 +2,12 @@
 
 use super::affine::Affine;
 use super::exponential::Exponential;
-use super::kernel::Change;
-use super::order::Order;
+use super::layout::SplitLayout;
 use super::plane::PlanePiece;
-use super::rows::{PolynomialRows, narrow};
+use super::rows::PolynomialRows;
 use super::triangular::Triangular;
 use super::turn::Turn;
-use crate::problem::{Piece, Polynomials, Split};
+use crate::problem::Piece;
 use liouville_gridded::Memory;
 use std::slice;
 
@@ -41,6 +40,15 @@ pub(super) struct Shear {
     pub(super) places: Vec<(u32, f64)>,
 }
 
+/// The use of the value of a row.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Change {
+    /// x += h R
+    Add,
+    /// x *= exp(h p)
+    Scale,
+}
+
 /// Rows that a flow changes level after level.
 pub(super) struct Levels<'a> {
     pub(super) change: Change,
@@ -59,6 +67,63 @@ impl Levels<'_> {
 }
 
 impl PieceFlow {
+    /// Lays a piece out.
+    pub(super) fn new(layout: &SplitLayout<'_>, piece: &Piece) -> Self {
+        match piece {
+            Piece::Natural { rows, change, .. } => Self::Natural {
+                rows: layout.rows(change, rows),
+            },
+            Piece::Shear {
+                places,
+                direction,
+                change,
+                ..
+            } => Self::Shear(Shear {
+                change: layout.compiled(change, &[(0, 0)]),
+                places: layout.paired(places, direction),
+            }),
+            Piece::Scaling { rows, rate, .. } => Self::Scaling {
+                rows: layout.rows(rate, rows),
+            },
+            Piece::Exponential {
+                rows,
+                rates,
+                monomial,
+                ..
+            } => {
+                let monomial = monomial.iter().map(|variable| layout.place(*variable));
+                Self::Exponential(Exponential::new(
+                    layout.paired(rows, rates),
+                    monomial.collect(),
+                ))
+            }
+            Piece::Triangular {
+                order,
+                change,
+                a,
+                b,
+            } => Self::Triangular(Triangular::new(layout, order, change, a, b)),
+            Piece::Affine { matrix, vector } => {
+                Self::Affine(Affine::new(layout.order, layout.split.n(), matrix, vector))
+            }
+            Piece::Turn {
+                rows,
+                change,
+                is_cayley,
+                ..
+            } => Self::Turn(Turn::new(layout, rows, change, *is_cayley)),
+            Piece::Plane { plane, variables } => {
+                let places = variables.iter().map(|v| layout.order.place_of(*v));
+                Self::Plane(PlanePiece::new(
+                    plane.clone(),
+                    layout.number,
+                    variables,
+                    places,
+                ))
+            }
+        }
+    }
+
     /// Memory of its own for the flows of a plane.
     pub(super) fn memory(&self) -> Memory {
         match self {
@@ -88,105 +153,5 @@ impl PieceFlow {
             rows: levels,
             is_reversed,
         })
-    }
-}
-
-/// The layout of the pieces of a split.
-pub(super) struct SplitLayout<'a> {
-    pub(super) split: &'a Split,
-    pub(super) order: &'a Order,
-    /// The places of the piece's functions.
-    pub(super) functions: &'a [u32],
-    /// The number of the piece.
-    pub(super) number: usize,
-    /// Whether rows are joined to runs, which is for states of one trajectory.
-    pub(super) in_runs: bool,
-}
-
-impl SplitLayout<'_> {
-    pub(super) fn flow(&self, piece: &Piece) -> PieceFlow {
-        match piece {
-            Piece::Natural { rows, change, .. } => PieceFlow::Natural {
-                rows: self.rows(change, rows),
-            },
-            Piece::Shear {
-                places,
-                direction,
-                change,
-                ..
-            } => PieceFlow::Shear(Shear {
-                change: self.compiled(change, &[(0, 0)]),
-                places: self.paired(places, direction),
-            }),
-            Piece::Scaling { rows, rate, .. } => PieceFlow::Scaling {
-                rows: self.rows(rate, rows),
-            },
-            Piece::Exponential {
-                rows,
-                rates,
-                monomial,
-                ..
-            } => {
-                let monomial = monomial.iter().map(|variable| self.place(*variable));
-                PieceFlow::Exponential(Exponential::new(
-                    self.paired(rows, rates),
-                    monomial.collect(),
-                ))
-            }
-            Piece::Triangular {
-                order,
-                change,
-                a,
-                b,
-            } => PieceFlow::Triangular(Triangular::new(self, order, change, a, b)),
-            Piece::Affine { matrix, vector } => {
-                PieceFlow::Affine(Affine::new(self.order, self.split.n(), matrix, vector))
-            }
-            Piece::Turn {
-                rows,
-                change,
-                is_cayley,
-                ..
-            } => PieceFlow::Turn(Turn::new(self, rows, change, *is_cayley)),
-            Piece::Plane { plane, variables } => {
-                let places = variables.iter().map(|v| self.order.place_of(*v));
-                PieceFlow::Plane(PlanePiece::new(
-                    plane.clone(),
-                    self.number,
-                    variables,
-                    places,
-                ))
-            }
-        }
-    }
-
-    /// The place of a factor: a variable, or one of the functions numbered after them.
-    pub(super) fn place(&self, factor: usize) -> u32 {
-        match factor.checked_sub(self.split.n()) {
-            Some(q) => self.functions[q],
-            None => narrow(self.order.place_of(factor)),
-        }
-    }
-
-    fn paired(&self, variables: &[usize], values: &[f64]) -> Vec<(u32, f64)> {
-        let places = variables.iter().map(|variable| self.place(*variable));
-        places.zip(values.iter().copied()).collect()
-    }
-
-    /// Independent rows, by place.
-    fn rows(&self, polynomials: &Polynomials, rows: &[usize]) -> PolynomialRows {
-        let places = rows.iter().map(|row| self.order.place_of(*row));
-        let mut places: Vec<(usize, usize)> = places.enumerate().collect();
-        places.sort_unstable_by_key(|(_, place)| *place);
-        self.compiled(polynomials, &places)
-    }
-
-    pub(super) fn compiled(
-        &self,
-        polynomials: &Polynomials,
-        rows: &[(usize, usize)],
-    ) -> PolynomialRows {
-        let place_of = |factor| self.place(factor);
-        PolynomialRows::new(polynomials, rows, place_of, self.in_runs)
     }
 }

@@ -6,9 +6,9 @@
 #![allow(clippy::inline_always)] // all of a kernel is compiled for one instruction set
 
 use super::code::{Code, Variables, evaluate};
-use super::kernel::value;
 use super::order::Order;
 use super::rows::{PolynomialRows, narrow};
+use super::views::value;
 use crate::problem::{Formula, Function, Piece};
 use liouville_base::real::{Lanes, Scalar};
 use liouville_base::simd::{ForEach, Kernel, Number, SimdView, SimdViews, Stored};

@@ -1,31 +1,24 @@
 //! The flows of pieces as one kernel.
 #![allow(clippy::inline_always)] // all of a kernel is compiled for one instruction set
 
-use super::State;
-use super::affine::{AffineChange, Changes};
-use super::code::{Code, Variables, evaluate};
-use super::flow::{Levels, PieceFlow, Shear};
+use super::affine::AffineChange;
+use super::changes::Changes;
+use super::code::Code;
+use super::flow::{Change, Levels, PieceFlow, Shear};
 use super::functions::{FunctionScratch, Functions, SetFunctions};
-use super::rows::{PolynomialRows, RowRun};
+use super::rows::RowRun;
 use super::stages::{RungeKutta, Substitution};
+use super::state::State;
+use super::views::{FlowOf, FlowScratch, add, multiply, value};
 use liouville_base::composition::Flow;
 use liouville_base::error::StepError;
 use liouville_base::simd::{ForEach, Kernel, Number, SimdView, SimdViews, Stored};
-
-/// Memory of flows beside the state.
-#[derive(Clone, Debug)]
-pub(super) struct FlowScratch<S> {
-    /// The change of each variable.
-    pub(super) change: Vec<S>,
-    /// Z_r of each stage, and its K_r.
-    pub(super) stages: Vec<[Vec<S>; 2]>,
-    pub(super) functions: FunctionScratch,
-}
 
 /// Flows to be made one after another.
 pub(super) struct FlowKernel<'a, S> {
     pub(super) piece_flows: &'a [PieceFlow],
     pub(super) functions: &'a Functions,
+    pub(super) function_scratch: &'a mut FunctionScratch,
     /// The place of a variable that is the same in all trajectories.
     pub(super) clock: Option<u32>,
     pub(super) changes: &'a Changes,
@@ -43,20 +36,25 @@ impl<S: Stored> Kernel<S> for FlowKernel<'_, S> {
 
     #[inline(always)]
     fn run<W: SimdViews<Stored = S>>(self, views: W) -> Result<(), StepError> {
-        let Self { state, scratch, .. } = self;
-        scratch.functions.forget();
+        let Self {
+            state,
+            scratch,
+            function_scratch,
+            ..
+        } = self;
+        function_scratch.forget();
         let mut before = self.before;
         for flow in self.flows {
             let h = before + flow.weight * self.h;
             before = 0.0;
             let piece = &self.piece_flows[flow.part];
-            if self.functions.wants(flow.part, &scratch.functions) {
+            if self.functions.wants(flow.part, function_scratch) {
                 let done = views.call(SetFunctions {
                     functions: self.functions,
                     piece: flow.part,
                     clock: self.clock,
                     x: &mut state.x,
-                    scratch: &mut scratch.functions,
+                    scratch: &mut *function_scratch,
                 });
                 done.map_err(|(function, member)| StepError::Function {
                     piece: flow.part,
@@ -65,7 +63,7 @@ impl<S: Stored> Kernel<S> for FlowKernel<'_, S> {
                     t: self.t + flow.offset * self.h,
                 })?;
             }
-            self.functions.outdate(flow.part, &mut scratch.functions);
+            self.functions.outdate(flow.part, function_scratch);
             if let Some(levels) = piece.levels(flow.is_adjoint) {
                 views.call(flow_of(levels, h, state, scratch));
                 continue;
@@ -101,14 +99,6 @@ impl<S: Stored> Kernel<S> for FlowKernel<'_, S> {
     }
 }
 
-/// The flow of one piece, of length `h`.
-pub(super) struct FlowOf<'a, S, P> {
-    pub(super) piece: P,
-    pub(super) h: f64,
-    pub(super) state: &'a mut State<S>,
-    pub(super) scratch: &'a mut FlowScratch<S>,
-}
-
 #[inline(always)]
 fn flow_of<'a, S, P>(
     piece: P,
@@ -138,73 +128,6 @@ impl<S> Kernel<S> for FlowOf<'_, S, Levels<'_>> {
             }
         }
     }
-}
-
-/// Adds to the variable at a place, with its rounding error where that is kept.
-#[inline(always)]
-pub(super) fn add<W: SimdView>(
-    view: W,
-    (x, low): (&mut [W::Stored], &mut [W::Stored]),
-    place: usize,
-    change: W::Number,
-) {
-    let now = view.load(x, place);
-    if low.is_empty() {
-        view.store(x, place, now + change);
-        return;
-    }
-    let change = change + view.load(low, place);
-    let sum = now + change;
-    let back = sum - now;
-    let lost = (now - (sum - back)) + (change - back);
-    view.store(x, place, sum);
-    view.store(low, place, lost);
-}
-
-/// Multiplies the variable at a place by e^exponent.
-#[inline(always)]
-pub(super) fn multiply<W: SimdView>(
-    view: W,
-    (x, low): (&mut [W::Stored], &mut [W::Stored]),
-    place: usize,
-    exponent: W::Number,
-) {
-    let now = view.load(x, place);
-    if low.is_empty() {
-        view.store(x, place, now * exponent.exp());
-    } else {
-        add(view, (x, low), place, now * exponent.exp_m1());
-    }
-}
-
-/// The variables of a state in a view.
-pub(super) struct StateVariables<'a, W: SimdView> {
-    pub(super) view: W,
-    pub(super) x: &'a [W::Stored],
-}
-
-impl<W: SimdView> Variables for StateVariables<'_, W> {
-    type Number = W::Number;
-
-    #[inline(always)]
-    fn load(&self, place: u32) -> W::Number {
-        self.view.load(self.x, place as usize)
-    }
-}
-
-/// The value of a row in a view.
-#[inline(always)]
-pub(super) fn value<W: SimdView>(view: W, program: &[Code], x: &[W::Stored]) -> W::Number {
-    evaluate(program, view.constant(0.0), &StateVariables { view, x })
-}
-
-/// The use of the value of a row.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Change {
-    /// x += h R
-    Add,
-    /// x *= exp(h p)
-    Scale,
 }
 
 struct ChangeRow<'a, S> {
@@ -312,40 +235,5 @@ impl<S> Kernel<S> for FlowOf<'_, S, &Shear> {
             };
             views.one(&mut shear);
         }
-    }
-}
-
-/// out = row
-struct SetRow<'a, S> {
-    program: &'a [Code],
-    place: usize,
-    x: &'a [S],
-    out: &'a mut [S],
-}
-
-impl<S> ForEach<S> for SetRow<'_, S> {
-    #[inline(always)]
-    fn visit<W: SimdView<Stored = S>>(&mut self, view: W) -> bool {
-        let value = value(view, self.program, self.x);
-        view.store(self.out, self.place, value);
-        true
-    }
-}
-
-#[inline(always)]
-pub(super) fn set_rows<W: SimdViews>(
-    views: W,
-    rows: &PolynomialRows,
-    x: &[W::Stored],
-    out: &mut [W::Stored],
-) {
-    for (run, program) in rows.iter() {
-        let mut row = SetRow {
-            program,
-            place: run.place,
-            x,
-            out: &mut *out,
-        };
-        views.each(run.count, &mut row);
     }
 }

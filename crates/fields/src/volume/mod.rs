@@ -7,6 +7,7 @@
 #![allow(clippy::inline_always)] // all of a kernel is compiled for one instruction set
 
 mod affine;
+mod changes;
 mod code;
 mod compiled;
 mod determinant;
@@ -14,6 +15,7 @@ mod exponential;
 mod flow;
 mod functions;
 mod kernel;
+mod layout;
 mod linear;
 mod observe;
 mod order;
@@ -24,21 +26,24 @@ mod section;
 mod shared;
 mod short;
 mod stages;
+mod state;
 mod tangents;
 mod triangular;
 mod turn;
+mod views;
 
 pub use determinant::{Determinant, Determined};
 pub use observe::{Observer, UserVariables};
 pub use section::{Direction, Plane, Section};
+pub use state::State;
 pub use tangents::{TangentObserver, Tangential, Tangents};
 
 use crate::problem::Split;
-use affine::Changes;
+use changes::Changes;
 use compiled::CompiledSplit;
 use flow::PieceFlow;
 use functions::FunctionScratch;
-use kernel::{FlowKernel, FlowScratch};
+use kernel::FlowKernel;
 pub(crate) use linear::{LinearSteps, count_coefficients};
 use liouville_base::checkpoint::Checkpoint;
 use liouville_base::composition::{Flow, Parts};
@@ -47,25 +52,7 @@ use liouville_base::parallel::Workers;
 use liouville_base::simd::{ForEach, InstructionSet, Kernel, SimdView, SimdViews, Stored};
 use liouville_gridded::Memory;
 use std::sync::Arc;
-
-/// The variables of a trajectory, or of several in lock-step.
-#[derive(Debug, PartialEq)]
-pub struct State<S> {
-    /// The variables in the order of the stepper, and room for functions of them.
-    x: Vec<S>,
-    /// Their rounding errors with compensated sums, empty without.
-    low: Vec<S>,
-}
-
-liouville_base::clone_in_place!([S: Clone] State<S> { x, low });
-
-impl<S> State<S> {
-    /// The variables and their rounding errors.
-    #[inline]
-    fn parts(&mut self) -> (&mut [S], &mut [S]) {
-        (&mut self.x, &mut self.low)
-    }
-}
+use views::FlowScratch;
 
 /// The flows of a split field's pieces, for one trajectory or several in lock-step.
 #[derive(Clone, Debug)]
@@ -76,6 +63,7 @@ pub struct Volume<S> {
     workers: Option<Workers>,
     is_compensated: bool,
     scratch: FlowScratch<S>,
+    function_scratch: FunctionScratch,
     /// Of each piece that is a plane.
     planes: Vec<Memory>,
     changes: Changes,
@@ -97,10 +85,10 @@ impl<S: Stored> Volume<S> {
         let scratch = FlowScratch {
             change: zeros(if compiled.has_affine { n } else { 0 }),
             stages: stages.collect(),
-            functions: FunctionScratch::new::<S>(&compiled.functions),
         };
         let planes = compiled.piece_flows.iter().map(PieceFlow::memory);
         Self {
+            function_scratch: FunctionScratch::new::<S>(&compiled.functions),
             planes: planes.collect(),
             split,
             compiled,
@@ -196,6 +184,7 @@ impl<S: Stored> Volume<S> {
         let kernel = FlowKernel {
             piece_flows: &self.compiled.piece_flows,
             functions: &self.compiled.functions,
+            function_scratch: &mut self.function_scratch,
             clock: self.clock,
             changes: &self.changes,
             flows,
@@ -373,5 +362,3 @@ impl<S> Kernel<S> for IsFinite<'_, S> {
 }
 
 impl<S: Stored> Checkpoint for Volume<S> {}
-
-liouville_base::checkpoint!([S: Stored] State<S> { x, low });

@@ -1,6 +1,6 @@
 //! The flow of a plane, one member after another: each is in a cell of its own, or has an equation of its own.
 
-use super::State;
+use super::state::State;
 use liouville_base::error::StepError;
 use liouville_base::real::Scalar;
 use liouville_base::simd::InstructionSet;

@@ -1,8 +1,11 @@
 //! Compiled rows of polynomials; neighbours that differ by a shift of one are stored as one run.
+#![allow(clippy::inline_always)] // all of a kernel is compiled for one instruction set
 
 use super::code::{Code, RowTerm, compile};
 use super::short::ShortRow;
+use super::views::value;
 use crate::problem::Polynomials;
+use liouville_base::simd::{ForEach, SimdView, SimdViews};
 
 /// Rows `place .. place + count`, whose programs read one place further each.
 #[derive(Clone, Debug, PartialEq)]
@@ -72,6 +75,37 @@ impl PolynomialRows {
     pub(super) fn iter(&self) -> impl DoubleEndedIterator<Item = (&RowRun, &[Code])> {
         let program = |run: &RowRun| &self.program[run.start..run.end];
         self.runs.iter().map(move |run| (run, program(run)))
+    }
+
+    /// Sets each place of `out` to its row at `x`.
+    #[inline(always)]
+    pub(super) fn set<W: SimdViews>(&self, views: W, x: &[W::Stored], out: &mut [W::Stored]) {
+        for (run, program) in self.iter() {
+            let mut row = SetRow {
+                program,
+                place: run.place,
+                x,
+                out: &mut *out,
+            };
+            views.each(run.count, &mut row);
+        }
+    }
+}
+
+/// out = row
+struct SetRow<'a, S> {
+    program: &'a [Code],
+    place: usize,
+    x: &'a [S],
+    out: &'a mut [S],
+}
+
+impl<S> ForEach<S> for SetRow<'_, S> {
+    #[inline(always)]
+    fn visit<W: SimdView<Stored = S>>(&mut self, view: W) -> bool {
+        let value = value(view, self.program, self.x);
+        view.store(self.out, self.place, value);
+        true
     }
 }
 

@@ -5,9 +5,9 @@
 #![allow(clippy::inline_always)] // all of a kernel is compiled for one instruction set
 
 use super::code::{Code, Variables, evaluate};
-use super::flow::PieceFlow;
-use super::kernel::{Change, add, multiply};
+use super::flow::{Change, PieceFlow};
 use super::rows::PolynomialRows;
+use super::views::{add, multiply};
 use liouville_base::parallel::Workers;
 use liouville_base::simd::{ForEach, InstructionSet, Kernel, Number, SimdView, SimdViews, Stored};
 

@@ -4,9 +4,9 @@
 //! of such a row. The operations and their order are those of its program, and so are the bits.
 #![allow(clippy::inline_always)] // all of a kernel is compiled for one instruction set
 
-use super::State;
 use super::code::{RowTerm, Variables, in_groups};
-use super::kernel::StateVariables;
+use super::state::State;
+use super::views::StateVariables;
 use liouville_base::simd::{ForEach, Number, SimdView, SimdViews};
 
 /// A row with few terms.

@@ -1,11 +1,11 @@
 //! Runge-Kutta steps of triangular pieces, and their adjoints.
 #![allow(clippy::inline_always)] // all of a kernel is compiled for one instruction set
 
-use super::State;
 use super::code::Code;
-use super::kernel::{FlowOf, add, set_rows, value};
 use super::rows::PolynomialRows;
+use super::state::State;
 use super::triangular::Triangular;
+use super::views::{FlowOf, add, value};
 use liouville_base::simd::{ForEach, Kernel, Number, SimdView, SimdViews};
 
 /// Z_r = x + h Σ_{q<r} A_rq K_q, for a run.
@@ -92,7 +92,7 @@ impl<S: Copy> Kernel<S> for FlowOf<'_, S, RungeKutta<'_>> {
                 views.each(run.count, &mut stage);
             }
             for level in &piece.levels {
-                set_rows(views, level, z, k);
+                level.set(views, z, k);
             }
         }
         for (run, _) in runs() {

@@ -7,7 +7,7 @@
 //! variable after variable. Variables that do not depend on one another are one level. Forward Euler
 //! needs no stages: levels backwards are the step, forwards its adjoint.
 
-use super::flow::SplitLayout;
+use super::layout::SplitLayout;
 use super::rows::PolynomialRows;
 use crate::problem::Polynomials;
 

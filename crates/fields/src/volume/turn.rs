@@ -7,10 +7,10 @@
 //! Cayley's map, has a = h/(1 + t/4), b = h a/2 and no e. Sources: he2015, qin2013.
 #![allow(clippy::inline_always)] // all of a kernel is compiled for one instruction set
 
-use super::State;
-use super::flow::SplitLayout;
-use super::kernel::{FlowOf, add, value};
+use super::layout::SplitLayout;
 use super::rows::PolynomialRows;
+use super::state::State;
+use super::views::{FlowOf, add, value};
 use crate::problem::Polynomials;
 use liouville_base::simd::{ForEach, Kernel, Number, SimdView, SimdViews};
 
