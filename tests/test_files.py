@@ -300,8 +300,12 @@ PENDULUM = """<mujoco><option {option}/><compiler autolimits="true"/><worldbody>
 QUIET = 'contype="0" conaffinity="0"'
 ACTUATOR = "<actuator>{}</actuator>"
 REFUSED = {
-    "contact": ({"geom": ""}, "bodies 'arm' and 'ball'"),
-    "limits": ({"joint": 'range="-1 1"'}, "joints 'pin'"),
+    "contact shapes": (
+        {"world": '<geom name="edge" type="cylinder" size="1 1"/>', "geom": 'condim="1"'},
+        "shapes 'edge.rod' and 'edge.geom2'",
+    ),
+    "friction of contacts": ({"geom": ""}, "shapes 'rod.geom1'"),
+    "limits": ({"ball": 'range="0 1"'}, "ball joints 'socket'"),
     "friction loss": ({"joint": 'frictionloss="0.1"'}, "joints 'pin'"),
     "tendons": (
         {"more": '<tendon><fixed name="cord"><joint joint="pin" coef="1"/></fixed></tendon>'},
@@ -358,7 +362,7 @@ def test_what_is_not_modelled_is_refused_by_name_or_left_out(name):
 def test_all_that_is_not_modelled_is_named_at_once():
     cord = '<tendon><fixed name="cord"><joint joint="pin" coef="1"/></fixed></tendon>'
     more = cord + '<equality><tendon name="taut" tendon1="cord"/></equality>'
-    text = pendulum({"more": more, "joint": 'range="-1 1"'})
+    text = pendulum({"more": more, "ball": 'range="0 1"'})
     with pytest.raises(ValueError, match="equality constraints \\(constraints 'taut'\\)") as raised:
         mjcf(text, without=["limits"])
     left = "without=('limits', 'tendons', 'equality constraints')"

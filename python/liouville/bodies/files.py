@@ -12,6 +12,7 @@ from liouville._basics.errors import hinted
 from liouville.bodies import expansion, unmodelled
 from liouville.bodies.assembly import Assembly
 from liouville.bodies.body import numbers
+from liouville.bodies.geoms import pairs_of, refused
 from liouville.bodies.reading import Reader
 
 #: The prefix of the sites that are links.
@@ -26,28 +27,36 @@ def from_mjcf(
     *,
     without: Sequence[str] = (),
     controls: Mapping[str, float | Callable[..., Any]] | None = None,
+    restitution: float | Mapping[str, float] = 0.0,
 ) -> Assembly:
     r"""Read an assembly from a file in MuJoCo's format.
 
     Bodies and joints keep their names, bodies without joints are parts of those that carry them.
     The file is drawn at its reference pose, so a value of a joint is that of MuJoCo less its
     ``ref``. Armature, damping and springs of joints, equality constraints (connect, weld and joint,
-    here exact) and actuators of hinges and slides come along. What an assembly has not is refused
-    by name. Other files that it names are read too; one of more than 100,000 elements is refused,
-    those counted that it repeats.
+    here exact), actuators and limits of hinges and slides come along. So do contacts of spheres,
+    capsules and boxes with planes, and of spheres with all of these; limits and contacts are rigid,
+    without softness and margins. Friction of contacts is that of mechanisms whose hinges are
+    parallel, which move in a plane. What an assembly has not is refused by name. Other files that
+    it names are read too; one of more than 100,000 elements is refused, those counted that it
+    repeats.
 
     Parameters
     ----------
     source : str or Path
         A path, or the text of the file, which begins with "<".
     without : sequence of str
-        What to leave out: "contact", "limits", "friction loss", "tendons", "muscles", "activation",
+        What to leave out: "contact", of it "contact shapes" that are not modelled or "friction of
+        contacts", "limits", "friction loss", "tendons", "muscles", "activation",
         "transmissions", "actuator models", "nonlinear springs", "nonlinear damping", "springs of
         free bodies", "equality constraints", "fluid", "gravity compensation", "flex", "mocap",
         "plugins".
     controls : mapping, optional
         Signals by actuator: a number, or a function ``f(t, angle, rate, params)`` of the joint that
         it acts on. Others are parameters with the name of the actuator, zero by default.
+    restitution : float or mapping, default 0
+        That of contacts, of all or by their names, which are those of both shapes, ``"foot.floor"``
+        with a plane last.
 
     Returns
     -------
@@ -72,7 +81,7 @@ def from_mjcf(
     >>> start = m.start(values={"pin": 0.3})
     """
     model, data = _compiled(source)
-    return _read(model, data, without, controls).assembly
+    return _read(model, data, without, controls, restitution).assembly
 
 
 def from_urdf(
@@ -81,6 +90,7 @@ def from_urdf(
     loops: Mapping[str, Loop] | None = None,
     without: Sequence[str] = (),
     controls: Mapping[str, float | Callable[..., Any]] | None = None,
+    restitution: float | Mapping[str, float] = 0.0,
 ) -> Assembly:
     """Read an assembly from a URDF file; its root is fixed to the ground.
 
@@ -93,7 +103,7 @@ def from_urdf(
         ``(link, other, point)`` of a ball joint, ``(link, other, point, axis)`` of a hinge, in the
         axes of the first link. Two points, one in the axes of each link, close a loop that is drawn
         open.
-    without, controls : optional
+    without, controls, restitution : optional
         As for :func:`from_mjcf`.
 
     Returns
@@ -107,7 +117,7 @@ def from_urdf(
         As for :func:`from_mjcf`, or a loop names no link.
     """
     model, data = _compiled(source, is_urdf=True)
-    reader = _read(model, data, without, controls)
+    reader = _read(model, data, without, controls, restitution)
     for name, loop in (loops or {}).items():
         _close(reader, name, loop)
     return reader.assembly
@@ -168,9 +178,13 @@ def _check_size(source: str | Path, is_text: bool, what: str) -> None:
         )
 
 
-def _read(model: Any, data: Any, without: Sequence[str], controls: Any) -> Reader:
-    unmodelled.check(model, without)
-    return Reader(model, data, controls)
+def _read(model: Any, data: Any, without: Sequence[str], controls: Any, restitution: Any) -> Reader:
+    unmodelled.check_names(without)
+    pairs = pairs_of(model, data, without)
+    unmodelled.check(model, without, refused(pairs))
+    reader = Reader(model, data, controls, has_limits="limits" not in without)
+    reader.read_contacts(pairs, restitution)
+    return reader
 
 
 def _close(reader: Reader, name: str, loop: Loop) -> None:

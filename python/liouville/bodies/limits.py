@@ -81,7 +81,7 @@ def limits_of(of: str, names: Sequence[str], value: Any) -> dict[str, Limits]:
     """Return limits by coordinate: of a joint with several there is one entry for each."""
     if value is None:
         return {}
-    entries = [value] if len(names) == 1 else value
+    entries = [value] if len(names) == 1 and not _is_row(value, 1) else value
     if not _is_row(entries, len(names)) or not all(_is_entry(x) for x in entries):
         if len(names) == 1:
             raise TypeError(hinted(f"limits= of {of} is {value!r}", HINT))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import chain, count
 from typing import Any
@@ -14,8 +15,17 @@ from liouville.bodies import rotations as rot
 from liouville.bodies.actuation import Actuation, controls_of
 from liouville.bodies.assembly import Assembly
 from liouville.bodies.body import Body
+from liouville.bodies.geoms import Pair, plane_of, restitution_of, shape_of
 from liouville.bodies.joints import KINDS, Joint
-from liouville.bodies.unmodelled import EQUALITIES, JOINTS, active, is_off, named, plain_actuators
+from liouville.bodies.unmodelled import (
+    EQUALITIES,
+    JOINTS,
+    active,
+    has_limits,
+    is_off,
+    named,
+    plain_actuators,
+)
 
 Array = NDArray[np.float64]
 
@@ -49,8 +59,8 @@ class Reader:
         The assembly.
     """
 
-    def __init__(self, model: Any, data: Any, controls: Any) -> None:
-        self.model, self.data = model, data
+    def __init__(self, model: Any, data: Any, controls: Any, *, has_limits: bool = True) -> None:
+        self.model, self.data, self.has_limits = model, data, has_limits
         gravity = np.zeros(3) if is_off(model, "gravity") else np.array(model.opt.gravity)
         self.assembly = Assembly(gravity=gravity)
         self.bodies: dict[int, Body] = {0: self.assembly.ground}
@@ -191,7 +201,33 @@ class Reader:
             "spring": 0.0 if is_off(model, "spring") else float(model.jnt_stiffness[joint]),
             "rest": float(model.qpos_spring[at] - model.qpos0[at]),
             "effort": effort,
+            "limits": self._limits(joint),
         }
+
+    def _limits(self, joint: int) -> tuple[float, float] | None:
+        """Return the limits of a hinge or slide, from where it is drawn."""
+        model = self.model
+        if not (self.has_limits and has_limits(model, joint)):
+            return None
+        low, high = model.jnt_range[joint] - model.qpos0[model.jnt_qposadr[joint]]
+        return float(low), float(high)
+
+    def read_contacts(self, pairs: Sequence[Pair], restitution: Any) -> None:
+        """Add the contacts of pairs of shapes."""
+        model, data = self.model, self.data
+        across, restitutions = plane_of(model, data), restitution_of(pairs, restitution)
+        for pair in pairs:
+            bodies = [self.body_of(int(model.geom_bodyid[k])) for k in pair.geoms]
+            shapes = [
+                shape_of(model, data, k, body) for k, body in zip(pair.geoms, bodies, strict=True)
+            ]
+            self.assembly.contact(
+                self._unused(pair.name),
+                *shapes,
+                restitution=restitutions(pair.name),
+                friction=pair.friction or 0.0,
+                across=across,
+            )
 
     def _armature(self, joint: int) -> float:
         own = float(self.model.dof_armature[self.model.jnt_dofadr[joint]])

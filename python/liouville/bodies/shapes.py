@@ -148,7 +148,7 @@ class Capsule(Shape):
 
 @dataclass(frozen=True, eq=False)
 class Box(Shape):
-    """A box along the axes of its body; its corners touch planes, and all of it touches spheres.
+    """A box; its corners touch planes, and all of it touches spheres.
 
     Attributes
     ----------
@@ -158,10 +158,14 @@ class Box(Shape):
         The lengths of its edges, positive.
     at : array_like, shape (3,), optional
         Its centre in the world as drawn, by default that of the body.
+    rotation : array_like, shape (4,), optional
+        Quaternion from the axes along its edges to the world's as drawn, of any length; by default
+        they are those of its body.
     """
 
     edges: ArrayLike
     at: ArrayLike | None = None
+    rotation: ArrayLike | None = None
 
     def __post_init__(self) -> None:
         """Refuse what is no box."""
@@ -171,20 +175,28 @@ class Box(Shape):
         object.__setattr__(self, "edges", edges)
         if self.at is not None:
             object.__setattr__(self, "at", numbers("at= of a box", self.at, (3,)))
+        if self.rotation is not None:
+            own = unit("rotation= of a box", self.rotation, 4)
+            object.__setattr__(self, "rotation", own)
 
     def points(self, body: Body) -> Sequence[Value]:
         """Return its corners."""
         at = numbers("the centre of a box", body.at if self.at is None else self.at, (3,))
         corners = np.array([*product((-0.5, 0.5), repeat=3)]) * self.edges
-        turned = np.stack(rot.rotate(body.rotation, corners.T), axis=1)
+        turned = np.stack(rot.rotate(self._drawn(body), corners.T), axis=1)
         return [*(at + turned)]
 
     def distance(self, point: ca.SX, core: ca.SX, body: Body, axes: ca.SX) -> ca.SX:
         """Return the distance from its surface, negative inside."""
-        own = ca.mtimes(axes.T, point - ca.sum2(core) / core.shape[1])
+        turn = rot.product(rot.conjugate(body.rotation), self._drawn(body))
+        edges = ca.mtimes(axes, ca.SX(ca.DM(np.array(rot.columns(turn)).T)))
+        own = ca.mtimes(edges.T, point - ca.sum2(core) / core.shape[1])
         beyond = ca.fabs(own) - ca.SX(ca.DM(np.asarray(self.edges) / 2))
         deepest = ca.mmax(beyond)
         return ca.if_else(deepest > 0, _length(ca.fmax(beyond, 0)), deepest)
+
+    def _drawn(self, body: Body) -> Any:
+        return body.rotation if self.rotation is None else np.asarray(self.rotation)
 
 
 @dataclass(frozen=True, eq=False)

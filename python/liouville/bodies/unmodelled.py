@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -38,7 +38,9 @@ SHOWN = 6
 #: Features that can be left out, with the elements that have them.
 KNOWN: dict[str, str] = {
     "contact": "bodies",
-    "limits": "joints",
+    "contact shapes": "shapes",
+    "friction of contacts": "shapes",
+    "limits": "ball joints",
     "friction loss": "joints",
     "tendons": "tendons",
     "muscles": "actuators",
@@ -68,13 +70,13 @@ def named(model: Any, kind: str, index: int) -> str:
     return getattr(model, kind)(index).name or f"{word}{index}"
 
 
-def check(model: Any, without: Sequence[str]) -> None:
-    """Refuse what a model has beyond an assembly, but for what is named in `without`.
+def check_names(without: Sequence[str]) -> None:
+    """Refuse names of what could be left out that are none.
 
     Raises
     ------
     TypeError, ValueError
-        The model has more, or `without` has an unknown name.
+        There is an unknown name.
     """
     if isinstance(without, str) or not all(isinstance(x, str) for x in without):
         raise TypeError(f"without= must be a sequence of names, not {without!r}")
@@ -86,7 +88,20 @@ def check(model: Any, without: Sequence[str]) -> None:
                     f"there are {', '.join(KNOWN)}",
                 )
             )
-    found = {name: items for name, items in _found(model).items() if name not in without}
+
+
+def check(model: Any, without: Sequence[str], touching: Mapping[str, list[str]]) -> None:
+    """Refuse what a model has beyond an assembly, but for what is named in `without`.
+
+    `touching` are the shapes whose contacts an assembly has not, by the reason.
+
+    Raises
+    ------
+    ValueError
+        The model has more.
+    """
+    own = {**_found(model), **touching}
+    found = {name: own[name] for name in KNOWN if own.get(name) and name not in without}
     if not found:
         return
     parts = [
@@ -127,13 +142,13 @@ def _found(model: Any) -> dict[str, list[str]]:
         return [named(model, "jnt", int(k)) for k in dict.fromkeys(dofs[own].tolist())]
 
     springs = not is_off(model, "spring")
+    measured = [k for k in joints if JOINTS[model.jnt_type[k]] in ("slide", "hinge")]
     flying = [k for k in joints if model.jnt_type[k] == 0 and model.jnt_stiffness[k]]
     bent = np.column_stack([model.jnt_stiffnesspoly, model.jnt_springyield])
     all_found: dict[str, Callable[[], list[str]]] = {
-        "contact": lambda: _touching(model) if constrained else [],
-        "limits": lambda: (
-            at_joints(model.jnt_limited) if constrained and not is_off(model, "limits") else []
-        ),
+        "limits": lambda: [
+            named(model, "jnt", k) for k in joints if has_limits(model, k) and k not in measured
+        ],
         "friction loss": lambda: (
             at_dofs(model.dof_frictionloss)
             if constrained and not is_off(model, "friction loss")
@@ -161,7 +176,13 @@ def _found(model: Any) -> dict[str, list[str]]:
     found = {name: items() for name, items in all_found.items()}
     for name, own in _actuators(model).items():
         found[name] = found.get(name, []) + [named(model, "actuator", k) for k in own]
-    return {name: found[name] for name in KNOWN if found.get(name)}
+    return found
+
+
+def has_limits(model: Any, joint: int) -> bool:
+    """Return whether a joint has stops."""
+    is_on = not is_off(model, "constraint") and not is_off(model, "limits")
+    return is_on and bool(model.jnt_limited[joint])
 
 
 def active(model: Any) -> list[int]:
@@ -209,43 +230,3 @@ def _reason(model: Any, k: int) -> str | None:
     if delayed or model.actuator_dampingpoly[k].any() or model.actuator_ctrlnum[k] != 1:
         return "actuator models"
     return None
-
-
-def _touching(model: Any) -> list[str]:
-    """Return the bodies that can touch others."""
-    if is_off(model, "contact"):
-        return []
-    weld = model.body_weldid
-    parent = weld[model.body_parentid[weld]]
-    excluded = {int(x) for x in model.exclude_signature}
-    pairs = {
-        tuple(int(model.geom_bodyid[x]) for x in pair)
-        for pair in zip(model.pair_geom1, model.pair_geom2, strict=True)
-    }
-    filters = not is_off(model, "filter parent")
-
-    def free(a: int, b: int) -> bool:
-        """Return whether MuJoCo looks for contacts of the geoms of two bodies."""
-        first, second = int(weld[a]), int(weld[b])
-        kin = first in (second, int(parent[b])) or second == int(parent[a])
-        if first == second or (filters and kin and first and second):
-            return False
-        low, high = sorted((a, b))
-        return (low << 16) + high not in excluded
-
-    pairs |= {pair for pair in _meeting(model) if free(*pair)}
-    touching = {body for pair in pairs for body in pair if weld[body]}
-    return [named(model, "body", k) for k in sorted(touching)]
-
-
-def _meeting(model: Any) -> Iterator[tuple[int, int]]:
-    """Yield the pairs of bodies with geoms whose bits meet."""
-    kinds: dict[tuple[int, int, int], None] = {}
-    for k in range(model.ngeom):
-        own = (int(model.geom_contype[k]), int(model.geom_conaffinity[k]))
-        kinds[int(model.geom_bodyid[k]), *own] = None
-    rows = list(kinds)
-    for j, (a, contype, affinity) in enumerate(rows):
-        for b, other, its in rows[:j]:
-            if a != b and (contype & its or other & affinity):
-                yield b, a
