@@ -165,6 +165,26 @@ def check_gaps(missing: Any, axes: Sequence[Axis], time: Axis) -> None:
     raise ValueError(hinted(sentence, "fill the gaps, or give mask=, which is land at all times"))
 
 
+def check_floor(land: Any, axes: Sequence[Axis]) -> None:
+    """Refuse land in three dimensions that does not go down to a wall everywhere."""
+    *level, up = axes
+    if up.bounds != "wall":
+        sentence = f"there is land, and '{up.name}' has no walls, at which it may begin"
+        walls = [axis.name for axis in axes if axis.bounds == "wall"]
+        raise ValueError(hinted(sentence, f"give walls={(*walls, up.name)!r}"))
+    over, under = land[..., :-1] & ~land[..., 1:], land[..., 1:] & ~land[..., :-1]
+    wrong = over if over.sum() < under.sum() else under
+    if wrong.any():
+        place = np.argwhere(wrong)[0][:2].tolist()
+        names = ", ".join(axis.name for axis in level)
+        where = ", ".join(f"{axis.edges[k]:g}" for axis, k in zip(level, place, strict=True))
+        sentence = (
+            f"land has water above and below along '{up.name}', in {int(wrong.any(-1).sum())} "
+            f"columns, first at ({names}) = ({where})"
+        )
+        raise ValueError(hinted(sentence, "mask= the water on the side of the sea floor too"))
+
+
 def gauge_of(gauge: str | None, what: str, axes: Sequence[Axis]) -> str:
     """Return the gauge asked for, or the one that a field has without."""
     if gauge is None:

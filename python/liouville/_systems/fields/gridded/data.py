@@ -12,6 +12,7 @@ from liouville._basics.errors import hinted
 from liouville._systems.fields.gridded import checks, islands
 from liouville._systems.fields.gridded.axis import Array, Axis
 from liouville._systems.fields.gridded.coordinates import POLE, Coordinates
+from liouville._systems.fields.gridded.land import with_land
 from liouville._systems.fields.gridded.potential import (
     Potential,
     blocks,
@@ -104,13 +105,10 @@ class Given:
             land = missing if land is None else land | missing
         if land is None:
             return None, None
+        cells = land if what == "fluxes" else islands.cells_of_nodes(land, axes)
         if len(axes) == 3:
-            sentence = f"{int(land.sum())} nodes have no velocity, and land is for a plane"
-            hint = "cut a box without land out, or give 0 there and let the field be smooth"
-            raise ValueError(hinted(sentence, hint))
-        if what == "fluxes":
-            return None, land
-        return land, islands.cells_of_nodes(land, axes)
+            checks.check_floor(cells, axes)
+        return (None if what == "fluxes" else land), cells
 
     def stepped(self) -> list[Axis]:
         """Return the axes in the coordinates that are stepped."""
@@ -129,11 +127,13 @@ class Given:
             return [lon, Axis(second.name, mu, second.p, second.bounds), *axes[2:]]
         return axes
 
-    def potential(self, arrays: list[Array], dry: Any, axes: list[Axis], gauge: str) -> Potential:
+    def potential(
+        self, arrays: list[Array], dry: Any, land: Any, axes: list[Axis], gauge: str
+    ) -> Potential:
         """Return the potential of the data on these axes, and the mean flow.
 
-        Nothing moves at nodes that are `dry`. Some times are taken together, for what is made on
-        the way is many times as large as they are.
+        Nothing moves at nodes that are `dry`, nor, in three dimensions, in cells of land. Some
+        times are taken together, for what is made on the way is many times as large as they are.
         """
         unit = self._unit_of_height(arrays)
         if unit != 1.0:
@@ -145,6 +145,8 @@ class Given:
                 for times in parts
             ]
         )
+        if land is not None and len(axes) == 3:
+            found = with_land(found, land, axes, self.lead)
         if unit == 1.0:
             return found
         mean = found.mean.copy()

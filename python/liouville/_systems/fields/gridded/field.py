@@ -50,8 +50,8 @@ class GriddedField(PlaneField):
         samples are joined by a line, three by a parabola. Dates, of ``datetime64``, become seconds
         from the first one on, and runs take dates as well.
     velocity : sequence of array_like, optional
-        The components at the nodes, each of shape ([T,] nx, ny[, nz]). In the plane, nodes where
-        they are NaN, at all times, are land.
+        The components at the nodes, each of shape ([T,] nx, ny[, nz]). Nodes where they are NaN, at
+        all times, are land.
     potential : sequence of array_like, optional
         The components of A at the nodes instead; in the plane the stream function
         :math:`\psi` with :math:`v = (\psi_y, -\psi_x)`.
@@ -75,9 +75,9 @@ class GriddedField(PlaneField):
         radius, of a shell that is thin. :meth:`states_of` and :meth:`points_of` translate.
     radius : float, default 1
         Radius of the sphere.
-    mask : array_like of bool, shape (nx, ny) or that of cells, optional
-        Land in a plane: nodes, or cells for `fluxes`. Nothing flows in cells of land or on their
-        rim.
+    mask : array_like of bool, shape (nx, ny[, nz]) or that of cells, optional
+        Land: nodes, or cells for `fluxes`. Nothing flows in cells of land or on their rim. In three
+        dimensions land goes down to a wall of the third axis, as a sea floor does.
     gauge : {"coulomb", "given"}, optional
         ``"coulomb"`` takes the potential without a divergence, whose planes keep every wall;
         ``"given"`` takes the planes of the potential given. The first by default, but where a
@@ -100,7 +100,7 @@ class GriddedField(PlaneField):
     mean : ndarray, shape (n,) or (T, n)
         The mean flow along axes that close on themselves.
     islands : int
-        How many islands there are.
+        How many islands there are; in three dimensions those that reach the surface.
     steepest : float
         A bound of the mixed derivatives of A: steps h have a solution while
         :math:`|\alpha h|` times this is below 1, with the largest stage :math:`\alpha`.
@@ -188,7 +188,7 @@ class GriddedField(PlaneField):
         dry, land = given.land(arrays, mask, turned)
         self._axes, self._time = given.stepped(), time
         self.gauge = checks.gauge_of(gauge, what, self._axes)
-        found = given.potential(arrays, dry, self._axes, self.gauge)
+        found = given.potential(arrays, dry, land, self._axes, self.gauge)
         self._finish(found, land, most_divergence)
         self.coordinates = self._kind.names(named)
         self.is_driven = time is not None
@@ -299,10 +299,10 @@ class GriddedField(PlaneField):
     def _finish(self, found: Potential, land: Any, most: float) -> None:
         """Check what was taken off, and make the planes."""
         axes, lead = self._axes, int(self._time is not None)
-        self.divergence, self.mean, self.islands = found.divergence, found.mean, 0
+        self.divergence, self.mean, self.islands = found.divergence, found.mean, found.islands
         checks.check_divergence(found.divergence, most)
         a, self._land = found.a, land
-        if land is not None:
+        if land is not None and len(axes) == 2:
             psi, self.islands = islands.with_islands(a[0], self.mean, land, axes, lead)
             a = (psi,)
         mean = self.mean

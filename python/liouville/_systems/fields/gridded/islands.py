@@ -73,7 +73,9 @@ def coordinates(functions: Mask, mean: Array, axes: Sequence[Axis]) -> list[Arra
                 sentence = (
                     f"land goes all round '{axis.name}', and a mean flow along '{other.name}'"
                 )
-                raise ValueError(hinted(sentence, "nothing can flow there: cut that part out"))
+                raise ValueError(
+                    hinted(sentence, f"give '{other.name}' walls, or cut that part out")
+                )
             x = x + axis.length * (np.arange(x.size) < np.argmin(taken))
         found.append(x[np.nonzero(functions)[k]])
     return found

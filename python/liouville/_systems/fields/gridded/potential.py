@@ -36,12 +36,15 @@ class Potential:
         that of the velocity's.
     square : float
         The latter, 0 where nothing had to be taken off.
+    islands : int
+        How many islands there are in three dimensions.
     """
 
     a: tuple[Array, ...]
     mean: Array
     divergence: float
     square: float
+    islands: int = 0
 
 
 def blocks(values: Array) -> Iterator[slice]:
