@@ -386,6 +386,16 @@ def test_jax_takes_whole_numbers_and_names_and_is_pickled(jax):
         solve(*POINT, l=1.0)
 
 
+def test_methods_are_called_by_their_names():
+    free = {"wrt": ("q",), "returns": "q", **RUN, "v": POINT[1]}
+    point = POINT[0]
+    for name, method in (("auto", lv.Spark(3)), ("spark", lv.Spark())):
+        found, wanted = (lv.casadi.solver(SYSTEM, x, **free)(point) for x in (name, method))
+        np.testing.assert_array_equal(np.array(found), np.array(wanted))
+    with pytest.raises(TypeError, match="method must be a method or its name, not 'sparks'"):
+        lv.casadi.solver(SYSTEM, "sparks", **free)
+
+
 def test_jax_has_nan_for_a_member_that_fails_and_says_why(jax):
     """A pole of the force at x = 1 stops the member that falls into it."""
     system = lv.Lagrangian(

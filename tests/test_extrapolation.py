@@ -126,3 +126,14 @@ def test_what_cannot_be_extrapolated_is_refused():
         lv.analysis.extrapolate(field.system, lv.VolumeSplitting(), t=(0, 1), h=0.1, **field.start)
     with pytest.raises(lv.IntegrationError, match="step 0 of 1"):
         lv.analysis.extrapolate(PENDULUM.system, lv.Spark(2), t=(0, 1e3), steps=1, **PENDULUM.start)
+
+
+def test_methods_are_named_and_options_of_other_runs_refused():
+    """Events were passed on to runs that cannot be combined, and ignored."""
+    call = {"t": (0, 1), "h": 0.1, "q": [1.0], "v": [0.0]}
+    for name, method in (("hht", lv.HHT()), ("auto", lv.Spark(3))):
+        found = lv.analysis.extrapolate(SPRING, name, **call)
+        np.testing.assert_array_equal(found.q, lv.analysis.extrapolate(SPRING, method, **call).q)
+    for option in ("events", "rtol", "tangents", "t_eval"):
+        with pytest.raises(TypeError, match=f"'{option}' is no start value"):
+            lv.analysis.extrapolate(SPRING, lv.HHT(), **call, **{option: 1e-6})

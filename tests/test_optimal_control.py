@@ -450,6 +450,10 @@ def test_an_error_names_its_cause(more, sentence):
 def test_methods_and_systems_without_an_adjoint_of_their_own_are_refused():
     with pytest.raises(ValueError, match="takes Gauss points"):
         lv.optimal_control(CART, lv.Spark(2, points="radau"), controls=("F",), t=(0, 1), steps=1)
+    named = lv.optimal_control(method="auto", cost=effort, steps=4, **CAR)
+    assert named.cost == lv.optimal_control(method=lv.Spark(3), cost=effort, steps=4, **CAR).cost
+    with pytest.raises(TypeError, match="not of HHT"):
+        lv.optimal_control(CART, "hht", controls=("F",), t=(0, 1), steps=1)
     with pytest.raises(TypeError, match="not of HHT"):
         lv.optimal_control(CART, lv.HHT(), controls=("F",), t=(0, 1), steps=1)
     from liouville.problems import knife_edge

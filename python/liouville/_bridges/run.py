@@ -15,6 +15,7 @@ from liouville._basics.arguments import kept
 from liouville._basics.errors import IntegrationError, hinted, quoted
 from liouville._basics.options import check_options
 from liouville._methods import Method
+from liouville._runs.choice import named
 from liouville._runs.execute import finished
 from liouville._runs.gradients import Pullback, vjp
 from liouville._runs.integrate import integrate
@@ -69,6 +70,7 @@ class RunFunction(ABC):
         self, system: Any, method: Method | str, wrt: Any, returns: Any, request: Request
     ) -> None:
         check_options(request.start, "integrate")
+        method = named(system, method, request.rtol)
         check_covered(system, method, request)
         self.system, self.method = system, method
         self.inputs = self._named(wrt, request)

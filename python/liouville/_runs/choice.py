@@ -64,9 +64,10 @@ def runner_of(system: System, method: Method | Plan | str, request: Request) -> 
     """
     if not isinstance(system, Mechanics):
         check_system(system)
-    method, taken = _resolved(system, method, request)
+    given, method = method, named(system, method, request.rtol)
     runner = _made(system, method, request)
-    runner.taken = taken
+    if isinstance(given, str) and given == "auto" and given is not method:
+        runner.taken = f"the method taken is {method!r}"
     return runner
 
 
@@ -108,28 +109,30 @@ def check_system(system: Any) -> None:
     raise TypeError(hinted(sentence, "take its system()") if is_assembly else sentence)
 
 
-def _resolved(system: Any, method: Any, request: Request) -> tuple[Any, str]:
-    """Return the method that a name stands for, and which one "auto" took in words.
+def named(system: Any, method: Any, rtol: Any = None) -> Any:
+    """Return the method that a name stands for, and any other as it is.
 
     "auto" of a wave is left as it is: its plan chooses among several.
+
+    Raises
+    ------
+    TypeError
+        No method is called so, or a class of methods is given.
     """
     if not isinstance(method, str) or (method == "auto" and isinstance(system, Schrodinger)):
         _check_method(method)
-        return method, ""
+        return method
     if method in METHODS:
         cls: Any = METHODS[method]
-        return cls(), ""
+        return cls()
     if method != "auto":
         _check_method(method)
         known = ", ".join(["auto", *METHODS])
         raise TypeError(hinted(f"method must be a method or its name, not {method!r}", known))
     if isinstance(system, Field):
-        found: Method = VolumeSplitting()
-    else:
-        rtol = request.rtol if isinstance(request.rtol, float) else None
-        stages = next((s for s, least in STAGES if rtol is None or rtol >= least), MOST_STAGES)
-        found = Spark(stages)
-    return found, f"the method taken is {found!r}"
+        return VolumeSplitting()
+    rtol = rtol if isinstance(rtol, float) else None
+    return Spark(next((s for s, least in STAGES if rtol is None or rtol >= least), MOST_STAGES))
 
 
 def _check_method(method: Any) -> None:

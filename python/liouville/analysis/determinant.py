@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from liouville._basics.progress import Progress
 from liouville._methods import VolumeSplitting
-from liouville._runs.choice import no_runner
+from liouville._runs.choice import named, no_runner
 from liouville._runs.execute import execute
 from liouville._runs.runner import Request
 from liouville._solution.solution import Solution
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 def determinant(
     system: Field,
-    method: VolumeSplitting | FieldPlan,
+    method: VolumeSplitting | FieldPlan | str,
     *,
     t: tuple[float, float],
     h: float | None = None,
@@ -84,6 +84,7 @@ def determinant(
     )
     from liouville._systems.fields.particles import ChargedParticles
 
+    method = named(system, method)
     if not isinstance(method, VolumeSplitting | FieldPlan):
         raise no_runner(method, "field", "polynomial fields")
     request = Request(t=t, h=h, steps=steps, every=every, params=params, start={"x": x})

@@ -25,6 +25,7 @@ from numpy.typing import ArrayLike
 from liouville._basics.errors import hinted
 from liouville._basics.options import started
 from liouville._methods import Method
+from liouville._runs.choice import named
 from liouville._runs.ensemble import ensemble
 from liouville._runs.execute import finished
 from liouville._runs.integrate import integrate
@@ -50,7 +51,7 @@ SHORT = 1e-9
 
 def extrapolate(
     system: Mechanics,
-    method: Method,
+    method: Method | str,
     *,
     t: tuple[float, float],
     h: float | None = None,
@@ -74,8 +75,8 @@ def extrapolate(
     ----------
     system : Lagrangian, Hamiltonian, Mechanical or Structure
         The system.
-    method : Method
-        A method for mechanical systems, with equal steps.
+    method : Method or str
+        A method for mechanical systems, with equal steps, or its name, as for ``integrate``.
     t : tuple of two floats
         Start and end.
     h, steps : float or int
@@ -127,18 +128,16 @@ def extrapolate(
         raise TypeError(hinted(sentence, "a field takes rtol=, a wave function a tolerance"))
     if isinstance(levels, bool) or not isinstance(levels, int) or levels < 2:
         raise ValueError(f"levels must be a number of runs, two or more, not {levels!r}")
-    options: dict[str, Any] = {
-        "t": t,
-        "params": params,
-        "observe": observe,
-        **started(start, values),
-    }
-    runs = [finished(integrate(system, method, h=h, steps=steps, every=every, **options))]
+    taken: Method = named(system, method)
+    given = started(start, values)
+    system.start(given)  # refuses what is no start value, such as options of other runs
+    options: dict[str, Any] = {"t": t, "params": params, "observe": observe, **given}
+    runs = [finished(integrate(system, taken, h=h, steps=steps, every=every, **options))]
     count = int(runs[0].stats["steps"])
     for k in range(1, levels):
         options |= {"steps": count * 2**k, "every": every * 2**k}
-        runs.append(finished(integrate(system, method, **options)))
-    tables = {name: _extrapolated(method, runs, name) for name in system.states}
+        runs.append(finished(integrate(system, taken, **options)))
+    tables = {name: _extrapolated(taken, runs, name) for name in system.states}
     error_of = {name: np.abs(best - before) for name, (best, before) in tables.items()}
     if error:
         finest = {name: runs[-1].states[name] for name in system.states}
@@ -146,12 +145,12 @@ def extrapolate(
         error_of = {name: np.abs(best - finest[name]) for name, (best, _) in tables.items()}
     else:
         best = {name: value for name, (value, _) in tables.items()}
-        found = _evaluated(system, method, runs[-1], best, params, observe)
+        found = _evaluated(system, taken, runs[-1], best, params, observe)
     stats: dict[str, Any] = dict(runs[-1].stats)
     for name in stats.keys() & set(COUNTS):
         stats[name] = sum(dict[str, Any](run.stats)[name] for run in runs)
     message = "; ".join(dict.fromkeys(run.message for run in runs if run.message))
-    label = f"{method!r}, {levels} runs" + ("" if error else ", extrapolated")
+    label = f"{taken!r}, {levels} runs" + ("" if error else ", extrapolated")
     return replace(
         found,
         error=error_of,

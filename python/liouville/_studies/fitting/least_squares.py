@@ -12,6 +12,7 @@ from liouville._basics.arguments import number
 from liouville._basics.errors import hinted, quoted
 from liouville._basics.options import started
 from liouville._methods import Method
+from liouville._runs.choice import named
 from liouville._studies.fitting.motions import Model, Motion, Trial
 from liouville._studies.fitting.observed import Observed
 from liouville._studies.fitting.problem import Problem
@@ -25,7 +26,7 @@ from liouville._systems.events import Event
 
 def fit(
     system: Mechanics | SemiExplicit,
-    method: Method,
+    method: Method | str,
     data: Mapping[str, ArrayLike] | Trial | Sequence[Trial],
     *,
     h: float | None = None,
@@ -57,9 +58,10 @@ def fit(
     ----------
     system : Mechanics or SemiExplicit
         What moves.
-    method : Method
-        Any that has tangents of the system: of mechanics ``Spark``, ``LobattoPair`` or a
-        ``Composition`` of them, ``HHT``, ``GeneralizedAlpha`` or ``ArnoldBruls``.
+    method : Method or str
+        Any that has tangents of the system, or its name, as for ``integrate``: of mechanics
+        ``Spark``, ``LobattoPair`` or a ``Composition`` of them, ``HHT``, ``GeneralizedAlpha`` or
+        ``ArnoldBruls``.
     data : mapping of str to array_like, DataFrame, or sequence of Trial
         ``"t"``, shape (k,), increasing, and measured values by the name of a coordinate, unknown or
         constraint (its multiplier), shape (k,), of a state of the system such as ``"q"`` or
@@ -154,7 +156,8 @@ def fit(
         raise TypeError(hinted(sentence, "lv.vjp has gradients of the others, for an optimiser"))
     unknowns = Unknowns.of(system, params, free, bounds, priors)
     options = {} if events is None else {"events": events}
-    model = Model(system, method, unknowns, Observed(system, observe), _steps(h, rtol), options)
+    taken: Method = named(system, method, rtol)
+    model = Model(system, taken, unknowns, Observed(system, observe), _steps(h, rtol), options)
     trials = _trials(data, started(start, values), t0)
     sigmas = [sigma if trial.sigma is None else trial.sigma for trial in trials]
     if any(each is None for each in sigmas) and any(each is not None for each in sigmas):

@@ -14,6 +14,7 @@ from liouville._basics import casadi as ca
 from liouville._basics.arguments import count, interval, number
 from liouville._basics.errors import hinted, quoted
 from liouville._methods import Method, Spark
+from liouville._runs.choice import named
 from liouville._systems import Mechanics
 from liouville._systems.tracing import trace as _trace
 
@@ -140,8 +141,9 @@ class Times:
         return (self.end - self.start) / self.steps
 
 
-def checked_method(method: Method | str) -> Spark:
-    """Return the method, whose stages are Gauss points."""
+def checked_method(system: Any, method: Method | str) -> Spark:
+    """Return the method, or that of a name, whose stages are Gauss points."""
+    method = named(system, method)
     if not isinstance(method, Spark):
         sentence = f"optimal control takes the step equations of Spark, not of {method!r}"
         raise TypeError(hinted(sentence, "lv.Spark(3) has order 6 in the controls too"))

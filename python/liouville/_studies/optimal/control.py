@@ -36,7 +36,7 @@ OPTIONS = {
 
 def optimal_control(
     system: Mechanics,
-    method: Method,
+    method: Method | str,
     *,
     controls: Sequence[str],
     cost: Callable[..., Any] | None = None,
@@ -75,8 +75,8 @@ def optimal_control(
     system : Mechanics
         A Lagrangian, Hamiltonian, Mechanical, Structure or the system of an assembly, whose forces
         depend on parameters that become controls. Constraints may be redundant or depend on time.
-    method : Spark
-        With Gauss points.
+    method : Spark or str
+        With Gauss points, or its name, as for :func:`integrate`.
     controls : sequence of str
         The parameters that are functions of time; an array is as many controls.
     cost : callable, optional

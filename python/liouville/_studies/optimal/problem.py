@@ -59,8 +59,8 @@ class Problem:
         self, system: Any, method: Any, controls: Any, cost: Any, final_cost: Any, times: Times,
         final: Any, bounds: Any, path: Any, free: Any, params: Any, start: Mapping[str, Any],
     ) -> None:  # fmt: skip
-        self.method: Spark = checked_method(method)
         self.system, self.times = _mechanical(system), times
+        self.method: Spark = checked_method(self.system, method)
         self.controls = Controls.of(system, controls)
         self.params = system.values(params)
         self.start: tuple[Array, Array] = system.start(start)
