@@ -113,9 +113,7 @@ def test_a_path_that_no_motion_keeps_is_named():
     """To come to rest at 1 in one unit of time takes a speed of 1 at least."""
     call = {"t": (0, 1), "q": [0.0], "v": [0.0], "final": {"q": [1.0], "v": [0.0]}}
     path = {"slow": (lambda t, q, v, params: v[0], None, 0.5)}
-    with pytest.raises(
-        lv.OptimizationError, match=r"without limits along the path path 'slow' goes to .*of 0\.5"
-    ):
+    with pytest.raises(lv.OptimizationError, match=r"without limits path 'slow' goes to .*of 0\.5"):
         moved(path=path, **call)
 
 
@@ -126,6 +124,21 @@ def test_a_path_that_no_motion_keeps_is_named():
         ({"path": {"a": (1, 0, 1)}}, "path 'a' must be a function and two limits"),
         ({"path": {"a": (lambda t, q, v, params: q[0], 1, 0)}}, "bounds of path 'a' leave nothing"),
         ({"path": {"a": (lambda t, q: q[0], 0, 1)}}, "path 'a' is called with"),
+        (
+            {"path": {"a": (lambda t, q, v, params: q[0], 0.1, None)}},
+            "path 'a' is 0 at the start, and its limits are from 0.1 to inf",
+        ),
+        (
+            {
+                "path": {"a": (lambda t, q, v, params: ca.vertcat(q[0], v[0]), None, [1, 0.5])},
+                "free": ("q",),
+            },
+            r"path 'a\[1\]' is 1 at the start, and its limits are from -inf to 0.5",
+        ),
+        (
+            {"path": {"a": (lambda t, q, v, params: q[0] - v[0], 0, 0)}},
+            "path 'a' has equal limits, and no control in it that could keep them\nhint: make",
+        ),
         ({"free": "v"}, "free must be a sequence of states, not 'v'"),
         ({"free": ("u",)}, "free must be of q and v, not 'u'"),
     ],

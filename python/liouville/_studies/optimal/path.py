@@ -51,18 +51,48 @@ class PathConstraints:
             if not isinstance(value, Sequence) or len(value) != 3 or not callable(value[0]):
                 sentence = f"path '{name}' must be a function and two limits, not {value!r}"
                 raise TypeError(hinted(sentence, "write (lambda t, q, v, params: ..., 0.0, None)"))
-            names, expression = _trace.named(f"path '{name}'", value[0], system._symbols.args)
+            what = f"path '{name}'"
+            names, expression = _trace.named(what, value[0], system._symbols.args)
             count = expression.numel()
-            pair = _trace.pair(f"path '{name}'", value[1:], (count,))
+            pair = _trace.pair(what, value[1:], (count,))
             rows.append(expression)
-            labels += [f"path '{name}'" if count == 1 else f"path '{x}'" for x in names]
+            each = [f"path '{name}[{x.removeprefix(what)}]'" for x in names]
+            labels += [what] if count == 1 else each
             sides.append(np.stack(pair, axis=1))
         found = ca.vertcat(*rows)
         low, high = np.concatenate(sides).T
         own = system._symbols.params.vector[controls.places.tolist()]
         pattern = ca.jacobian(found, own).sparsity()
         sees = np.bincount(pattern.row(), minlength=found.numel()) > 0
+        for label in np.array(labels)[~sees & (low == high)]:
+            sentence = f"{label} has equal limits, and no control in it that could keep them"
+            hint = "make it a constraint of the system, whose forces keep it"
+            raise ValueError(hinted(sentence, hint))
         return cls(found, tuple(labels), low, high, sees)
+
+    def check_start(
+        self, system: Mechanics, t: float, start: Sequence[Array], params: Array,
+        free: Sequence[int],
+    ) -> None:  # fmt: skip
+        """Refuse a start beyond limits that no control and no state that is free moves.
+
+        Raises
+        ------
+        ValueError
+            A function is beyond one there.
+        """
+        states = [(system._symbols.y, system._symbols.z)[place] for place in free]
+        held = [k for k in self.of_states if not ca.depends_on(self.rows[k], ca.vertcat(*states))]
+        args = (system._symbols.t, system._symbols.y, system._symbols.z)
+        function = ca.Function("path", [*args, system._symbols.params.vector], [self.rows[held]])
+        values = np.array(ca.DM(function(t, *start, params))).ravel()
+        for k, value in zip(held, values.tolist(), strict=True):
+            side = self.low[k] if value < self.low[k] else self.high[k]
+            beyond = max(value - self.high[k], self.low[k] - value)
+            if beyond > BEYOND * abs(side):
+                sentence = f"{self.labels[k]} is {value:g} at the start"
+                sides = f"from {self.low[k]:g} to {self.high[k]:g}"
+                raise ValueError(f"{sentence}, and its limits are {sides}")
 
     @property
     def of_states(self) -> list[int]:

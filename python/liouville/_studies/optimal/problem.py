@@ -105,6 +105,7 @@ class Problem:
                 self.bounds.check(self.system, place, self.start[place], "at the start")
             if place in self.final.whole:
                 self.bounds.check(self.system, place, values, "at the end")
+        self.path.check_start(self.system, self.times.start, self.start, self.params, self.free)
 
     def solve(self, guess: Any, options: Mapping[str, Any]) -> OptimalControl:
         """Solve it from a guess."""
@@ -344,7 +345,7 @@ class Problem:
         free = self.bounds.without(controls=False)
         trials: list[tuple[Bounds, PathConstraints | None, str]] = []
         if self.path.labels:
-            trials.append((self.bounds, None, "limits along the path"))
+            trials.append((self.bounds, None, "limits"))
         trials += [(free, self.path, "bounds"), (free, None, "bounds")]
         trials += [(self.bounds.without(controls=True), None, "bounds")]
         for bounds, path, what in trials:
