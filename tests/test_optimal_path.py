@@ -55,6 +55,31 @@ def test_a_published_optimum_with_a_constraint_of_state_and_control():
     assert "interpolated between stages, where the path bounds them" in found.message
 
 
+def test_a_published_optimum_with_bounds_of_speeds():
+    """Augustin and Maurer's container crane: 0.0375194596 in Betts' collection."""
+    crane = lv.Lagrangian(
+        lambda t, q, v, params: (v[0] ** 2 + v[1] ** 2 + v[2] ** 2) / 2,
+        force=lambda t, q, v, params: [
+            params.u[0] + 17.2656 * q[2], params.u[1],
+            -(params.u[0] + 27.0756 * q[2] + 2 * v[1] * v[2]) / q[1],
+        ],
+        q=("trolley", "rope", "sway"), params={"u": [0.0, 0.0]},
+    )  # fmt: skip
+    bounds = {
+        "u": ([-2.83374, -0.80865], [2.83374, 0.71265]),
+        "v": {"trolley": (-2.5, 2.5), "rope": (-1, 1)},
+    }
+    found = lv.optimal_control(
+        crane, lv.Spark(2), controls=("u",), t=(0, 9), steps=60, bounds=bounds,
+        cost=lambda t, q, v, params: (
+            (q[2] ** 2 + v[2] ** 2 + 0.01 * ca.dot(params.u, params.u)) / 2
+        ),
+        q=[0, 22, 0], v=[0, -1, 0], final={"q": [10, 14, 0], "v": [2.5, 0, 0]},
+    )  # fmt: skip
+    assert found.cost == pytest.approx(0.0375194596, rel=1e-6)
+    assert np.abs(found.v[:, :2]).max(axis=0) == pytest.approx([2.5, 1], abs=1e-9)
+
+
 @pytest.mark.parametrize("path", [True, False], ids=["path", "bounds"])
 def test_bryson_and_denham_s_optimum(path):
     """4 / (9 l) is the least effort under x <= l for l below 1/6, as a bound and along the path."""
