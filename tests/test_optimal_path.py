@@ -124,6 +124,100 @@ def test_a_free_start_is_on_its_constraints():
     assert np.abs(found.solution.q - found.q).max() < 1e-11
 
 
+def test_a_free_start_is_within_the_limits_of_the_path():
+    """The nearest start to the end is at the limit, from where it costs 6 (1 - 1/4)^2."""
+    path = {"behind": (lambda t, q, v, params: q[0] - t, None, 0.25)}
+    call = {"q": [0.0], "v": [0.0], "final": {"q": [1.0], "v": [0.0]}, "free": ("q",)}
+    found = moved(path=path, **call)
+    assert found.q[0, 0] == pytest.approx(0.25, abs=1e-9)
+    assert found.cost == pytest.approx(6 * 0.75**2, rel=1e-8)
+
+
+HEAVY = lv.Lagrangian(
+    lambda t, q, v, params: (params.m * v[0] ** 2 - params.k * q[0] ** 2) / 2,
+    force=lambda t, q, v, params: [params.u - params.c[0] * v[0] - params.c[1]], q=("x",),
+    params={"u": 0.0, "m": 2.0, "k": 0.0, "c": [0.0, 0.0], "idle": 1.0},
+)  # fmt: skip
+SWING = lv.Lagrangian(
+    lambda t, q, v, params: params.m * (ca.dot(v, v) / 2 - 9.81 * q[1]),
+    lambda t, q, params: {"rod": ca.dot(q, q) - 1},
+    force=lambda t, q, v, params: [-params.u * q[1], params.u * q[0]],
+    q=("x", "y"), params={"u": 0.0, "m": 1.0},
+)  # fmt: skip
+CARRY = {
+    "method": lv.Spark(2), "controls": ("u",), "cost": effort, "t": (0, 1), "steps": 10,
+    "q": [0.0], "v": [0.0], "final": {"q": [1.0], "v": [0.0]},
+}  # fmt: skip
+
+
+def light(t, q, v, params):
+    """Return the price of lightness: a mass m costs 3 / m^2 and takes an effort of 6 m^2."""
+    return 3 / params.m**2
+
+
+def test_free_parameters_are_chosen_with_the_controls():
+    found = lv.optimal_control(HEAVY, free=("params.m",), final_cost=light, **CARRY)
+    assert found.params["m"] == pytest.approx(0.5**0.25, rel=1e-9)
+    assert found.cost == pytest.approx(2 * np.sqrt(18), rel=1e-12)
+    np.testing.assert_allclose(found.controls["u"], -found.costates["p"][:, 0], rtol=1e-9)
+    np.testing.assert_allclose(found.solution.q, found.q, atol=1e-12)
+    again = lv.optimal_control(HEAVY, free=("params.m",), final_cost=light, guess=found, **CARRY)
+    assert again.iterations < found.iterations
+    bounds = {"m": (1.0, None)}
+    held = lv.optimal_control(HEAVY, free=("params.m",), final_cost=light, bounds=bounds, **CARRY)
+    assert (held.params["m"], held.cost) == pytest.approx((1.0, 9.0), rel=1e-9)
+
+
+def test_free_parameters_are_in_forces_paths_ends_and_constrained_systems():
+    """A spring that swings by itself needs no effort; an array is several numbers."""
+    call = {**CARRY, "method": lv.Spark(3), "q": [1.0], "params": {"m": 1.0}, "steps": 20}
+    found = lv.optimal_control(HEAVY, free=("params.k",), **{**call, "final": {"q": [0.0]}})
+    assert found.params["k"] == pytest.approx(np.pi**2 / 4, rel=1e-9)
+    assert found.cost < 1e-20
+    sum_of = {"sum": lambda t, q, v, params: params.c[0] + params.c[1] - 3}
+    path = {"least": (lambda t, q, v, params: params.c[1] - q[0], 1.0, None)}
+    pushed = lv.optimal_control(
+        HEAVY, free=("params.c",), path=path, **{**call, "final": sum_of | {"q": [0.5]}}
+    )
+    assert np.sum(pushed.params["c"]) == pytest.approx(3, abs=1e-12)
+    assert pushed.params["c"][1] >= 2 - 1e-9
+    quarter = {"q": [1.0, 0.0], "v": [0.0, 0.0]}
+    swung = lv.optimal_control(
+        SWING, free=("params.m",), final_cost=light,
+        **{**CARRY, "q": [0.0, -1.0], "v": [0.0, 0.0], "final": quarter},
+    )  # fmt: skip
+    at = {m: lv.optimal_control(
+        SWING, final_cost=light, params={"m": m},
+        **{**CARRY, "q": [0.0, -1.0], "v": [0.0, 0.0], "final": quarter},
+    ).cost for m in swung.params["m"] * np.array([0.999, 1.0, 1.001])}  # fmt: skip
+    below, least, above = at.values()
+    assert swung.cost == pytest.approx(least, rel=1e-10)
+    assert min(below, above) > least
+
+
+@pytest.mark.parametrize(("system", "more", "says"), [
+    (HEAVY, {"free": ("params.u",)}, r"free must be of q, v, params\.m, .*, not 'params\.u'"),
+    (HEAVY, {"free": ("params.m", "params.m")}, r"free names 'params\.m' twice"),
+    (HEAVY, {"free": ("params.idle",)}, "nothing depends on the free parameter 'idle'"),
+    (HEAVY, {"free": ("params.m",), "bounds": {"k": (0, 1)}}, "hint: it takes u, m, q, v"),
+    (HEAVY, {"free": ("params.m",), "bounds": {"m": 1}}, "parameter 'm' must be bounded by a pair"),
+])  # fmt: skip
+def test_free_parameters_are_checked(system, more, says):
+    with pytest.raises((TypeError, ValueError), match=says):
+        lv.optimal_control(system, **CARRY, **more)
+
+
+def test_a_free_parameter_in_a_constraint_is_refused():
+    rod = lv.Lagrangian(
+        lambda t, q, v, params: ca.dot(v, v) / 2, lambda t, q, params: ca.dot(q, q) - params.l**2,
+        force=lambda t, q, v, params: [params.u, 0], q=("x", "y"), params={"u": 0.0, "l": 1.0},
+    )  # fmt: skip
+    with pytest.raises(ValueError, match="'l' is in a constraint, which the start is on"):
+        lv.optimal_control(
+            rod, free=("params.l",), **{**CARRY, "q": [1, 0], "v": [0, 0], "final": None}
+        )
+
+
 def test_the_error_of_a_motion_is_estimated():
     coarse, fine = rayleigh(40), rayleigh(80)
     for found, sixfold in ((coarse, False), (fine, True)):
@@ -165,7 +259,7 @@ def test_a_path_that_no_motion_keeps_is_named():
             "path 'a' has equal limits, and no control in it that could keep them\nhint: make",
         ),
         ({"free": "v"}, "free must be a sequence of states, not 'v'"),
-        ({"free": ("u",)}, "free must be of q and v, not 'u'"),
+        ({"free": ("u",)}, "free must be of q, v, not 'u'"),
     ],
 )
 def test_bad_arguments_are_refused(more, says):

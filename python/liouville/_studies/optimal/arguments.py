@@ -15,6 +15,7 @@ from liouville._basics.arguments import count, interval, number
 from liouville._basics.errors import hinted, quoted
 from liouville._methods import Method, Spark
 from liouville._runs.choice import named
+from liouville._runs.tangents import PARAMS
 from liouville._systems import Mechanics
 from liouville._systems.tracing import trace as _trace
 
@@ -60,12 +61,19 @@ class Controls:
                 raise ValueError(f"controls names {name!r} twice")
         if not names:
             raise ValueError("controls names no parameter")
+        found = cls.among(system, names)
+        found._check(system)
+        return found
+
+    @classmethod
+    def among(cls, system: Mechanics, names: tuple[str, ...]) -> Controls:
+        """Find these parameters among all."""
+        defaults = system._symbols.params.defaults
         sizes = [max(x.size, 1) for x in defaults.values()]
         firsts = dict(zip(defaults, np.cumsum([0, *sizes]).tolist(), strict=False))
         places = [np.arange(firsts[x], firsts[x] + defaults[x].size) for x in names]
-        found = cls(names, {x: defaults[x].shape for x in names}, np.concatenate(places))
-        found._check(system)
-        return found
+        shapes = {x: defaults[x].shape for x in names}
+        return cls(names, shapes, np.concatenate([np.empty(0, dtype=np.int64), *places]))
 
     def _check(self, system: Mechanics) -> None:
         model = system._model
@@ -141,6 +149,24 @@ class Times:
         return (self.end - self.start) / self.steps
 
 
+def mechanical(system: Any) -> Mechanics:
+    """Return a mechanical system, and refuse what has no such program."""
+    if not isinstance(system, Mechanics):
+        sentence = f"optimal control takes a mechanical system, not a {type(system).__name__}"
+        hint = "a Lagrangian, Hamiltonian, Mechanical, Structure or the system of an assembly"
+        raise TypeError(hinted(sentence, hint))
+    system.check_smooth("optimal control")
+    if system.nonholonomic:
+        sentence = (
+            f"optimal control takes holonomic constraints, and '{system.nonholonomic[0]}' is none"
+        )
+        hint = (
+            "the adjoint of nonholonomic steps is another method, whose controls have lower order"
+        )
+        raise TypeError(hinted(sentence, hint))
+    return system
+
+
 def checked_method(system: Any, method: Method | str) -> Spark:
     """Return the method, or that of a name, whose stages are Gauss points."""
     method = named(system, method)
@@ -155,50 +181,83 @@ def checked_method(system: Any, method: Method | str) -> Spark:
     return method
 
 
-def free_of_start(system: Mechanics, given: Any) -> tuple[int, ...]:
-    """Return the places of the states of the start that are free, 0 for y and 1 for z."""
-    if isinstance(given, str) or not isinstance(given, Sequence):
-        hint = f"write free={system.states!r} or one of both in a tuple"
-        raise TypeError(hinted(f"free must be a sequence of states, not {given!r}", hint))
-    for name in given:
-        if name not in system.states:
-            raise ValueError(f"free must be of {' and '.join(system.states)}, not {name!r}")
-    return tuple(system.states.index(name) for name in given)
+@dataclass(frozen=True)
+class Free:
+    """What is chosen once, with the controls: states of the start, and numbers of the system.
+
+    Attributes
+    ----------
+    states : tuple of int
+        The places of the states of the start that are free, 0 for y and 1 for z.
+    params : Controls
+        Parameters that are free; they do not change in time.
+    """
+
+    states: tuple[int, ...]
+    params: Controls
+
+    @classmethod
+    def of(cls, system: Mechanics, controls: Controls, given: Any) -> Free:
+        """Read them by the names of states, and of parameters as ``"params.m"``."""
+        if isinstance(given, str) or not isinstance(given, Sequence):
+            hint = f"write free={system.states!r} or one of both in a tuple"
+            raise TypeError(hinted(f"free must be a sequence of states, not {given!r}", hint))
+        defaults = system._symbols.params.defaults
+        known = [*system.states, *(PARAMS + x for x in defaults if x not in controls.names)]
+        for name in given:
+            if name not in known:
+                raise ValueError(f"free must be of {', '.join(known)}, not {name!r}")
+            if given.count(name) > 1:
+                raise ValueError(f"free names {name!r} twice")
+        states = tuple(system.states.index(x) for x in given if x in system.states)
+        names = tuple(x.removeprefix(PARAMS) for x in given if x not in system.states)
+        found = cls(states, Controls.among(system, names))
+        model = system._model
+        on_constraints = ca.vertcat(model.g, model.nonholonomic.k)
+        for name in names:
+            if ca.depends_on(on_constraints, getattr(system._symbols.params.namespace, name)):
+                sentence = f"free parameter '{name}' is in a constraint, which the start is on"
+                raise ValueError(hinted(sentence, "make it a coordinate, which bounds may hold"))
+        return found
 
 
 @dataclass(frozen=True)
 class Bounds:
-    """Least and largest values: of y and z, shape (2, 2, n), and of controls, shape (2, k)."""
+    """Least and largest values, of y and z, shape (2, 2, n), of controls and of free parameters."""
 
     states: Array
     controls: Array
+    params: Array
 
     @classmethod
-    def of(cls, system: Mechanics, controls: Controls, given: Any) -> Bounds:
-        """Read them by the names of controls and states."""
+    def of(cls, system: Mechanics, controls: Controls, free: Controls, given: Any) -> Bounds:
+        """Read them by the names of controls, free parameters and states."""
         sides = np.array([-np.inf, np.inf])[:, None]
         n = len(system.coordinates)
         states = np.tile(sides[:, None], (1, 2, n))
-        own = {name: np.empty((2, *shape)) for name, shape in controls.shapes.items()}
+        shapes = {**controls.shapes, **free.shapes}
+        own = {name: np.empty((2, *shape)) for name, shape in shapes.items()}
         for name in own:
             own[name][:] = sides.reshape(2, *([1] * (own[name].ndim - 1)))
         for name, value in _trace.mapping("bounds", given).items():
             if name in own:
-                own[name][:] = _trace.pair(f"control '{name}'", value, controls.shapes[name])
+                what = "control" if name in controls.shapes else "parameter"
+                own[name][:] = _trace.pair(f"{what} '{name}'", value, shapes[name])
             elif name in system.states:
                 place = system.states.index(name)
                 states[:, place] = _state_bounds(system, name, value, states[:, place])
             else:
-                known = ", ".join([*controls.names, *system.states])
+                known = ", ".join([*own, *system.states])
                 raise ValueError(hinted(f"bounds has no use for {name!r}", f"it takes {known}"))
-        return cls(states, np.concatenate([x.reshape(2, -1) for x in own.values()], axis=1))
+        found = np.concatenate([x.reshape(2, -1) for x in own.values()], axis=1)
+        return cls(states, found[:, : controls.size], found[:, controls.size :])
 
     def without(self, *, controls: bool) -> Bounds:
         """Return bounds that leave states free, and controls if asked."""
         sides = np.array([-np.inf, np.inf])
         free = np.broadcast_to(sides[:, None], self.controls.shape)
         states = np.broadcast_to(sides[:, None, None], self.states.shape)
-        return Bounds(states.copy(), free.copy() if controls else self.controls)
+        return Bounds(states.copy(), free.copy() if controls else self.controls, self.params)
 
     def beyond(self, system: Mechanics, controls: Controls, values: Sequence[Array]) -> str:
         """Name the bound that rows of y, z and u go beyond by most of it, empty if none do."""
@@ -237,3 +296,10 @@ def _state_bounds(system: Mechanics, name: str, value: Any, free: Array) -> Arra
         sides = _trace.pair(f"{name} of '{coordinate}'", own, ())
         found[:, system.coordinates.index(coordinate)] = sides
     return found
+
+
+def named_values(defaults: Mapping[str, Array], values: Array) -> dict[str, Any]:
+    """Name the elements of all parameters."""
+    places = np.cumsum([x.size for x in defaults.values()])[:-1]
+    parts = zip(defaults.items(), np.split(values, places), strict=True)
+    return {name: x.reshape(own.shape) if own.ndim else float(x[0]) for (name, own), x in parts}

@@ -99,7 +99,8 @@ def optimal_control(
         Limits of the end, which is free between them and begins with that of `t`.
     bounds : mapping, optional
         Least and largest values, ``{"F": (-10, 10), "q": {"x": (-1, 1)}, "v": (None, 2)}``, of
-        controls at the stages and of states at the nodes and the stages; None leaves a side open.
+        controls at the stages, of states at the nodes and the stages, and of free parameters; None
+        leaves a side open.
     path : mapping, optional
         Functions along the path with their limits, ``{"clear": (f, least, largest)}``: scalars or
         columns ``f(t, q, v, params)`` of states and controls, within the limits at the stages, and
@@ -107,7 +108,9 @@ def optimal_control(
         time is such a function, ``(lambda t, q, v, params: q[0] - t, None, 0.0)``.
     free : sequence of str
         States of the start that are free within their bounds, on the constraints; IPOPT begins with
-        those that are given.
+        those that are given. Also parameters, ``"params.m"``: numbers that are chosen with the
+        controls, in no constraint, within their bounds ``{"m": (1, 2)}``; they are in the
+        result's ``params``.
     guess : OptimalControl, Solution or mapping, optional
         Where IPOPT begins: another result, a run, or arrays by name with the times as their first
         axis, evenly spaced unless ``"t"`` is among them. By default states go straight from start

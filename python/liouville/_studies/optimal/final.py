@@ -43,13 +43,15 @@ class Final:
     whole : dict of int to ndarray
         Whole states that are given: y by 0, z by 1.
     rows : SX
-        Conditions that vanish, of t, y and z.
+        Conditions that vanish, of t, y, z and parameters.
     labels : tuple of str
         Their names.
     places : tuple of int
         Of single coordinates, their places among y and z.
     values : ndarray
         What these coordinates are wanted to be.
+    free : tuple of int
+        The places of the parameters that are free among the elements of all.
     """
 
     whole: dict[int, Array] = field(default_factory=dict)
@@ -57,9 +59,10 @@ class Final:
     labels: tuple[str, ...] = ()
     places: tuple[int, ...] = ()
     values: Array = field(default_factory=lambda: np.empty(0))
+    free: tuple[int, ...] = ()
 
     @classmethod
-    def of(cls, system: Mechanics, controls: Controls, given: Any) -> Final:
+    def of(cls, system: Mechanics, controls: Controls, free: Controls, given: Any) -> Final:
         """Read them: a function, or a mapping of states, and of names to functions."""
         parts: dict[str, Any] = {} if given is None else given
         if callable(given):
@@ -85,7 +88,8 @@ class Final:
                 rows.append(expression)
                 labels += names
         found = ca.vertcat(*rows)
-        return cls(whole, found, tuple(labels), tuple(places), np.array(values, dtype=float))
+        own = tuple(free.places.tolist())
+        return cls(whole, found, tuple(labels), tuple(places), np.array(values, dtype=float), own)
 
     def guess(self, y: Array, z: Array) -> tuple[Array, Array]:
         """Return the final state with what is known of it."""
@@ -108,7 +112,7 @@ class Final:
         self._check_whole(system, t, params)
         n, m = len(system.coordinates), len(reduced.constraints)
         count = len(self.labels) + (n - m) * len(self.whole)
-        if count > 2 * (n - m):
+        if count > 2 * (n - m) + len(self.free):
             sentence = (
                 f"final has {count} independent conditions, and constraints leave {n - m} "
                 f"positions and {n - m} velocities to be given"
@@ -183,10 +187,10 @@ class Final:
             return None
         s, model, n = system._symbols, system._model, len(system.coordinates)
         w = total_derivative(model.g, s, model.v)
-        unit = ca.SX.eye(2 * n)
-        both = ca.vertcat(s.y, s.z)
+        both = ca.vertcat(s.y, s.z, s.params.vector[[*self.free]])
+        unit = ca.SX.eye(both.numel())
         parts = [unit[:n, :] if 0 in self.whole else jacobian(model.g, both)]
-        parts += [unit[n:, :] if 1 in self.whole else jacobian(w, both)]
+        parts += [unit[n : 2 * n, :] if 1 in self.whole else jacobian(w, both)]
         known = sum(part.shape[0] for part in parts)
         slopes = ca.Function("slopes", s.all, [ca.vertcat(*parts, jacobian(self.rows, both))])
         rows = np.array(ca.DM(slopes(t, *state, params)))
@@ -208,11 +212,13 @@ class Final:
         return self.labels[found[0]] if found.size else None
 
     def block(
-        self, system: Mechanics, t: ca.SX, y: ca.SX, z: ca.SX, params: Array, end: float
-    ) -> tuple[ca.SX, tuple[str, ...], ca.SX, Array]:
+        self, system: Mechanics, t: ca.SX, y: ca.SX, z: ca.SX, params: ca.SX, guess: Array,
+        end: float,
+    ) -> tuple[ca.SX, tuple[str, ...], ca.SX, Array]:  # fmt: skip
         """Return the conditions on (t, y, z), their names, their own unknowns, and these' limits.
 
-        The system is that without redundant constraints, `end` the guess of t.
+        The system is that without redundant constraints, `guess` and `end` are those of the
+        parameters and of t.
         """
         s, model = system._symbols, system._model
         w = total_derivative(model.g, s, model.v)
@@ -228,7 +234,7 @@ class Final:
             labels += [f"final {system.states[place]} of '{x}'" for x in system.coordinates]
             own.append(kappa)
             limits.append(
-                self._limits(system, end, wanted, params) if place == 0 else np.full(m, np.inf)
+                self._limits(system, end, wanted, guess) if place == 0 else np.full(m, np.inf)
             )
         found = ca.vertcat(ca.SX(0, 1), *rows, rest)
         return found, (*labels, *self.labels), ca.vertcat(*own), np.concatenate(limits)

@@ -19,7 +19,8 @@ LEAST_BYTES = 2000.0
 class Layout:
     """Where the unknowns are: y and z at nodes, and of each step V, Z, h Psi and u.
 
-    The unknowns Z are those of systems whose velocity is not z itself, else the places of V.
+    Then those of all steps: the end, parameters, and what conditions at the end add. The unknowns Z
+    are those of systems whose velocity is not z itself, else the places of V.
     """
 
     y: Places
@@ -29,6 +30,7 @@ class Layout:
     impulses: Places
     u: Places
     end: Places
+    params: Places
     more: Places
     size: int
 
@@ -39,6 +41,7 @@ class Layout:
         is_own_velocity: bool,
         stages: int,
         times: Times,
+        params: int,
         more: int,
     ) -> Layout:
         """Lay them out step by step, of n coordinates, m constraints and k controls."""
@@ -57,7 +60,8 @@ class Layout:
         start = np.arange(n)[None]
         last = 2 * n + unknowns
         end = np.arange(last, last + (times.limits is not None))
-        last += end.size
+        first = last + end.size
+        last = first + params
         return cls(
             y=np.vstack([start, y]),
             z=np.vstack([n + start, z]),
@@ -66,6 +70,7 @@ class Layout:
             impulses=impulses.reshape(steps, stages + 1, m),
             u=u.reshape(steps, stages, k),
             end=end,
+            params=np.arange(first, last),
             more=np.arange(last, last + more),
             size=last + more,
         )

@@ -10,7 +10,7 @@ import numpy as np
 
 from liouville._basics import casadi as ca
 from liouville._basics.errors import hinted
-from liouville._studies.optimal.arguments import BEYOND, Array, Controls
+from liouville._studies.optimal.arguments import BEYOND, Array, Controls, Free
 from liouville._systems import Mechanics
 from liouville._systems.tracing import trace as _trace
 
@@ -72,7 +72,7 @@ class PathConstraints:
 
     def check_start(
         self, system: Mechanics, t: float, start: Sequence[Array], params: Array,
-        free: Sequence[int],
+        free: Free,
     ) -> None:  # fmt: skip
         """Refuse a start beyond limits that no control and no state that is free moves.
 
@@ -81,10 +81,11 @@ class PathConstraints:
         ValueError
             A function is beyond one there.
         """
-        states = [(system._symbols.y, system._symbols.z)[place] for place in free]
-        held = [k for k in self.of_states if not ca.depends_on(self.rows[k], ca.vertcat(*states))]
-        args = (system._symbols.t, system._symbols.y, system._symbols.z)
-        function = ca.Function("path", [*args, system._symbols.params.vector], [self.rows[held]])
+        s = system._symbols
+        own = [(s.y, s.z)[place] for place in free.states]
+        moves = ca.vertcat(*own, s.params.vector[free.params.places.tolist()])
+        held = [k for k in self.of_states if not ca.depends_on(self.rows[k], moves)]
+        function = ca.Function("path", s.all, [self.rows[held]])
         values = np.array(ca.DM(function(t, *start, params))).ravel()
         for k, value in zip(held, values.tolist(), strict=True):
             side = self.low[k] if value < self.low[k] else self.high[k]

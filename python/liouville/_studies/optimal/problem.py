@@ -18,9 +18,11 @@ from liouville._studies.optimal.arguments import (
     Array,
     Bounds,
     Controls,
+    Free,
     Times,
     checked_method,
-    free_of_start,
+    mechanical,
+    named_values,
 )
 from liouville._studies.optimal.final import Final, check_free, near_constraints
 from liouville._studies.optimal.guess import path_of
@@ -28,7 +30,6 @@ from liouville._studies.optimal.nodal import Hamiltonian
 from liouville._studies.optimal.path import PathConstraints
 from liouville._studies.optimal.result import OptimalControl
 from liouville._studies.optimal.transcription import Equations, Transcription
-from liouville._systems import Mechanics
 from liouville._systems.tracing import trace as _trace
 
 #: IPOPT's words for a solution, and for the exception of CasADi's that Ctrl-C is there.
@@ -59,27 +60,31 @@ class Problem:
         self, system: Any, method: Any, controls: Any, cost: Any, final_cost: Any, times: Times,
         final: Any, bounds: Any, path: Any, free: Any, params: Any, start: Mapping[str, Any],
     ) -> None:  # fmt: skip
-        self.system, self.times = _mechanical(system), times
+        self.system, self.times = mechanical(system), times
         self.method: Spark = checked_method(self.system, method)
         self.controls = Controls.of(system, controls)
-        self.params = system.values(params)
+        self.params = np.array(system.values(params))
         self.start: tuple[Array, Array] = system.start(start)
         system.check(times.start, *self.start, self.params)
         self.reduced = system.stepped(times.start, *self.start, self.params)
-        self.bounds = Bounds.of(system, self.controls, bounds)
-        self.final = Final.of(system, self.controls, final)
+        self.free = Free.of(system, self.controls, free)
+        self.bounds = Bounds.of(system, self.controls, self.free.params, bounds)
+        self.final = Final.of(system, self.controls, self.free.params, final)
         self.path = PathConstraints.of(system, self.controls, path)
-        self.free = free_of_start(system, free)
-        functions = {**self._costs(cost, final_cost), "path": self.path.rows}
-        self.equations = Equations(self.reduced, self.controls, self.params, functions)
+        self._functions = {**self._costs(cost, final_cost), "path": self.path.rows}
+        self.equations = self._equations(self.free.params)
+        self._check_used()
         self._check_end()
         self.transcription = self._transcribed(self.bounds, self.path)
 
     def _transcribed(self, bounds: Bounds, path: PathConstraints | None) -> Transcription:
         return Transcription(
             self.reduced, self.method.stages, self.equations, self.times, self.final, self.params,
-            bounds, path, self.free,
+            bounds, path, self.free.states,
         )  # fmt: skip
+
+    def _equations(self, free: Controls) -> Equations:
+        return Equations(self.reduced, self.controls, self.params, self._functions, free)
 
     def _costs(self, cost: Any, final_cost: Any) -> dict[str, ca.SX]:
         given = {"cost": cost, "final_cost": final_cost}
@@ -95,13 +100,22 @@ class Problem:
             check_free("final_cost", found["final_cost"], self.system, self.controls)
         return found
 
+    def _check_used(self) -> None:
+        model = self.system._model
+        places = [model.p, model.v, model.f, model.r, self.final.rows, *self._functions.values()]
+        for name in self.free.params.names:
+            own = getattr(self.system._symbols.params.namespace, name)
+            if not any(ca.depends_on(x, own) for x in places):
+                sentence = f"nothing depends on the free parameter '{name}'"
+                raise ValueError(hinted(sentence, "leave it out, or use it in force or cost"))
+
     def _check_end(self) -> None:
         end = self.final.guess(*self.start)
         self.final.check(self.system, self.reduced, self.times.end, end, self.params)
         if self.times.limits is not None:
             self.final.check_times(self.system, self.times.limits, self.params)
         for place, values in enumerate(end):
-            if place not in self.free:
+            if place not in self.free.states:
                 self.bounds.check(self.system, place, self.start[place], "at the start")
             if place in self.final.whole:
                 self.bounds.check(self.system, place, values, "at the end")
@@ -113,6 +127,9 @@ class Problem:
         begun = perf_counter()
         transcription, program = self.transcription, self.transcription.program
         path = path_of(guess, self)
+        if isinstance(guess, OptimalControl):
+            own = [np.ravel(guess.params[x]) for x in self.free.params.names]
+            self.params[self.free.params.places] = np.concatenate([np.empty(0), *own])
         limits = transcription.bounds(self.start)
         x0 = np.clip(transcription.guess(self.start, path), *limits)
         with np.errstate(all="ignore"):
@@ -135,6 +152,7 @@ class Problem:
         end = float(x[layout.end[0]]) if layout.end.size else self.times.end
         h = (end - self.times.start) / steps
         t: Array = self.times.start + h * np.arange(steps + 1.0)
+        self.params[self.free.params.places] = x[layout.params]
         y, z, u = x[layout.y], x[layout.z], x[layout.u]
         costates = self._costates(found)
         nodal, message = self._nodal(t, y, z, costates[1], u)
@@ -168,7 +186,7 @@ class Problem:
                 "seconds": seconds,
             },
             method=repr(self.method),
-            params={k: v for k, v in _named(every, self.params).items() if k not in names},
+            params={k: v for k, v in named_values(every, self.params).items() if k not in names},
             system=system,
             _how=(self.method, self.controls),
         )
@@ -219,7 +237,8 @@ class Problem:
             return interpolated, (
                 "controls at nodes are interpolated between stages, where the path bounds them"
             )
-        found = Hamiltonian(self.equations).minimum((t, y, z, pi), interpolated, bounds)
+        equations = self._equations(Controls.among(self.system, ()))  # with the parameters found
+        found = Hamiltonian(equations).minimum((t, y, z, pi), interpolated, bounds)
         if found is not None:
             return found, ""
         return interpolated, (
@@ -376,27 +395,3 @@ class Problem:
         return OptimizationError(
             message, status=result.status, iterations=result.iterations, result=result
         )
-
-
-def _mechanical(system: Any) -> Mechanics:
-    if not isinstance(system, Mechanics):
-        sentence = f"optimal control takes a mechanical system, not a {type(system).__name__}"
-        hint = "a Lagrangian, Hamiltonian, Mechanical, Structure or the system of an assembly"
-        raise TypeError(hinted(sentence, hint))
-    system.check_smooth("optimal control")
-    if system.nonholonomic:
-        sentence = (
-            f"optimal control takes holonomic constraints, and '{system.nonholonomic[0]}' is none"
-        )
-        hint = (
-            "the adjoint of nonholonomic steps is another method, whose controls have lower order"
-        )
-        raise TypeError(hinted(sentence, hint))
-    return system
-
-
-def _named(defaults: Mapping[str, Array], values: Array) -> dict[str, Any]:
-    """Name the elements of all parameters."""
-    places = np.cumsum([x.size for x in defaults.values()])[:-1]
-    parts = zip(defaults.items(), np.split(values, places), strict=True)
-    return {name: x.reshape(own.shape) if own.ndim else float(x[0]) for (name, own), x in parts}

@@ -58,7 +58,7 @@ class OptimalControl:
     method : str
         The method, as its repr.
     params : dict of str to float or ndarray
-        Parameters without the controls.
+        Parameters without the controls; those that were free have the values found.
     system : Mechanics
         The system.
     """

@@ -34,11 +34,14 @@ class Equations:
         The elements of all parameters.
     costs : dict of str to SX
         Further expressions of the system's symbols.
+    free : Controls
+        Which parameters are unknowns of the program, the symbols `free`.
     """
 
     def __init__(
-        self, system: Mechanics, controls: Controls, params: Array, costs: dict[str, ca.SX]
-    ) -> None:
+        self, system: Mechanics, controls: Controls, params: Array, costs: dict[str, ca.SX],
+        free: Controls,
+    ) -> None:  # fmt: skip
         s, model, linear = system._symbols, system._model, system._linear
         self.n, self.m, self.size = s.y.numel(), model.g.numel(), controls.size
         self.is_own_velocity, self.is_ideal = is_own_velocity(system), system._is_ideal
@@ -46,6 +49,7 @@ class Equations:
         f = model.f - _times(linear.damping, s.z) - _times(linear.stiffness, s.y)
         w = total_derivative(model.g, s, model.v)
         self._params, self._places = params, controls.places
+        self.free, self._free_places = ca.SX.sym("free", free.size), free.places
         point = s.all
         self._functions = {
             "stage": ca.Function("stage", point, [model.v, p, f]),
@@ -54,9 +58,16 @@ class Equations:
             **{name: ca.Function(name, point, [x]) for name, x in costs.items()},
         }
 
+    @property
+    def params(self) -> ca.SX:
+        """The elements of all parameters, of which some are unknowns."""
+        found = ca.SX(ca.DM(self._params))
+        found[self._free_places.tolist()] = self.free
+        return found
+
     def at(self, name: str, *args: ca.SX, u: ca.SX | None = None) -> Any:
         """Return expressions of a function by its name, with controls u."""
-        params = ca.SX(ca.DM(self._params))
+        params = self.params
         if u is not None:
             params[self._places.tolist()] = u
         return self._functions[name](*args, params)
@@ -105,17 +116,25 @@ class Transcription:
         self._path, self._free = path, free
         self._end = ca.SX.sym("end", times.limits is not None)
         y, z = ca.SX.sym("y", equations.n), ca.SX.sym("z", equations.n)
-        found = final.block(system, self._time(times.steps), y, z, params, times.end)
+        found = final.block(
+            system, self._time(times.steps), y, z, equations.params, params, times.end
+        )
         self._conditions, self._at_end = found, (y, z)
         sizes = equations.n, equations.m, equations.size
         more = found[2].numel()
-        self.layout = Layout.of(sizes, equations.is_own_velocity, stages, times, more)
+        free_params = equations.free.numel()
+        self.layout = Layout.of(sizes, equations.is_own_velocity, stages, times, free_params, more)
 
     @cached_property
     def program(self) -> Program:
         """The program: blocks of all steps, of both ends, of bounded positions, and of the path."""
         more = [x for x in (self.first, self.inside, self.path) if x is not None]
         return Program(self.layout.size, [self.step, self.last, *more])
+
+    @property
+    def _shared(self) -> ca.SX:
+        """The unknowns of all steps: the end and parameters, where they are free."""
+        return ca.vertcat(self._end, self.equations.free)
 
     @property
     def _h(self) -> ca.SX:
@@ -137,17 +156,17 @@ class Transcription:
         cost, rows, labels = self._step(number, h, *unknowns)
         own = [ca.vec(x) for x in unknowns if x is not None]
         zero = np.zeros(rows.numel())
-        variables, places = ca.vertcat(*own, self._end), self._places_of_steps
+        variables, places = ca.vertcat(*own, self._shared), self._places_of_steps
         return Block("step", variables, number, cost, rows, (zero, zero), labels, places)
 
     @property
     def _places_of_steps(self) -> Places:
-        """Where the unknowns of each step are, and the end."""
+        """Where the unknowns of each step are, and those of all steps."""
         layout, steps = self.layout, self.times.steps
         parts = [layout.y[:-1], layout.z[:-1], layout.V]
         parts += [] if self.equations.is_own_velocity else [layout.Z]
         parts += [layout.impulses, layout.u, layout.y[1:], layout.z[1:]]
-        parts += [np.tile(layout.end, (steps, 1))]
+        parts += [np.tile(np.concatenate([layout.end, layout.params]), (steps, 1))]
         return np.concatenate([x.reshape(steps, -1) for x in parts], axis=1)
 
     @cached_property
@@ -187,7 +206,7 @@ class Transcription:
         rows += [end[k] for k in at_nodes]
         limits = [np.concatenate([np.tile(x, s), x[at_nodes]]) for x in (path.low, path.high)]
         labels = path.labels * s + tuple(path.labels[k] for k in at_nodes)
-        variables = ca.vertcat(*(ca.vec(x) for x in unknowns if x is not None), self._end)
+        variables = ca.vertcat(*(ca.vec(x) for x in unknowns if x is not None), self._shared)
         return Block(
             "path", variables, number, ca.SX(0), ca.vertcat(*rows), (limits[0], limits[1]), labels,
             self._places_of_steps,
@@ -195,20 +214,29 @@ class Transcription:
 
     @cached_property
     def first(self) -> Block | None:
-        """The constraints of a start that is free: its own where q is, and the hidden ones."""
-        if not self._free or not self.equations.m:
-            return None
-        n, t = self.equations.n, ca.SX(self.times.start)
-        y, z, number = ca.SX.sym("y", n), ca.SX.sym("z", n), ca.SX.sym("number")
-        rows = [self.equations.at("end", t, y, z)[1]]
-        labels = [f"hidden constraint '{x}' of the start" for x in self.system._holonomic]
-        if 0 in self._free:
-            rows.append(self.equations.at("node", t, y, ca.SX(self.equations.m, 1))[0])
+        """What a start keeps that is free: its constraints, if q is, hidden ones, and the path."""
+        equations, path, layout = self.equations, self._path, self.layout
+        t, number = ca.SX(self.times.start), ca.SX.sym("number")
+        y, z = ca.SX.sym("y", equations.n), ca.SX.sym("z", equations.n)
+        rows, labels, limits = [ca.SX(0, 1)], list[str](), [np.empty((2, 0))]
+        if self._free and equations.m:
+            rows.append(equations.at("end", t, y, z)[1])
+            labels += [f"hidden constraint '{x}' of the start" for x in self.system._holonomic]
+        if 0 in self._free and equations.m:
+            rows.append(equations.at("node", t, y, ca.SX(equations.m, 1))[0])
             labels += [f"constraint '{x}' of the start" for x in self.system._holonomic]
-        zero, places = np.zeros(len(labels)), np.concatenate([self.layout.y[0], self.layout.z[0]])
+        limits.append(np.zeros((2, len(labels))))
+        if path is not None and (self._free or equations.free.numel()) and path.of_states:
+            rows.append(equations.at("path", t, y, z)[path.of_states])
+            labels += [f"{path.labels[k]} of the start" for k in path.of_states]
+            limits.append(np.array([path.low, path.high])[:, path.of_states])
+        if not labels:
+            return None
+        low, high = np.concatenate(limits, axis=1)
+        places = np.concatenate([layout.y[0], layout.z[0], layout.params])
         return Block(
-            "first", ca.vertcat(y, z), number, ca.SX(0), ca.vertcat(*rows), (zero, zero),
-            tuple(labels), places[None],
+            "first", ca.vertcat(y, z, equations.free), number, ca.SX(0), ca.vertcat(*rows),
+            (low, high), tuple(labels), places[None],
         )  # fmt: skip
 
     def along(self, x: Array) -> Array:
@@ -286,9 +314,10 @@ class Transcription:
         if "final_cost" in self.equations._functions:
             cost = self.equations.at("final_cost", t, y, z)
         layout = self.layout
-        places = np.concatenate([layout.y[-1], layout.z[-1], layout.end, layout.more])[None]
+        shared = [layout.end, layout.params, layout.more]
+        places = np.concatenate([layout.y[-1], layout.z[-1], *shared])[None]
         zero = np.zeros(rows.numel())
-        variables = ca.vertcat(y, z, self._end, own)
+        variables = ca.vertcat(y, z, self._shared, own)
         number = ca.SX.sym("number")
         return Block("last", variables, number, cost, rows, (zero, zero), labels, places)
 
@@ -305,6 +334,7 @@ class Transcription:
             x[layout.u] = bounds.controls[k]
             if self.times.limits is not None:
                 x[layout.end] = self.times.limits[k]
+            x[layout.params] = bounds.params[k]
             x[layout.more] = sign * self._conditions[3]
             found.append(x)
         return found[0], found[1]
@@ -329,6 +359,7 @@ class Transcription:
             v = stage.map(inside.size)(t[None], y.T, z.T, params)[0]
             x[layout.V] = np.array(ca.DM(v)).T.reshape(layout.V.shape)
         x[layout.end] = self.times.end
+        x[layout.params] = self._params[self.equations._free_places]
         return x
 
     def sizes(self, guess: Array) -> tuple[Array, list[Places]]:
@@ -351,6 +382,9 @@ class Transcription:
         found[layout.y], found[layout.V], found[layout.end] = way, rate, time
         if self.equations.is_own_velocity:
             found[layout.z] = rate
+        found[layout.params] = np.where(
+            guess[layout.params] == 0, 1.0, np.abs(guess[layout.params])
+        )
         both = np.vstack([layout.z, layout.Z.reshape(-1, self.equations.n)])
         parts = [both, layout.u.reshape(-1, self.equations.size)]
         parts += [layout.impulses.reshape(-1, self.equations.m)] if self.equations.m else []
