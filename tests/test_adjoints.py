@@ -301,18 +301,32 @@ def test_bad_input_is_refused_by_a_sentence(call, given, sentence):
         lv.vjp(**arguments)[1](**(given or {}))
 
 
-@pytest.mark.parametrize("run", [{}, {"t_eval": [0.15, 0.33, 0.6]}], ids=str)
-def test_cotangents_of_invariants(run):
-    """They depend on time and parameters themselves, and on the states that are kept."""
+def spun(kind):
+    """Return a system with friction, whose energy and spin change, and its start."""
+    spin = {"spin": lambda t, q, v, params: params.l * ca.cos(t) * (q[0] * v[1])}
+    if kind == "structure":  # of matrices that no expression has, one of them not symmetric
+        mass, stiffness = [[2.0, 0.1], [0.1, 1.0]], [[5.0, -2.8], [-1.2, 6.0]]
+        system = lv.Structure(
+            mass, stiffness, 0.1 * np.eye(2), force=lambda t, q, v, params: -params.l * q**3,
+            params={"l": 2.0}, invariants=spin,
+        )  # fmt: skip
+        return system, {"q": [1.2, -1.6], "v": [1.6, 1.2]}
     system = lv.Lagrangian(
         lambda t, q, v, params: params.m * ca.dot(v, v) / 2 - params.m * params.g * q[1],
         lambda t, q, params: {"rod": ca.dot(q, q) - params.l**2},
         force=lambda t, q, v, params: -params.c * (1 + t) * v,
-        invariants={"spin": lambda t, q, v, params: params.l * ca.cos(t) * (q[0] * v[1])},
+        invariants=spin,
         q=("x", "y"),
         params={"m": 1.5, "g": 9.81, "l": 2.0, "c": 0.3},
     )
-    start, t, method = {"q": [1.2, -1.6], "v": [1.6, 1.2]}, (0.1, 0.7), lv.Spark(2)
+    return system, {"q": [1.2, -1.6], "v": [1.6, 1.2]}
+
+
+@pytest.mark.parametrize("kind", ["pendulum", "structure"])
+@pytest.mark.parametrize("run", [{}, {"t_eval": [0.15, 0.33, 0.6]}], ids=str)
+def test_cotangents_of_invariants(run, kind):
+    """They depend on time and parameters themselves, and on the states that are kept."""
+    (system, start), t, method = spun(kind), (0.1, 0.7), lv.Spark(2)
     directions, run = directions_of(system, "t0", "t1"), {"steps": 20, **run}
     solution, pullback = lv.vjp(system, method, wrt=[*directions], t=t, **run, **start)
     rng = np.random.default_rng(4)
@@ -328,6 +342,19 @@ def test_cotangents_of_invariants(run):
             part = sum(x @ values[name] for name, x in weights.items())
             wanted += np.sign(step) * weight / SIZE * part
     assert abs(found - wanted) < 1e-9 * abs(wanted)
+
+
+def test_energies_of_members_of_structures_have_cotangents():
+    system, start = spun("structure")
+    call = {"wrt": ["q", "v", "params.l"], "t": (0, 1), "steps": 20, "v": start["v"]}
+    rows = np.array([start["q"], [0.3, 0.4], [-1.0, 0.0]])
+    weights = np.random.default_rng(6).standard_normal((21, 3))
+    _, pullback = lv.vjp(system, lv.Spark(2), q=rows, **call)
+    found = pullback(invariants={"energy": weights})
+    for k, q in enumerate(rows):
+        _, alone = lv.vjp(system, lv.Spark(2), q=q, **call)
+        for name, x in alone(invariants={"energy": weights[:, k]}).items():
+            np.testing.assert_array_equal(found[name][k], x)
 
 
 def test_recorded_steps_have_the_gradients_of_repeated_ones(monkeypatch):

@@ -50,10 +50,7 @@ class ConstrainedAdjoint(Adjoint):
         if runner.multipliers != len(runner.constraints) and not runner.shares_multipliers:
             names = names[:2]
         found = {name: solution.states[name].shape for name in names}
-        # imported here: few runs are differentiated
-        from liouville._systems.derivatives.invariants import traced_names
-
-        for name in traced_names(runner.system):
+        for name in runner.system.invariants:
             found[f"{INVARIANTS}{name}"] = solution.invariants[name].shape
         for event, points in solution.events.items():
             found[f"{EVENTS}{event}.t"] = points.t.shape

@@ -15,16 +15,7 @@ from liouville._systems.tape import record
 if TYPE_CHECKING:
     from liouville._systems.mechanics.general import Mechanics
     from liouville._systems.mechanics.semi_explicit import SemiExplicit
-
-
-def traced_names(system: Mechanics | SemiExplicit) -> tuple[str, ...]:
-    """Return the names of invariants whose expressions are whole.
-
-    The energy of a structure has quadratic forms of sparse matrices besides.
-    """
-    linear = getattr(system, "_linear", None)
-    is_whole = linear is None or (linear.mass is None and linear.stiffness is None)
-    return tuple(name for name in system.invariants if is_whole or name != "energy")
+    from liouville._systems.tracing.linear import Linear
 
 
 def pulled_invariants(
@@ -39,7 +30,15 @@ def pulled_invariants(
     """
     t, y, z = (np.ascontiguousarray(x) for x in points)
     tape = kept(system, "transposed invariants", lambda: _transposed(system))
-    return tape.map(params, [t[:, None], y, z, np.ascontiguousarray(weights)])
+    found: np.ndarray = tape.map(params, [t[:, None], y, z, np.ascontiguousarray(weights)])
+    linear: Linear | None = getattr(system, "_linear", None)
+    if linear is not None and "energy" in system.invariants:
+        # of (z^T M z + y^T K y) / 2, which no tape has
+        weight, n = weights[:, [system.invariants.index("energy")]], y.shape[1]
+        for matrix, x, first in ((linear.stiffness, y, 1), (linear.mass, z, 1 + n)):
+            if matrix is not None:
+                found[:, first : first + n] += weight * matrix.symmetric_times(x)
+    return found
 
 
 def _transposed(system: Mechanics | SemiExplicit) -> _core.Tape:

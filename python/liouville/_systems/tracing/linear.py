@@ -96,6 +96,13 @@ class Matrix:
             return None
         return Matrix(self.n, own[values != 0], values[values != 0])
 
+    def symmetric_times(self, x: np.ndarray) -> np.ndarray:
+        """Return the products of the symmetric part with the rows of x."""
+        found = np.zeros(x.shape[::-1])
+        np.add.at(found, self.row, self.values[:, None] / 2 * x.T[self.col])
+        np.add.at(found, self.col, self.values[:, None] / 2 * x.T[self.row])
+        return found.T
+
     def at(self, row: int, col: int) -> float:
         """Return an entry."""
         return float(self.values[self.places == col * self.n + row].sum())
