@@ -96,16 +96,19 @@ class Watch:
         rest: dict[str, tuple[np.ndarray, np.ndarray | None]] = {}
         width = sum(len(names) for names in system.places.values())
         none = np.empty(0), np.empty(0), np.empty(0, dtype=np.int64)
+        unmet: dict[int, dict[str, np.ndarray]] = {}  # of events that were not met, by their sides
         # where no member could begin, the core has seen no event
         for name, (times, rows, members) in zip(self.events, found or repeat(none), strict=False):
             sides = rows.reshape(times.size, 1 + (name in self._resets), width + more)
             rest[name] = sides[..., width:], members if params.ndim > 1 else None
             sides = sides[..., :width]
-            states: dict[str, np.ndarray] = {}
+            states: dict[str, np.ndarray] = {} if times.size else unmet.get(sides.shape[1], {})
             own = {"member": members} if params.ndim > 1 else {}
-            for side, end in enumerate(("", AFTER)[: sides.shape[1]]):
+            for side, end in enumerate(() if states else ("", AFTER)[: sides.shape[1]]):
                 at = _states_at(system, times, sides[:, side], params, members)
                 states |= {f"{state}{end}": x for state, x in at.items()}
+            if not times.size:
+                unmet[sides.shape[1]] = states
             points[name] = Points(times, states | own)
             self._hits[name] = times, members
         names = [*self.events]

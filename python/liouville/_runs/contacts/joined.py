@@ -10,10 +10,10 @@ import numpy as np
 
 from liouville._basics.errors import IntegrationError, hinted
 from liouville._runs.contacts.complementarity import Array
-from liouville._runs.contacts.margin import forces_of
+from liouville._runs.contacts.margin import Shared
 from liouville._runs.contacts.record import ContactRecord
 from liouville._runs.contacts.switching import AT_REST, Switching
-from liouville._runs.contacts.traced import ModeSystem
+from liouville._runs.contacts.traced import Contacts, ModeSystem
 from liouville._solution.parts import GROUPS
 from liouville._solution.points import Points
 from liouville._systems.mechanics.contact import Mode
@@ -36,20 +36,27 @@ NOT_SUMMED: dict[str, Callable[[Any, Any], Any]] = {
 
 @dataclass(frozen=True)
 class Stretch:
-    """A run in one mode, of which so many records count."""
+    """A run in one mode, of which so many records count, and how contacts shared loads there."""
 
     run: Solution
     system: ModeSystem
     count: int
+    shared: Sequence[Shared]
 
 
-def joined(stretches: Sequence[Stretch], switching: Switching, every: int) -> Solution:
-    """Join the records of stretches: at a change that after it is kept, and one in `every`."""
+def joined(
+    stretches: Sequence[Stretch], switching: Switching, accelerated: float, every: int
+) -> Solution:
+    """Join the records of stretches: at a change that after it is kept, and one in `every`.
+
+    Accelerations without contact forces were up to `accelerated`.
+    """
     contacts = switching.contacts
     first, second = contacts.system.states
     groups: dict[str, dict[str, list[Array]]] = {group: {} for group in GROUPS}
     times: list[Array] = []
-    columns: list[list[Array]] = [[] for _ in range(5)]
+    modes: list[Array] = []
+    forces: list[tuple[Array, Array]] = []
     keep: list[Array] = []
     for number, stretch in enumerate(stretches):
         run, system = stretch.run, stretch.system
@@ -63,13 +70,8 @@ def joined(stretches: Sequence[Stretch], switching: Switching, every: int) -> So
                 if group != "residuals" or name != "nonholonomic" or system.rows_of(name):
                     own = _own(system, group, name, values[:used])
                     groups[group].setdefault(name, []).append(own)
-        states = zip(run.t[:used], run.states[first], run.states[second], strict=False)
-        found = [
-            _at_record(switching, system, (float(t), y, z), run.states["lam"][k])
-            for k, (t, y, z) in enumerate(states)
-        ]
-        for column, values in zip(columns, zip(*found, strict=True), strict=True):
-            column.append(np.array(values))
+        modes.append(np.tile(np.array(system.modes, dtype=object), (used, 1)))
+        forces.append(_forces(contacts, stretch, used))
         keep.append(np.arange(used) % every == 0)
         keep[-1][-1] |= is_last
     kept = np.concatenate(keep)
@@ -77,20 +79,29 @@ def joined(stretches: Sequence[Stretch], switching: Switching, every: int) -> So
     h = switching.h
     if "h_next" in stats:  # of controlled steps
         h = float(times[-1][-1] - times[0][0]) / max(stats["steps"], 1)
-    arrays: dict[str, Any] = {
-        group: {name: np.concatenate(parts)[kept] for name, parts in own.items()}
+    whole: dict[str, Any] = {
+        group: {name: np.concatenate(parts) for name, parts in own.items()}
         for group, own in groups.items()
     }
-    mode, gap, normal, friction, slip = (np.concatenate(column)[kept] for column in columns)
-    modes = np.array([[Mode(x) for x in row] for row in mode], dtype=object)
-    records = {}
-    for k, name in enumerate(contacts.names):
-        rows = modes[:, k], gap[:, k], normal[:, k], friction[:, k], slip[:, k]
-        records[name] = ContactRecord(*rows, tuple(switching.changes[k]))
+    t, mode = np.concatenate(times), np.concatenate(modes)
+    states = whole["states"][first], whole["states"][second]
+    gap, slip = _checked(switching, accelerated, mode, (t, *states))
+    normal, friction = (np.concatenate(parts) for parts in zip(*forces, strict=True))
+    columns = {"mode": mode, "gap": gap, "normal": normal, "friction": friction, "slip": slip}
+    columns = {what: x[kept] for what, x in columns.items()}
+    records = {
+        name: ContactRecord(
+            changes=tuple(switching.changes[k]), **{what: x[:, k] for what, x in columns.items()}
+        )
+        for k, name in enumerate(contacts.names)
+    }
+    arrays: dict[str, Any] = {
+        group: {name: x[kept] for name, x in own.items()} for group, own in whole.items()
+    }
     return replace(
         last,
         **arrays,
-        t=np.concatenate(times)[kept],
+        t=t[kept],
         names={**last.names, "constraints": contacts.system.constraints},
         events=_events(stretches),
         stats=stats,
@@ -112,35 +123,48 @@ def _own(system: ModeSystem, group: str, name: str, values: Array) -> Array:
     return values
 
 
-def _at_record(
-    switching: Switching, system: ModeSystem, state: tuple[float, Array, Array], lam: Array
-) -> tuple[Array, ...]:
-    """Return modes, gaps, normal forces, friction and slips at a record."""
-    contacts, modes = switching.contacts, system.modes
-    at = switching.at(*state)
-    if (at.gap < -PENETRATES * at.size).any():
-        place = int(np.argmin(at.gap + PENETRATES * at.size))
-        name = contacts.names[place]
-        sentence = f"contact '{name}' penetrates by {-at.gap[place]:.2g} at t = {state[0]:g}"
-        raise IntegrationError(sentence, t=state[0], quantity=name)
-    fast = np.abs(at.rows[-len(modes) :]).sum(axis=1) * at.speed
-    back = at.slip * [mode.sign for mode in modes] < -BACKWARDS * fast
-    if back.any():
-        name = contacts.names[int(np.argmax(back))]
-        sentence = f"contact '{name}' slips against its own friction at t = {state[0]:g}"
-        raise IntegrationError(hinted(sentence, "try a smaller h"), t=state[0], quantity=name)
-    closed = [k for k, mode in enumerate(modes) if mode is not Mode.OPEN]
-    sticks = [k for k, mode in enumerate(modes) if mode is Mode.STICK]
+def _checked(
+    switching: Switching, accelerated: float, modes: Array, states: tuple[Array, Array, Array]
+) -> tuple[Array, Array]:
+    """Return gaps and slips at records, which must not be those of penetration or of creep."""
+    contacts, t = switching.contacts, states[0]
+    gap, slip, size, fast = contacts.records(*states, switching.params, switching.h, accelerated)
+    through = np.argwhere(gap < -PENETRATES * size)
+    if through.size:
+        k, which = through[0]
+        name = contacts.names[which]
+        sentence = f"contact '{name}' penetrates by {-gap[k, which]:.2g} at t = {t[k]:g}"
+        raise IntegrationError(sentence, t=float(t[k]), quantity=name)
+    back = np.argwhere(slip * _signs(modes) < -BACKWARDS * fast)
+    if back.size:
+        k, which = back[0]
+        name = contacts.names[which]
+        sentence = f"contact '{name}' slips against its own friction at t = {t[k]:g}"
+        raise IntegrationError(hinted(sentence, "try a smaller h"), t=float(t[k]), quantity=name)
+    return gap, slip
+
+
+def _signs(modes: Array) -> Array:
+    """Return the signs of the slips of modes."""
+    found: Array = (modes == Mode.SLIP_UP).astype(int) - (modes == Mode.SLIP_DOWN).astype(int)
+    return found
+
+
+def _forces(contacts: Contacts, stretch: Stretch, used: int) -> tuple[Array, Array]:
+    """Return normal forces and friction at the first records of a stretch."""
+    system = stretch.system
+    normal, friction = np.zeros((used, len(system.modes))), np.zeros((used, len(system.modes)))
     if system.is_shared:
-        normal, friction = forces_of(contacts, at, modes)
-    else:
-        normal, friction = np.zeros(len(modes)), np.zeros(len(modes))
-        for k in closed:
-            normal[k] = -lam[system.normals[k]]
-            friction[k] = -modes[k].sign * contacts.friction[k] * normal[k]
-        for k in sticks:
-            friction[k] = -lam[system.tangents[k]]
-    return np.array([int(mode) for mode in modes]), at.gap, normal, friction, at.slip
+        for k, own in enumerate(stretch.shared[:used]):
+            normal[k], friction[k] = own.normal, own.friction
+        return normal, friction
+    lam = stretch.run.states["lam"][:used]
+    for k, place in system.normals.items():
+        normal[:, k] = -lam[:, place]
+        friction[:, k] = -system.modes[k].sign * contacts.friction[k] * normal[:, k]
+    for k, place in system.tangents.items():
+        friction[:, k] = -lam[:, place]
+    return normal, friction
 
 
 def _events(stretches: Sequence[Stretch]) -> dict[str, Points]:

@@ -80,7 +80,7 @@ def solve(
             mu[i[j]],
             extra[i[j]],
         )
-        for form in (_glocker_pfeiffer, _stewart_trinkle, _by_sweeps):
+        for form in (_alone, _glocker_pfeiffer, _stewart_trinkle, _by_sweeps):
             found = form(group)
             if found is not None:
                 break
@@ -95,6 +95,8 @@ def solve(
 
 def _coupled_ones(A: Array, contacts: Array) -> list[Array]:
     """Return the contacts in groups that do not act on one another."""
+    if len(contacts) < 2:
+        return [contacts] if len(contacts) else []
     c = len(A) // 2
     both = np.concatenate([contacts, c + contacts])
     acts = np.abs(A[np.ix_(both, both)])
@@ -143,6 +145,14 @@ class _Group:
     def rows(self) -> tuple[Array, Array]:
         """The rows of the gaps, and of the slips whose friction is to be found."""
         return self.i, len(self.b) // 2 + self.i[self.j]
+
+
+def _alone(group: _Group) -> tuple[Array, Array] | None:
+    """Return N of a single contact whose friction is none or follows from it."""
+    b, own = group.b[group.i], group.normals[group.i]
+    if len(group.i) > 1 or group.j.size or not own[0, 0] > 0:
+        return None
+    return np.maximum(-b / own[0, 0], 0.0), np.zeros(0)
 
 
 def _glocker_pfeiffer(group: _Group) -> tuple[Array, Array] | None:

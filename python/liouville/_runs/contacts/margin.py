@@ -8,6 +8,7 @@ forces that give its accelerations are within their bounds, which is a linear pr
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,28 +22,23 @@ if TYPE_CHECKING:
 
 #: Forces below this part of those that would move the system so are none.
 NONE, ROUNDED = 1e-9, 1e-14
+#: Rows are independent where singular values are above this part of the largest.
+INDEPENDENT = 1e-10
 #: The largest margin, in units of what the forces lead to.
 LARGEST = 1.0
 
 
-def gives_way(contacts: Contacts, at: Matrices, modes: tuple[Mode, ...]) -> bool:
-    """Return whether no forces within their bounds give the accelerations of a mode."""
-    return _program(contacts, at, modes)[0] < -ROUNDED * _weight(at)
+@dataclass(frozen=True)
+class Shared:
+    """Normal forces and friction of a mode with the largest margin, and whether it gives way."""
+
+    gives_way: bool
+    normal: Array
+    friction: Array
 
 
-def _weight(at: Matrices) -> float:
-    """Return the size of forces that give the accelerations that there are without them."""
-    return float(np.abs(at.free).max() / (np.abs(at.moves).max() or 1.0))
-
-
-def forces_of(contacts: Contacts, at: Matrices, modes: tuple[Mode, ...]) -> tuple[Array, Array]:
-    """Return normal forces and friction with the largest margin."""
-    return _program(contacts, at, modes)[1:]
-
-
-def _program(
-    contacts: Contacts, at: Matrices, modes: tuple[Mode, ...]
-) -> tuple[float, Array, Array]:
+def shared(contacts: Contacts, at: Matrices, modes: tuple[Mode, ...]) -> Shared:
+    """Return how contacts share a load: forces that give the accelerations of a mode."""
     c = len(modes)
     closed = [k for k, mode in enumerate(modes) if mode is not Mode.OPEN]
     sticks = [k for k, mode in enumerate(modes) if mode is Mode.STICK]
@@ -53,41 +49,54 @@ def _program(
         columns[:, len(closed) + j] = at.A[:, c + k]
     active = [*closed, *(c + k for k in sticks)]
     # the rows that are independent, by their singular values: the others follow to roundoff
-    u, values, vt = np.linalg.svd(columns[active], full_matrices=False)
-    own = values > 1e-10 * values.max(initial=0.0)
-    equal = np.hstack([vt[own], np.zeros((own.sum(), 1))])
-    sides = -(u.T @ at.b[active])[own] / values[own]
-    scale = max(np.abs(sides).max(initial=0.0), NONE * _weight(at)) or 1.0
-    bounds = []
-    for j in range(len(closed)):
-        bounds.append(np.eye(1, columns.shape[1], j)[0])
+    u, values, vt = np.linalg.svd(columns[active])
+    rank = int((values > INDEPENDENT * values.max(initial=0.0)).sum())
+    sides = -(u.T @ at.b[active])[:rank] / values[:rank]
+    weight = float(np.abs(at.free).max() / (np.abs(at.moves).max() or 1.0))
+    scale = max(np.abs(sides).max(initial=0.0), NONE * weight) or 1.0
+    bounds = [np.eye(len(closed), columns.shape[1])]
     for j, k in enumerate(sticks):
-        for sign in (1.0, -1.0):
-            row = np.zeros(columns.shape[1])
-            row[closed.index(k)] = contacts.static[k]
-            row[len(closed) + j] = sign
-            bounds.append(row)
-    bounds.append(np.zeros(columns.shape[1]))  # contacts that wedge a body in have no largest one
-    upper = np.hstack([-np.array(bounds), np.ones((len(bounds), 1))])
-    sides_of_bounds = np.append(np.zeros(len(bounds) - 1), LARGEST)
-    cost = np.zeros(columns.shape[1] + 1)
-    cost[-1] = -1.0
-    optimize = scipy("optimize", "forces that contacts share")
-    found = optimize.linprog(
-        cost,
-        upper,
-        sides_of_bounds,
-        equal,
-        sides / scale,
-        bounds=(None, None),
-        method="highs",
-    )
+        rows = np.zeros((2, columns.shape[1]))
+        rows[:, closed.index(k)], rows[:, len(closed) + j] = contacts.static[k], (1.0, -1.0)
+        bounds.append(rows)
+    limits = np.concatenate(bounds)
+    some, ways = vt[:rank].T @ (sides / scale), vt[rank:].T
+    w, margin = _best(limits @ some, limits @ ways)
+    x = scale * (some + ways @ w)
     normal, friction = np.zeros(c), np.zeros(c)
-    if found.x is None:
-        return -np.inf, normal, friction
-    x = found.x * scale
     normal[closed] = x[: len(closed)]
     for k in closed:
         friction[k] = -contacts.friction[k] * modes[k].sign * normal[k]
-    friction[sticks] = x[len(closed) : -1]
-    return float(x[-1]), normal, friction
+    friction[sticks] = x[len(closed) :]
+    return Shared(scale * margin < -ROUNDED * weight, normal, friction)
+
+
+def _best(a: Array, slopes: Array) -> tuple[Array, float]:
+    """Return w with the largest least of a + slopes w, and that, which is bounded."""
+    if slopes.shape[1] == 1:
+        return _best_of_one(a, slopes[:, 0])
+    optimize = scipy("optimize", "forces that contacts share")
+    cost = np.zeros(slopes.shape[1] + 1)
+    cost[-1] = -1.0
+    # contacts that wedge a body in have no largest margin
+    rows = np.vstack([np.column_stack([-slopes, np.ones(len(a))]), -cost])
+    found = optimize.linprog(cost, rows, np.append(a, LARGEST), bounds=(None, None), method="highs")
+    if found.x is None:
+        return np.zeros(slopes.shape[1]), -np.inf
+    return found.x[:-1], float(found.x[-1])
+
+
+def _best_of_one(a: Array, slopes: Array) -> tuple[Array, float]:
+    """Return the same for one w: lines that rise and lines that fall meet there."""
+    flat = np.abs(slopes) <= INDEPENDENT * np.abs(slopes).max(initial=0.0)
+    up, down = np.flatnonzero(~flat & (slopes > 0)), np.flatnonzero(~flat & (slopes < 0))
+    most = min(LARGEST, a[flat].min(initial=np.inf))
+    if not (up.size and down.size):  # they rise without end on one side
+        lines = np.concatenate([up, down])
+        needed = (most - a[lines]) / slopes[lines]
+        return np.array([needed[np.argmax(np.abs(needed))]]) if lines.size else np.zeros(1), most
+    rise, fall = slopes[up][:, None], slopes[down][None, :]
+    heights = (a[down][None, :] * rise - a[up][:, None] * fall) / (rise - fall)
+    i, j = np.unravel_index(int(np.argmin(heights)), heights.shape)
+    w = (a[down[j]] - a[up[i]]) / (slopes[up[i]] - slopes[down[j]])
+    return np.array([w]), float(min(most, heights[i, j]))

@@ -11,7 +11,7 @@ import numpy as np
 from liouville._basics.errors import IntegrationError, hinted, quoted
 from liouville._runs.contacts.complementarity import Array
 from liouville._runs.contacts.joined import PENETRATES, Stretch, joined
-from liouville._runs.contacts.margin import gives_way
+from liouville._runs.contacts.margin import Shared, shared
 from liouville._runs.contacts.switching import CLOSED, EPS, ROUNDINGS, Switching
 from liouville._runs.contacts.traced import Contacts, Matrices, ModeSystem
 from liouville._systems.events import Event, named
@@ -46,6 +46,15 @@ MOVED = 1e-7
 FIRST = 0.01
 #: So many stretches in turn that do not move the time are said to be without end.
 MOST_AT_ONCE = 100
+
+
+def _recorded(*args: Any) -> Any:
+    """Stand for the function of an event whose tape a mode has."""
+    raise AssertionError("the tapes of a mode are recorded")
+
+
+#: What ends a mode: its tape is that of the mode.
+ENDING = Event(_recorded, "down", terminal=True)
 
 
 def integrate(system: Mechanics, request: Request, steps: Steps, make: Make) -> Solution:
@@ -98,6 +107,8 @@ class Course:
         h = self.step or FIRST * (self.end - start)
         self.now = Switching(contacts, start, h, contacts.system.values(request.params))
         self._at_once = 0
+        #: The largest acceleration without contact forces at the beginning of a stretch.
+        self.accelerated = 0.0
         self.events = named(request.events)
         self.stretches: list[Stretch] = []
         self.status, self.ending = "done", ""
@@ -119,9 +130,10 @@ class Course:
         """Make a stretch; return the state at its end and the contacts whose slip came to zero."""
         now, (first, second) = self.now, self.contacts.system.states
         at = now.at(now.t, y, z)
+        self.accelerated = max(self.accelerated, float(np.abs(at.free).max()))
         system = self.contacts.mode(now.modes, at)
         start = self._moved(system, at, y, z)
-        events = {name: Event(_recorded, "down", terminal=True) for name in system.own_events}
+        events = dict.fromkeys(system.own_events, ENDING)
         begin, (until, h) = now.t, self._limits(at)
         try:
             run = self.make(
@@ -129,13 +141,16 @@ class Course:
             )
         except IntegrationError as error:
             if error.solution is not None and len(error.solution.t):
-                self.stretches.append(Stretch(error.solution, system, len(error.solution.t)))
+                forces = self._shared(error.solution, system)
+                count = len(error.solution.t)
+                self.stretches.append(Stretch(error.solution, system, count, forces))
             raise
         count, now.t = len(run.t), float(run.t[-1])
         y, z = run.states[first][-1].copy(), run.states[second][-1].copy()
-        if system.is_shared:
-            count, now.t, (y, z) = self._torn(run, (y, z))
-        self.stretches.append(Stretch(run, system, count))
+        forces = self._shared(run, system)
+        if len(forces) > 1 and forces[-1].gives_way:
+            count, now.t, (y, z) = self._torn(run, len(forces) - 1)
+        self.stretches.append(Stretch(run, system, count, forces))
         self._go_on(run, begin, h)
         if run.status != "done":
             self.status, self.ending = run.status, run.message
@@ -151,7 +166,7 @@ class Course:
 
     def solution(self) -> Solution:
         """Join all stretches."""
-        found = joined(self.stretches, self.now, self.request.every)
+        found = joined(self.stretches, self.now, self.accelerated, self.request.every)
         message = "; ".join(filter(None, [self.ending, found.message]))
         tolerances = self.steps.tolerances
         return replace(found, status=self.status, message=message, tolerances=tolerances)
@@ -195,36 +210,33 @@ class Course:
             own = max(sizes["h_next"], self.step or 0.0 if was_shortened else 0.0)
             self.step = now.h = min(own, self.longest)
 
-    def _torn(
-        self, run: Solution, end: tuple[Array, Array]
-    ) -> tuple[int, float, tuple[Array, Array]]:
-        """Return how many records a mode of shared forces lasts, when and where it gives way."""
-        first, second = self.contacts.system.states
-        modes = self.now.modes
+    def _shared(self, run: Solution, system: ModeSystem) -> list[Shared]:
+        """Return how contacts share their loads at the records, up to where the mode gives way."""
+        first, second = system.states
+        found: list[Shared] = []
+        states = zip(run.t, run.states[first], run.states[second], strict=True)
+        for k, (t, y, z) in enumerate(states if system.is_shared else ()):
+            found.append(shared(self.contacts, self.now.at(float(t), y, z), system.modes))
+            if k and found[-1].gives_way:
+                break
+        return found
 
-        def is_torn(t: float, y: Array, z: Array) -> bool:
-            return gives_way(self.contacts, self.now.at(t, y, z), modes)
+    def _torn(self, run: Solution, k: int) -> tuple[int, float, tuple[Array, Array]]:
+        """Return how many records a mode lasts that has given way at record k, when and where."""
+        first, second = self.contacts.system.states
 
         def at(t: float) -> tuple[Array, Array]:
             found = run(t)
             return found.states[first], found.states[second]
 
-        rows = zip(run.t, run.states[first], run.states[second], strict=True)
-        below = [k for k, row in enumerate(rows) if k and is_torn(float(row[0]), *row[1:])]
-        if not below:
-            return len(run.t), float(run.t[-1]), end
-        low, high = float(run.t[below[0] - 1]), float(run.t[below[0]])
+        low, high = float(run.t[k - 1]), float(run.t[k])
         while low < (middle := low + (high - low) / 2) < high:
-            if is_torn(middle, *at(middle)):
+            here = self.now.at(middle, *at(middle))
+            if shared(self.contacts, here, self.now.modes).gives_way:
                 high = middle
             else:
                 low = middle
-        return below[0], high, at(high)
-
-
-def _recorded(*args: Any) -> Any:
-    """Stand for the function of an event whose tape a mode has."""
-    raise AssertionError("the tapes of a mode are recorded")
+        return k, high, at(high)
 
 
 def of_own(events: Mapping[str, Event], system: ModeSystem) -> dict[str, Event]:

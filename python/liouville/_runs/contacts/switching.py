@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
@@ -57,18 +58,22 @@ class Switching:
         self.changes: list[list[Change]] = [[] for _ in range(self.c)]
         self.lifts: Array = np.zeros(self.c)
         self.messages: list[str] = []
+        self._last: tuple[Any, Matrices] | None = None
 
     def at(self, t: float, y: Array, z: Array) -> Matrices:
-        """Return the matrices at a state."""
-        return self.contacts.at(t, y, z, self.params, self.h)
+        """Return the matrices at a state, those of the last one again."""
+        state = t, y.tobytes(), z.tobytes(), self.h
+        if self._last is None or self._last[0] != state:
+            self._last = state, self.contacts.at(t, y, z, self.params, self.h)
+        return self._last[1]
 
     def settle(self, y: Array, z: Array, stopped: set[int]) -> tuple[Array, Array]:
         """Make impacts until nothing approaches, and choose the mode that goes on."""
-        fixed, before = len(self.at(self.t, y, z).rows) - 2 * self.c, self.modes
+        before = self.modes
         closing: dict[int, float | None] = {}
         for _ in range(MOST_AT_ONCE):
             at = self.at(self.t, y, z)
-            sizes = np.abs(at.rows[fixed:]).sum(axis=1) * at.speed
+            sizes = np.abs(at.rows[-2 * self.c :]).sum(axis=1) * at.speed
             still = AT_REST * sizes[: self.c]
             touching = at.gap <= CLOSED * at.size + ROUNDINGS * EPS * np.abs(at.rate) * abs(self.t)
             if (touching & (at.rate < -still)).any():

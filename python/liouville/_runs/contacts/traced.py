@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -144,46 +145,42 @@ class Contacts:
         return self._expressions.columns
 
     @cached_property
-    def _tape(self) -> tuple[_core.Tape, list[tuple[int, int]]]:
-        system = self.system
+    def _tape(self) -> tuple[_core.Tape, list[tuple[slice, tuple[int, int]]]]:
+        system, columns = self.system, self.columns
         s, model = system._symbols, system._model
         own = model.nonholonomic
         w = total_derivative(model.g, s, model.v)
-        columns = self.columns
         bilateral, rates = ca.vertcat(w, own.k), ca.vertcat(columns["rates"], columns["slips"])
         r_lam, rn_nu = jacobian(model.r, model.lam), jacobian(own.rn, own.nu)
+        f = model.f - total_derivative(model.p, s, model.v)
         parts = {
             "gap": columns["phi"],
             "slopes": ca.sum2(ca.fabs(columns["across"])),
             "rates": rates,
             "p_z": jacobian(model.p, s.z),
-            "f": model.f - total_derivative(model.p, s, model.v),
             "v": model.v,
             "B": jacobian(bilateral, s.z),
             "B_t": total_derivative(bilateral, s, model.v),
-            "R": ca.horzcat(r_lam, rn_nu),
+            "f R": ca.horzcat(f, r_lam, rn_nu),
             "C": jacobian(rates, s.z),
             "C_t": total_derivative(rates, s, model.v),
             "F": ca.horzcat(columns["across"].T, columns["along"].T),
         }
-        shapes = [x.shape for x in parts.values()]
-        flat = [ca.densify(ca.reshape(x, -1, 1)) for x in parts.values()]
-        return record("contacts", s.inputs(z=s.z), *flat), shapes
+        flat = [ca.densify(ca.vec(x)) for x in parts.values()]
+        ends = np.cumsum([0, *(x.numel() for x in flat)]).tolist()
+        cuts = [slice(*own) for own in pairwise(ends)]
+        places = list(zip(cuts, (x.shape for x in parts.values()), strict=True))
+        return record("contacts", s.inputs(z=s.z), *flat), places
 
     def at(self, t: float, y: Array, z: Array, params: Array, h: float) -> Matrices:
         """Return the matrices at a state; h is the step that sizes are of."""
-        tape, shapes = self._tape
-        rows = [np.array([[t]]), y[None].copy(), z[None].copy()]
-        flat = tape.map(params, rows)[0]
-        cuts = np.cumsum([int(np.prod(shape)) for shape in shapes])[:-1]
-        parts = [
-            x.reshape(shape, order="F")
-            for x, shape in zip(np.split(flat, cuts), shapes, strict=True)
-        ]
-        gap, slopes, rates, p_z, f, v, B, B_t, R, C, C_t, F = parts
-        c = len(self.names)
-        solved = np.linalg.solve(p_z, np.hstack([f, R, F]))
-        free, R, F = solved[:, 0], solved[:, 1 : 1 + R.shape[1]], solved[:, 1 + R.shape[1] :]
+        tape, places = self._tape
+        flat = tape.map(params, [np.array([[t]]), y[None].copy(), z[None].copy()])[0]
+        parts = [flat[cut].reshape(shape, order="F") for cut, shape in places]
+        gap, slopes, rates, p_z, v, B, B_t, fR, C, C_t, F = parts
+        c, m = len(self.names), fR.shape[1]
+        solved = np.linalg.solve(p_z, np.concatenate([fR, F], axis=1))
+        free, R, F = solved[:, 0], solved[:, 1:m], solved[:, m:]
         if B.size:
             back = R @ np.linalg.pinv(B @ R)
             free = free - back @ (B @ free + B_t[:, 0])
@@ -193,8 +190,36 @@ class Contacts:
         size = slopes[:, 0] * way + np.abs(gap[:, 0])
         return Matrices(
             gap[:, 0], rates[:c, 0], rates[c:, 0], size, float(way), float(speed), C @ F,
-            C @ free + C_t[:, 0], F, free, v[:, 0], np.vstack([B, C]),
+            C @ free + C_t[:, 0], F, free, v[:, 0], np.concatenate([B, C]),
         )  # fmt: skip
+
+    @cached_property
+    def _records_tape(self) -> tuple[_core.Tape, list[int]]:
+        s, columns = self.system._symbols, self.columns
+        parts = [
+            columns["phi"],
+            columns["slips"],
+            ca.sum2(ca.fabs(columns["across"])),
+            ca.sum2(ca.fabs(jacobian(columns["slips"], s.z))),
+            ca.mmax(ca.fabs(self.system._model.v)),
+        ]
+        dense = [ca.densify(x) for x in parts]
+        ends = np.cumsum([x.numel() for x in dense])[:-1].tolist()
+        return record("records of contacts", s.inputs(z=s.z), *dense), ends
+
+    def records(
+        self, t: Array, y: Array, z: Array, params: Array, h: float, free: float
+    ) -> tuple[Array, Array, Array, Array]:
+        """Return gaps, slips and sizes of both at k states, each of shape (k, c).
+
+        Sizes are those of :class:`Matrices`, with accelerations of the size `free`.
+        """
+        tape, ends = self._records_tape
+        rows = [np.ascontiguousarray(x) for x in (t[:, None], y, z)]
+        gap, slip, slopes, slopes_of_slip, fast = np.split(tape.map(params, rows), ends, axis=1)
+        speed = fast + h * free
+        way = np.abs(y).max(axis=1, keepdims=True) + h * speed
+        return gap, slip, slopes * way + np.abs(gap), slopes_of_slip * speed
 
     def mode(self, modes: tuple[Mode, ...], at: Matrices) -> ModeSystem:
         """Return the system in these modes at a state; each is made once.

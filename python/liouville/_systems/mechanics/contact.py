@@ -22,7 +22,7 @@ class Mode(IntEnum):
     @property
     def sign(self) -> int:
         """The sign of the slip, 0 where there is none."""
-        return {Mode.SLIP_UP: 1, Mode.SLIP_DOWN: -1}.get(self, 0)
+        return (self is Mode.SLIP_UP) - (self is Mode.SLIP_DOWN)
 
 
 @dataclass(frozen=True)
