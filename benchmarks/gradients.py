@@ -5,9 +5,10 @@ it belongs to. Tangents are one direction, and ten side by side. Memory is the p
 its own. Run as ``python benchmarks/gradients.py``; takes two minutes, and four more with
 ``--memory``, which takes a million steps of Andrews' mechanism.
 
-With ``--peers`` it is nothing but milliseconds, beside diffrax, IDAS through CasADi, and JAX for
-pulses, at equal accuracy of the gradient: each code with many settings, in turn, of which the
-fastest counts that has reached the error. Takes four minutes, of which compilers have most.
+With ``--peers`` it is nothing but milliseconds, beside diffrax, alone and with 256 members under
+``vmap``, IDAS through CasADi, and JAX for pulses, at equal accuracy of the gradient: each code with
+many settings, in turn, of which the fastest counts that has reached the error. Takes six minutes,
+of which compilers have most.
 """
 
 import argparse
@@ -208,6 +209,41 @@ def beside(name, system, start, t):
     return [{"problem": name, **row} for row in reached(codes, best)]
 
 
+def swings():
+    """Yield a name, and how many damped pendulums there are."""
+    yield "256 pendulums", 256
+
+
+def mapped(name, count):
+    """Return the rows of members under ``vmap`` in JAX: milliseconds of each code for all."""
+    from peers import mapped as peers
+
+    jnp, t = peers.jnp, (0.0, 10.0)
+    system = lv.Lagrangian(
+        lambda t, q, v, params: v[0] ** 2 / 2 + params.g * ca.cos(q[0]),
+        force=lambda t, q, v, params: -params.c * v,
+        q=("angle",), params={"g": 9.81, "c": 0.1},
+    )  # fmt: skip
+
+    def rate(t, x, params):
+        return jnp.stack([x[1], -params[0] * jnp.sin(x[0]) - params[1] * x[1]])
+
+    rng = np.random.default_rng(0)
+    columns = [rng.uniform(0.2, 2.0, (count, 1)), rng.uniform(-1, 1, (count, 1))]
+    rows = [*columns, rng.uniform(9, 10, count), rng.uniform(0.05, 0.2, count)]
+    steps = [int(40 * 2 ** (k / 2)) for k in range(8)]
+    best = peers.Ours(system, rows, t, 7, [2000]).run(2000)[1]
+    again = peers.Ours(system, rows, t, 6, [2000]).run(2000)[1]
+    assert error(again, best) < 1e-12, "the reference has an error"
+    codes = {("Spark", s): peers.Ours(system, rows, t, s, steps) for s in (3, 4, 5, 7)}
+    codes = {key: (code, steps) for key, code in codes.items()}
+    code = peers.Diffrax(rate, rows, t)
+    codes["diffrax", 0] = code, TOLERANCES["diffrax"].tolist()
+    first = {"Spark, first call": codes["Spark", 3][0].first, "diffrax, first call": code.first}
+    first = {what: round(1e3 * x) for what, x in first.items()}
+    return [{"problem": name, **row, **first} for row in reached(codes, best)]
+
+
 def pulses():
     """Yield a name, the two parts of H, the states at both ends, a pulse and its length."""
     rng, levels = np.random.default_rng(0), 6
@@ -287,7 +323,11 @@ def main():
     chosen = parser.parse_args()
     if chosen.peers is not None:
         wanted = tuple(chosen.peers) or ""
-        tables = ("gradient_peers", beside, mechanisms()), ("gradient_pulses", pulsed, pulses())
+        tables = (
+            ("gradient_peers", beside, mechanisms()),
+            ("gradient_mapped", mapped, swings()),
+            ("gradient_pulses", pulsed, pulses()),
+        )
         for table, measure, cases_of in tables:
             rows = [
                 row for each in cases_of if each[0].startswith(wanted) for row in measure(*each)
