@@ -3,6 +3,7 @@ import importlib.metadata
 import json
 import logging
 import re
+import runpy
 import zipfile
 from pathlib import Path
 
@@ -124,13 +125,15 @@ def fill_notebooks(app, env):
 
 
 def write_view(app, error):
-    """Write the page of the moving mechanism that the front page has in a frame."""
+    """Write the pages that other pages have in frames: a moving mechanism, and sweeps."""
     if error is None and app.builder.format == "html":
         problem = problems.load("stewart_platform")
         motion = lv.integrate(
             problem.system, lv.Spark(3), t=(0, 10), h=0.02, params={"c": 3000.0}, **problem.start
         )
-        plot.view(motion, path=Path(app.outdir) / "_static" / "mechanism.html", trace="plate")
+        folder = Path(app.outdir) / "_static"
+        plot.view(motion, path=folder / "mechanism.html", trace="plate")
+        runpy.run_path(str(Path(app.srcdir).parent / "tools" / "sweeps.py"))["main"](folder)
 
 
 def setup(app):
