@@ -318,7 +318,7 @@ ROWS = [
         "plan of steps",
         lambda: plan(method=lv.SplitOperator()),
         TypeError,
-        "method must be a Schrodinger",
+        "leaves nothing to plan",
     ),
     ("params", lambda: run(GRID, psi=WAVE, params={"b": 1}), ValueError, "no parameter 'b'"),
     ("observe", lambda: run(observe={"x": np.ones(3)}), ValueError, "observable 'x' has shape"),

@@ -50,6 +50,7 @@ __all__ = [
     "run",
     "run_each",
     "spark_tableau",
+    "split_pilot",
     "split_program",
     "stability",
     "violation",
@@ -401,6 +402,13 @@ def magnus_cost(
     hamiltonian: Hamiltonian, method: object, times: Sequence[float]
 ) -> tuple[float, float, float, bool]: ...
 def processor_degree(order: int, stages: int, theta: float) -> int | None: ...
+def split_pilot(
+    hamiltonian: Hamiltonian,
+    method: object,
+    interval: tuple[float, float],
+    flows: int,
+    psi: NDArray[np.complex128],
+) -> tuple[float, int, float]: ...
 def split_program(name: str) -> list[tuple[bool, float, float]]: ...
 def project(
     tapes: tuple[Tape, Tape, Tape],

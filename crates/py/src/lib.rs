@@ -70,7 +70,7 @@ mod _core {
     use super::run::{Run, run, run_each};
     #[pymodule_export]
     use super::schrodinger::{
-        chebyshev_degree, driven_cost, magnus_cost, processor_degree, split_program,
+        chebyshev_degree, driven_cost, magnus_cost, processor_degree, split_pilot, split_program,
     };
     #[pymodule_export]
     use super::second_order::{SecondOrder, Separable};

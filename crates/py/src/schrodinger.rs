@@ -7,7 +7,8 @@ use crate::errors::refused;
 use crate::operator::Hamiltonian;
 use liouville_base::run::{Advance, StartError};
 use liouville_waves::method::{
-    Driven, DrivenCost, MagnusTolerance, Observable, ShearProgram, TermBounds, Windows,
+    Driven, DrivenCost, MagnusTolerance, Observable, ShearProgram, SplitTolerance, TermBounds,
+    Windows,
 };
 use liouville_waves::run::{self, Method};
 use numpy::{Complex64, PyReadonlyArray2, PyUntypedArrayMethods};
@@ -62,10 +63,40 @@ enum WaveMethod<'py> {
         parts: Parts,
     },
     Driven(DrivenMethod),
+    SplitSteps(SplitMethod),
     Splitting {
         scheme: String,
         norm_tol: f64,
     },
+}
+
+/// A split operator to a tolerance.
+#[derive(FromPyObject)]
+pub(crate) struct SplitMethod {
+    scheme: String,
+    order: usize,
+    rate: f64,
+    beta: f64,
+    first: f64,
+    longest: f64,
+    breaks: Vec<f64>,
+    norm_tol: f64,
+}
+
+impl SplitMethod {
+    fn read(self, hamiltonian: &Hamiltonian) -> PyResult<Method> {
+        let tolerance = SplitTolerance {
+            order: self.order,
+            rate: self.rate,
+            beta: self.beta,
+            first: self.first,
+            longest: self.longest,
+            breaks: self.breaks,
+        };
+        let (norm, tolerance) = (self.norm_tol, Some(tolerance));
+        let found = Method::splitting(&self.scheme, &hamiltonian.inner, norm, tolerance);
+        found.map_err(refused)
+    }
 }
 
 /// Series in time for H(t).
@@ -201,8 +232,9 @@ impl WaveMethod<'_> {
                 driven: driven.read(),
                 times: Vec::new(),
             },
+            Self::SplitSteps(method) => method.read(hamiltonian)?,
             Self::Splitting { scheme, norm_tol } => {
-                Method::splitting(&scheme, &hamiltonian.inner, norm_tol).map_err(refused)?
+                Method::splitting(&scheme, &hamiltonian.inner, norm_tol, None).map_err(refused)?
             }
         };
         Ok(found)
@@ -246,17 +278,20 @@ struct WaveJob<'py> {
     records: Vec<PyRef<'py, WaveRecord>>,
 }
 
+/// Real and imaginary parts of rows.
+fn parts(psi: &PyReadonlyArray2<'_, Complex64>) -> PyResult<[Vec<f64>; 2]> {
+    let values = psi.as_slice()?;
+    let real = values.iter().map(|z| z.re).collect();
+    Ok([real, values.iter().map(|z| z.im).collect()])
+}
+
 impl WaveJob<'_> {
     fn read(self) -> PyResult<run::Job> {
         let psi = &self.start.0;
-        let values = psi.as_slice()?;
         let (t0, stops) = self.span;
         let observables = self.observer.iter().map(observable);
         Ok(run::Job {
-            psi: [
-                values.iter().map(|z| z.re).collect(),
-                values.iter().map(|z| z.im).collect(),
-            ],
+            psi: parts(psi)?,
             members: self.is_ensemble.then(|| psi.shape()[0]),
             n: psi.shape()[1],
             t0,
@@ -372,4 +407,19 @@ pub(crate) fn split_program(name: &str) -> PyResult<Vec<(bool, f64, f64)>> {
     Ok(turns
         .map(|turn| (turn.is_kick, turn.weight, turn.offset))
         .collect())
+}
+
+/// The first step of a split operator to a tolerance from a state, the flows of T that it took to find it, and where these
+/// lead; so many flows are made or more, up to the end.
+#[pyfunction]
+pub(crate) fn split_pilot(
+    py: Python<'_>,
+    hamiltonian: PyRef<'_, Hamiltonian>,
+    method: SplitMethod,
+    interval: (f64, f64),
+    flows: usize,
+    psi: PyReadonlyArray2<'_, Complex64>,
+) -> PyResult<(f64, usize, f64)> {
+    let (method, psi) = (method.read(&hamiltonian)?, parts(&psi)?);
+    attending(py, || method.pilot(interval, flows, psi))?.map_err(refused)
 }

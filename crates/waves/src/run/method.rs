@@ -2,10 +2,11 @@
 
 use crate::method::{
     Driven, MagnusCost, MagnusSteps, MagnusTolerance, Nodes, Phases, Processor, ShearProgram,
-    TermBounds, Windows, bessel,
+    SplitSteps, SplitTolerance, TermBounds, Wave, Windows, bessel,
 };
 use crate::problem::Hamiltonian;
 use liouville_base::composition::Flow;
+use liouville_base::method::Stepper;
 use liouville_base::run::StartError;
 use liouville_base::tableau::{Purpose, Stable, Turn, split_program};
 use std::sync::Arc;
@@ -99,6 +100,8 @@ pub enum Method {
         program: Vec<Flow>,
         /// What makes them.
         phases: Box<Phases>,
+        /// The tolerance by which steps are chosen; none where they are given.
+        tolerance: Option<SplitTolerance>,
     },
 }
 
@@ -133,14 +136,41 @@ impl Method {
     pub fn splitting(
         name: &str,
         hamiltonian: &Arc<Hamiltonian>,
-        tolerance: f64,
+        norm: f64,
+        tolerance: Option<SplitTolerance>,
     ) -> Result<Self, StartError> {
-        let phases = Phases::new(hamiltonian.clone(), tolerance);
+        let phases = Phases::new(hamiltonian.clone(), norm);
         let no_grid = || StartError::invalid("H is no kinetic energy and a potential");
         Ok(Self::Splitting {
             program: turns(name)?.into_iter().map(flow).collect(),
             phases: phases.ok_or_else(no_grid)?.into(),
+            tolerance,
         })
+    }
+
+    /// The first step of a split operator to a tolerance from this state, the flows of T that it took to find it, and where
+    /// these lead; so many flows are made or more, up to the end.
+    ///
+    /// # Errors
+    /// It is another method, or a step failed.
+    pub fn pilot(
+        self,
+        interval: (f64, f64),
+        flows: usize,
+        psi: [Vec<f64>; 2],
+    ) -> Result<(f64, usize, f64), StartError> {
+        let Self::Splitting {
+            program,
+            phases,
+            tolerance: Some(tolerance),
+        } = self
+        else {
+            return Err(StartError::invalid("a split operator to a tolerance"));
+        };
+        let [q, p] = psi;
+        let mut steps = SplitSteps::new(*phases, program, tolerance);
+        let (first, reached) = steps.pilot(interval, flows, &mut Wave::new(q, p))?;
+        Ok((first, steps.stats().evaluations / 2, reached))
     }
 
     /// The same for this Hamiltonian and outputs at these times; shears back in time are undone, last to first.

@@ -2,8 +2,8 @@
 
 use super::method::Method;
 use crate::method::{
-    Chebyshev, Doubled, DrivenSeries, Lanczos, Magnus, MagnusSteps, Processed, Shears, Sweeper,
-    Wave,
+    Chebyshev, Doubled, DrivenSeries, Lanczos, Magnus, MagnusSteps, Processed, Shears, SplitSteps,
+    Sweeper, Wave,
 };
 use liouville_base::cancel::CancelToken;
 use liouville_base::composition::Composed;
@@ -25,9 +25,17 @@ impl Method {
         cancel: CancelToken,
     ) -> Result<Box<dyn Stepper<State = Wave<f64>>>, StepError> {
         Ok(match self {
-            Self::Splitting { program, phases } => {
+            Self::Splitting {
+                program,
+                phases,
+                tolerance,
+            } => {
                 let phases = phases.as_ref().clone().with_cancel(cancel);
-                Box::new(Composed::following(phases, program.clone()))
+                let program = program.clone();
+                match tolerance.clone() {
+                    Some(tolerance) => Box::new(SplitSteps::new(phases, program, tolerance)),
+                    None => Box::new(Composed::following(phases, program)),
+                }
             }
             Self::Driven { driven, times } => {
                 let sweeper = sweeper.with_cancel(cancel);

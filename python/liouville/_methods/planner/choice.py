@@ -9,11 +9,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from liouville._basics.arguments import count, interval, number, times_of
-from liouville._methods import VolumeSplitting
+from liouville._basics.errors import hinted
+from liouville._methods import SplitOperator, VolumeSplitting
 from liouville._methods.control import equal_steps
 from liouville._methods.planner.fields.choice import plan_field
 from liouville._methods.planner.fields.plan import FieldPlan
-from liouville._methods.planner.waves.choice import AUTO, plan_wave
+from liouville._methods.planner.waves.choice import AUTO, plan_run
 from liouville._methods.planner.waves.driven import Planned
 from liouville._methods.planner.waves.plan import WavePlan
 from liouville._systems import Field, PolynomialField, Schrodinger
@@ -34,7 +35,7 @@ def plan(
 @overload
 def plan(
     system: Schrodinger,
-    method: Planned | str | None = None,
+    method: Planned | SplitOperator | str | None = None,
     *,
     t: ArrayLike,
     psi: ArrayLike | None = None,
@@ -42,7 +43,7 @@ def plan(
 ) -> WavePlan: ...
 def plan(
     system: Field | Schrodinger,
-    method: VolumeSplitting | Planned | str | None = None,
+    method: VolumeSplitting | Planned | SplitOperator | str | None = None,
     *,
     t: ArrayLike = 0.0,
     h: float | None = None,
@@ -65,7 +66,8 @@ def plan(
         What is to be integrated.
     method : Method, optional
         What is fixed already; nothing by default. A ``VolumeSplitting`` for a field; for a wave
-        function a ``SchrodingerSplitting``, ``Chebyshev`` or ``Lanczos``, with its ``tol``.
+        function a ``SchrodingerSplitting``, ``Chebyshev``, ``Lanczos``, ``Magnus`` or
+        ``SplitOperator``, with its ``tol``.
     t : float, or sequence of float
         Of a field the interval (t0, t1) of a run from the states x, whose own plan this is; or the
         time of the states, 0 by default. Of a wave function the times of the start and of all
@@ -75,7 +77,8 @@ def plan(
     x : array_like, shape (n,) or (P, n)
         Typical states of a field, or starts of a run; up to 32 of them are tried.
     psi : array_like, shape (N,), optional
-        Start of a wave function: a real one makes a Chebyshev series shorter.
+        Start of a wave function: a real one makes a Chebyshev series shorter, and on a grid a
+        split operator, whose steps depend on the state, is tried with some steps.
     params : mapping, optional
         Parameters that differ from the system's defaults.
     seed : int, default 0
@@ -170,9 +173,9 @@ def _of_field(
 def _of_wave(system: Schrodinger, method: Any, t: Any, psi: Any) -> WavePlan:
     if method is None or (isinstance(method, str) and method == "auto"):
         method = AUTO
-    if not isinstance(method, Planned):
-        kinds = "SchrodingerSplitting, Chebyshev, Lanczos or Magnus"
+    if isinstance(method, SplitOperator) and method.tol is None:
+        raise TypeError(hinted(f"{method!r} leaves nothing to plan", "give it a tol="))
+    if not isinstance(method, Planned | SplitOperator):
+        kinds = "SchrodingerSplitting, Chebyshev, Lanczos, Magnus or SplitOperator"
         raise TypeError(f"method must be a {kinds}, not {method!r}")
-    times = times_of(t)
-    is_real = psi is not None and not np.any(system.inward(psi).imag)
-    return plan_wave(system, method, times, is_real)
+    return plan_run(system, method, times_of(t), None if psi is None else system.inward(psi))

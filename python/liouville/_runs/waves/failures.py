@@ -61,6 +61,12 @@ def described(
             "ones",
             "norm",
         )
+    if error["kind"] == "step too small":
+        return (
+            f"the tolerance asks for a step of {error['h']:.1e}",
+            "look for a jump or a singularity in a function of time or in V, or give a larger tol",
+            "step",
+        )
     if error["kind"] == "spectrum" and not np.isfinite(error["theta"]):
         hint = "look for a jump, or a division by zero, in a function of time"
         return ("H(t) is not finite or not smooth there", hint, "spectrum")

@@ -7,15 +7,16 @@ from itertools import pairwise
 from typing import Any
 
 from liouville._basics.errors import hinted
-from liouville._methods import Magnus, Stepped, WaveMethod
+from liouville._methods import Magnus, SplitOperator, Stepped, WaveMethod
 from liouville._methods.control import Steps, Takes, steps_of
 from liouville._methods.planner import WavePlan
 from liouville._runs.runner import Request, kept
 
 
 def is_stepped(method: WaveMethod | WavePlan, request: Request) -> bool:
-    """Return whether steps have a given size; without one a Magnus method chooses its own."""
-    if isinstance(method, Magnus) and request.h is None and request.steps is None:
+    """Return whether steps have a given size; without one some methods choose their own."""
+    chooses = isinstance(method, Magnus) or getattr(method, "tol", None) is not None
+    if chooses and request.h is None and request.steps is None:
         return False
     return isinstance(method, Stepped)
 
@@ -38,7 +39,10 @@ def stops_of(
 
     How many there are is checked before they are made.
     """
-    takes = Takes(type(method).__name__, hint="give h or steps")
+    more = ", or SplitOperator(tol=), which chooses its steps" * isinstance(method, SplitOperator)
+    takes = Takes(type(method).__name__, hint=f"give h or steps{more}")
+    if more and all(x is None for x in (request.h, request.steps, request.rtol, request.atol)):
+        raise TypeError(f"give either h or steps{more}")
     if len(times) > 2:
         if request.h is None or request.steps is not None or request.every != 1:
             sentence = f"a sequence of times are those to keep, for which {takes.name} takes h="

@@ -15,9 +15,9 @@ from liouville import _core
 from liouville._basics.arguments import check_memory, times_of
 from liouville._basics.errors import Description, hinted
 from liouville._basics.job import Job
-from liouville._methods import Stepped, WaveMethod
+from liouville._methods import SplitOperator, Stepped, WaveMethod
 from liouville._methods.control import Steps
-from liouville._methods.planner import WavePlan, plan_steps, plan_wave
+from liouville._methods.planner import WavePlan, plan_run, plan_steps
 from liouville._methods.planner.waves.choice import name_of
 from liouville._methods.planner.waves.driven import Planned
 from liouville._methods.planner.waves.propagators import Krylov, Series
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 #: The memory that each propagator takes beside the records, in states, as measured.
 STATES = {
     "shears": 2, "processed": 3, "chebyshev": 4, "magnus": 4, "magnus series": 5,
-    "magnus steps": 12, "driven": 45, "split": 20,
+    "magnus steps": 12, "driven": 45, "split": 20, "split steps": 40,
 }  # fmt: skip
 
 #: The memory of the two halves by which shears step a state of a complex H.
@@ -121,8 +121,9 @@ class WaveRunner(Runner):
         if self._stops is not None:
             assert isinstance(method, Stepped)
             return plan_steps(self.system, method, times[0], self._stops)
-        assert isinstance(method, Planned)
-        plan = plan_wave(self.system, method, times, not np.any(self.psi.imag))
+        assert isinstance(method, Planned | SplitOperator)
+        is_differentiated = request.tangents is not None or request.has_pullback
+        plan = plan_run(self.system, method, times, self.psi, is_differentiated)
         check_no_steps(name_of(method), request)  # last: methods for H(t) do take steps
         return plan
 

@@ -1,12 +1,13 @@
 //! Steps of a Magnus method to a tolerance.
 //!
-//! A step is made as two halves, which are kept, and as one; the difference of both is the error of the halves times
-//! 2^p − 1 where H is smooth. Around a kink it may vanish by chance, and the last terms of the series of H over the step say
-//! how large the error may be. The next step follows from the last one by a prediction C m of its error, m of [`Chooser`].
+//! A step is made as two halves and as one; the difference of both is the error of the halves times 2^p − 1 where H is
+//! smooth. Around a kink it may vanish by chance, and the last terms of the series of H over the step say how large the error
+//! may be. The next step follows from the last one by a prediction C m of its error, m of [`Chooser`].
 
 use super::chooser::{Chooser, MagnusTolerance, SERIES};
 use super::probe::Probe;
 use super::{Magnus, Nodes};
+use crate::method::doubling::Doubling;
 use crate::method::driven::{next_break, next_time};
 use crate::method::term_bounds::TermBounds;
 use crate::method::{Sweeper, Wave, squares};
@@ -37,8 +38,7 @@ pub struct MagnusSteps {
     chooser: Chooser,
     /// The constant C.
     constant: f64,
-    before: Wave<f64>,
-    coarse: Wave<f64>,
+    doubling: Doubling,
     /// Times at which steps end besides, in the order of the run.
     breaks: Vec<f64>,
 }
@@ -59,13 +59,11 @@ impl MagnusSteps {
         let order = nodes.order;
         let chooser = Chooser::new(&hamiltonian, nodes.clone(), bounds.clone(), tolerance)?;
         let rate = (SERIES * tolerance.rate, tolerance.norm);
-        let empty = || Wave::new(vec![0.0; places], vec![0.0; places]);
         Some(chooser.map(|chooser| Self {
             magnus: Magnus::by_series(sweeper, nodes, rate, bounds),
             chooser,
             constant: constant(order),
-            before: empty(),
-            coarse: empty(),
+            doubling: Doubling::new(places),
             breaks: Vec::new(),
         }))
     }
@@ -93,32 +91,15 @@ impl MagnusSteps {
                 self.chooser.spend((h, end - t), error);
                 return Ok(next_time(t, h, end));
             }
-            clone_into(&self.before, state);
+            self.doubling.put_back(state);
             self.chooser.refuse(h, error);
         }
     }
 
     /// Makes a step as two halves, and returns their error, relative to the norm.
     fn estimate(&mut self, t: f64, h: f64, state: &mut Wave<f64>) -> Result<f64, StepError> {
-        clone_into(state, &mut self.before);
-        clone_into(state, &mut self.coarse);
-        self.magnus.step(t, h, &mut self.coarse)?;
-        for at in [t, t + 0.5 * h] {
-            self.magnus.step(at, 0.5 * h, state)?;
-        }
-        state.remove_phase();
-        self.coarse.remove_phase();
-        let pairs = [
-            (&mut self.coarse.q, &state.q),
-            (&mut self.coarse.p, &state.p),
-        ];
-        for (coarse, fine) in pairs {
-            for (x, y) in coarse.iter_mut().zip(fine) {
-                *x -= y;
-            }
-        }
+        let apart = self.doubling.step(&mut self.magnus, (t, h), state)?;
         let norm = squares(&state.q, &state.p).sqrt();
-        let apart = squares(&self.coarse.q, &self.coarse.p).sqrt();
         let theta = self.chooser.norms[0];
         let tail = 2.0 * SERIES * self.chooser.tolerance.rate * h.abs();
         let noise = tail + ROUNDING * (1.0 + theta);
@@ -127,12 +108,6 @@ impl MagnusSteps {
         let ratio = 2.0_f64.powi(self.chooser.nodes.order as i32) - 1.0;
         Ok((found - noise).max(0.0) / ratio.min(RATIO))
     }
-}
-
-fn clone_into(from: &Wave<f64>, to: &mut Wave<f64>) {
-    to.q.copy_from_slice(&from.q);
-    to.p.copy_from_slice(&from.p);
-    (to.phase, to.start) = (from.phase, from.start);
 }
 
 impl Stepper for MagnusSteps {

@@ -96,6 +96,11 @@ impl Kicks {
         Ok(Kick { t, s, table })
     }
 
+    /// Makes room for the tables of flows of other lengths.
+    pub(super) fn forget_tables(&mut self) {
+        self.tables.clear();
+    }
+
     /// The place of the table for a flow; none where V depends on time or the density, or the grid is too large.
     fn table(&mut self, s: f64) -> Option<usize> {
         if self.current.is_some() || self.is_nonlinear() {

@@ -7,6 +7,9 @@
 
 mod kicks;
 mod resolution;
+mod steps;
+
+pub use steps::{SplitSteps, SplitTolerance};
 
 use super::{Wave, check_growth, check_norm};
 use crate::problem::{Hamiltonian, Kinetic, Operator};
@@ -72,6 +75,12 @@ impl Phases {
     #[must_use]
     pub fn with_cancel(self, cancel: CancelToken) -> Self {
         Self { cancel, ..self }
+    }
+
+    /// Makes room for the tables of flows of other lengths.
+    fn forget_tables(&mut self) {
+        self.tables.clear();
+        self.kicks.forget_tables();
     }
 
     /// The place of the table for a flow of T.

@@ -11,13 +11,14 @@ import numpy as np
 from liouville import _core
 from liouville._basics.arguments import memory
 from liouville._basics.errors import hinted
-from liouville._methods import Chebyshev, Lanczos, Magnus, SchrodingerSplitting
+from liouville._methods import Chebyshev, Lanczos, Magnus, SchrodingerSplitting, SplitOperator
 from liouville._methods.planner.waves.driven import Planned, driving, exponentials, magnus_cost
 from liouville._methods.planner.waves.ladder import Choice, cheapest
-from liouville._methods.planner.waves.plan import WavePlan
+from liouville._methods.planner.waves.plan import WavePlan, planned
 from liouville._methods.planner.waves.propagators import Driven, Krylov, MagnusSteps, Series, Shears
 from liouville._methods.planner.waves.span import Span
 from liouville._methods.planner.waves.speed import series_cost
+from liouville._methods.planner.waves.split import cheaper_on_grid, plan_tolerance
 from liouville._methods.planner.waves.windows import SERIES, Windows, windows_of
 from liouville._systems import Schrodinger
 from liouville._systems.waves.foreign import check_sampled
@@ -26,7 +27,7 @@ from liouville._systems.waves.foreign import check_sampled
 AUTO = SchrodingerSplitting()
 
 
-def name_of(method: Planned) -> str:
+def name_of(method: Planned | SplitOperator) -> str:
     """Return what a user calls a method."""
     return "'auto'" if method is AUTO else type(method).__name__
 
@@ -36,6 +37,29 @@ MANY = 50
 
 #: The norm may be off by ten times what method and roundoff promise, and by so much in any case.
 TIMES, LEAST = 10.0, 1e-10
+
+
+def plan_run(
+    system: Schrodinger,
+    method: Planned | SplitOperator,
+    times: Sequence[float],
+    psi: np.ndarray | None = None,
+    is_differentiated: bool = False,
+) -> WavePlan:
+    """Plan a run from a state, or from some, in the core's components; of a grid by the first.
+
+    A run that is to be differentiated takes no split operator, of which there is no derivative.
+    """
+    if isinstance(method, SplitOperator):
+        if psi is None:
+            hint = "the steps that a tolerance leaves a split operator depend on the state"
+            raise TypeError(hinted("psi is missing", hint))
+        check_sampled(system.drives, times[0], times[-1])
+        return plan_tolerance(system, method, times, psi)
+    plan = plan_wave(system, method, times, psi is not None and not np.any(psi.imag))
+    if method is not AUTO or psi is None or is_differentiated:
+        return plan
+    return cheaper_on_grid(system, plan, method.tol, times, psi)
 
 
 def plan_wave(
@@ -188,20 +212,16 @@ def _split(
         why += f", stable ones beyond {MANY} steps"
     if not system.is_real:
         why += "; a shear by a complex H is a product"
-    return WavePlan(
-        method=method,
+    return planned(
+        system, method, span,
         scheme=f"{rung.name} ({kind} splitting of {rung.n} shears)",
-        t0=span.t0,
-        stops=span.stops(found.steps),
+        steps=found.steps,
         theta=found.x,
-        bounds=span.bounds,
-        guarantee=span.spectrum.guarantee,
         products=found.shears / (2 if system.is_real else 1),
         bound=found.bound + span.roundoff,
         reasons=(why,),
         core=Shears(rung.coefficients, span.sigma, max(TIMES * (norm + span.roundoff), LEAST)),
-        is_complex=not system.is_real,
-    )
+    )  # fmt: skip
 
 
 def _windows(span: Span, tol: float, system: Schrodinger, is_real: bool) -> Windows:
@@ -224,20 +244,15 @@ def _chebyshev(
         why = (*why, "the start is real, which halves the products of the first series")
     if counts.max() > 1:
         why = (*why, "outputs within a window take no products of their own")
-    return WavePlan(
-        method=method,
+    return planned(
+        system, method, span,
         scheme=f"Chebyshev (series of degree {windows.degrees.max()})",
-        t0=span.t0,
-        stops=span.stops(np.ones(span.intervals.size)),
         theta=span.beta * float(windows.lengths.max()),
-        bounds=span.bounds,
-        guarantee=span.spectrum.guarantee,
         products=windows.products,
         bound=tol,
         reasons=why,
         core=Series(span.bounds, windows.rate, max(TIMES * tol, LEAST), tuple(counts.tolist())),
-        is_complex=not system.is_real,
-    )
+    )  # fmt: skip
 
 
 def _driven(system: Schrodinger, method: Planned, times: Sequence[float]) -> WavePlan:
@@ -268,20 +283,15 @@ def _driven(system: Schrodinger, method: Planned, times: Sequence[float]) -> Wav
         )
     if beyond:
         why.append(f"rounding errors of t and of terms may add up to {beyond:.1g} beyond tol")
-    return WavePlan(
-        method=method,
+    return planned(
+        system, method, span,
         scheme=f"series in time ({powers + bessel} windows)",
-        t0=span.t0,
-        stops=span.stops(np.ones(len(span.times))),
         theta=theta,
-        bounds=span.bounds,
-        guarantee=span.spectrum.guarantee,
         products=float(products),
         bound=None if bessel or found.separated else method.tol + beyond,
         reasons=tuple(why),
         core=replace(core, windows=powers + bessel),
-        is_complex=not system.is_real,
-    )
+    )  # fmt: skip
 
 
 def _magnus(system: Schrodinger, method: Magnus, times: Sequence[float], why: str) -> WavePlan:
@@ -295,20 +305,14 @@ def _magnus(system: Schrodinger, method: Magnus, times: Sequence[float], why: st
     core = MagnusSteps(method.scheme, rate, method.tol, norm, found.parts, points)
     products, theta, by_estimates = magnus_cost(system, core, times, span.bounds)
     order, exponentials = method.scheme
-    return WavePlan(
-        method=method,
+    return planned(
+        system, method, span,
         scheme=f"Magnus of order {order}, {exponentials} exponentials by Chebyshev series",
-        t0=span.t0,
-        stops=span.stops(np.ones(len(span.times))),
         theta=theta,
-        bounds=span.bounds,
-        guarantee=span.spectrum.guarantee,
         products=products,
-        bound=None,
         reasons=(why, by_estimates),
         core=core,
-        is_complex=not system.is_real,
-    )
+    )  # fmt: skip
 
 
 def _lanczos(span: Span, method: Lanczos, system: Schrodinger) -> WavePlan:
@@ -316,20 +320,14 @@ def _lanczos(span: Span, method: Lanczos, system: Schrodinger) -> WavePlan:
     step = _krylov_step(method.dimension, method.tol / max(float(span.thetas.sum()), 1e-300))
     products = float(np.maximum(np.ceil(span.thetas / step), 1).sum())
     rate = method.tol / float(span.intervals.sum())
-    return WavePlan(
-        method=method,
+    return planned(
+        system, method, span,
         scheme=f"Lanczos (Krylov spaces of dimension {method.dimension})",
-        t0=span.t0,
-        stops=span.stops(np.ones(len(span.times))),
         theta=float(span.thetas.max()),
-        bounds=span.bounds,
-        guarantee=span.spectrum.guarantee,
         products=products * method.dimension,
-        bound=None,
         reasons=("asked for; the number of products is that of a state of all energies",),
         core=Krylov(method.dimension, rate, max(TIMES * method.tol, LEAST)),
-        is_complex=not system.is_real,
-    )
+    )  # fmt: skip
 
 
 def _krylov_step(dimension: int, rate: float) -> float:

@@ -10,7 +10,7 @@ import numpy as np
 
 from liouville import _core
 from liouville._basics.errors import hinted
-from liouville._methods import Chebyshev, SchrodingerSplitting, WaveMethod
+from liouville._methods import Chebyshev, SchrodingerSplitting, SplitOperator, WaveMethod
 from liouville._methods.planner.plan import AGAIN, Plan, check_fields, decoded
 from liouville._methods.planner.waves.driven import driving
 from liouville._methods.planner.waves.propagators import (
@@ -21,17 +21,52 @@ from liouville._methods.planner.waves.propagators import (
     Propagator,
     Series,
     Shears,
+    SplitSteps,
     read_propagator,
 )
 from liouville._methods.planner.waves.span import Span
 from liouville._systems import Schrodinger
+from liouville._systems.waves.bounds import Spectrum
 
 #: Products of a splitting to a tolerance are fewer than so many for a state that is kept, and for
 #: each 1 / beta: the tightest tolerances take 20.
 MOST = 100.0
 
+#: No run has more steps to a tolerance on a grid.
+LONG = 1e9
+
 #: What plans that can be saved have for the core, besides shears.
-Planned = Series | Krylov | Driven | MagnusSteps
+Planned = Series | Krylov | Driven | MagnusSteps | SplitSteps
+
+
+def planned(
+    system: Schrodinger,
+    method: WaveMethod,
+    span: Span,
+    *,
+    scheme: str,
+    products: float,
+    core: Propagator,
+    reasons: tuple[str, ...],
+    theta: float,
+    bound: float | None = None,
+    steps: Sequence[int] | np.ndarray | None = None,
+) -> WavePlan:
+    """Make the plan of a run over a span: `steps` to each state that is kept, one by default."""
+    return WavePlan(
+        method=method,
+        reasons=reasons,
+        scheme=scheme,
+        t0=span.t0,
+        stops=span.stops(np.ones(len(span.times)) if steps is None else steps),
+        theta=theta,
+        bounds=span.bounds,
+        guarantee=span.spectrum.guarantee,
+        products=products,
+        bound=bound,
+        core=core,
+        is_complex=not system.is_real,
+    )
 
 
 @dataclass(frozen=True, repr=False)
@@ -60,7 +95,8 @@ class WavePlan(Plan):
     products : float
         Products :math:`H \psi` it takes, two real ones each; for Lanczos an estimate, for
         :class:`Magnus` without steps of a given size an estimate of how many there may be, for
-        :math:`H(t)` known by its products the least.
+        :math:`H(t)` known by its products the least; pairs of FFTs for :class:`SplitOperator`, an
+        estimate where it chooses its steps.
     bound : float or None
         A-priori bound of the error at the end, relative to the norm, roundings included; None
         where none is known.
@@ -112,24 +148,26 @@ class WavePlan(Plan):
             raise ValueError(hinted("the plan was made for other times", AGAIN))
         system = system.settled if self.is_settled else system
         of_time = isinstance(self.core, Driven | MagnusSteps)
-        if not isinstance(self.core, MagnusSteps) and of_time != system.is_driven:
+        of_any = isinstance(self.core, MagnusSteps | SplitSteps)
+        if not of_any and of_time != system.is_driven:
             kind = "without time" if system.is_driven else "that depends on time"
             raise ValueError(hinted(f"the plan was made for an H {kind}", AGAIN))
         span = float(np.abs(np.diff(times)).sum())
         tol = getattr(self.method, "tol", None) if isinstance(self.core, Driven) else None
         driven = driving(system, times, tol) if of_time else None
         known = [driven.spectrum] if driven else [system.spectrum(0.0), system.spectrum(span)]
+        if isinstance(self.core, SplitSteps):
+            known = [Spectrum(system.bounds_at(self.t0), system.guarantee)]
         if self.bounds not in [spectrum.bounds for spectrum in known]:
             raise ValueError(hinted("the plan was made for another spectrum", AGAIN))
         if self.is_complex == system.is_real:
             kind = "complex" if self.is_complex else "real"
             raise ValueError(hinted(f"the plan was made for a {kind} H", AGAIN))
-        if driven is not None:
-            core, points = self.core, system.points_between(times[0], times[-1])
-            assert isinstance(core, Driven | MagnusSteps)
-            # derivatives add breaks of their own
-            if core.parts != driven.parts or not set(points) <= set(core.breaks):
-                raise ValueError(hinted("the plan was made for another H(t)", AGAIN))
+        core, points = self.core, system.points_between(times[0], times[-1])
+        # derivatives add breaks of their own
+        is_same = driven is None or driven.parts == getattr(core, "parts", None)
+        if not is_same or not set(points) <= set(getattr(core, "breaks", points)):
+            raise ValueError(hinted("the plan was made for another H(t)", AGAIN))
         self._check_work(Span(times[0], tuple(times[1:]), known[-1]))
 
     def _check_work(self, span: Span) -> None:
@@ -148,6 +186,12 @@ class WavePlan(Plan):
             if not 0.5 * (span.least - span.roundoff) <= error <= 1.0:
                 said = f"errors of {error:.3g} in all are none that a plan allows"
                 raise ValueError(hinted(said, AGAIN))
+        if isinstance(core, SplitSteps):
+            own = self.method if isinstance(self.method, SplitOperator) else SplitOperator()
+            if (core.scheme, core.order, core.beta) != (own.scheme, own.order, span.beta):
+                raise ValueError(hinted(f"its steps are not those of {own!r}", AGAIN))
+            if not min(core.first, core.longest) * LONG >= float(span.intervals.sum()):
+                raise ValueError(hinted("its steps are too short for a run to end", AGAIN))
         if (counts > most).any():
             k = int((counts > most).argmax())
             said = f"{self.stops[k][1]} steps to t = {span.times[k]:g} are more than a plan has"

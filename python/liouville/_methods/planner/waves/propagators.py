@@ -140,6 +140,25 @@ class Split:
     kind: str = field(default="split", init=False)
 
 
+@dataclass(frozen=True, eq=False)
+class SplitSteps:
+    """The same with steps that keep to the error `rate` in a unit of time, by its `order`.
+
+    `beta` is half the width of the spectrum, `first` the first step, `longest` the longest one.
+    Steps end at `breaks` besides.
+    """
+
+    scheme: str
+    order: int
+    rate: float
+    beta: float
+    first: float
+    longest: float
+    breaks: tuple[float, ...]
+    norm_tol: float
+    kind: str = field(default="split steps", init=False)
+
+
 Propagator = (
     Shears
     | Series
@@ -150,6 +169,7 @@ Propagator = (
     | MagnusSteps
     | Driven
     | Split
+    | SplitSteps
 )
 
 KINDS: dict[str, type[Propagator]] = {
@@ -162,6 +182,7 @@ KINDS: dict[str, type[Propagator]] = {
     "magnus steps": MagnusSteps,
     "driven": Driven,
     "split": Split,
+    "split steps": SplitSteps,
 }
 
 

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import numpy as np
 
 from liouville import _core
 from liouville._methods.planner.waves.plan import WavePlan
-from liouville._methods.planner.waves.propagators import Split
+from liouville._methods.planner.waves.propagators import Split, SplitSteps
 from liouville._systems import Schrodinger
 
 #: Noise that grows by less than this, in powers of e, is no matter: roundoff becomes 1e-7.
 GROWTH = 20.0
+
+#: The size of F_m below which a resonance is weak, and no m beyond this is looked at.
+WEAK, MOST = 0.1, 8
 
 
 def resonance(system: Schrodinger, plan: WavePlan, psi: np.ndarray) -> str:
@@ -33,22 +37,16 @@ def resonance(system: Schrodinger, plan: WavePlan, psi: np.ndarray) -> str:
     ValueError
         The nonlinearity is not finite at a density of the start.
     """
-    assert system.grid is not None, "a nonlinearity is one on a grid"
-    assert system.nonlinearity is not None, "waves of a linear equation have no resonances"
-    assert isinstance(plan.core, Split), "the one method for a nonlinearity"
-    rho = system.density(psi).ravel()
-    system.nonlinearity.at(plan.t0, rho)
-    slopes = rho * system.nonlinearity.slope(plan.t0, rho)
-    strength = float(np.abs(slopes[np.isfinite(slopes)]).max(initial=0.0)) / system.hbar
+    assert isinstance(plan.core, Split | SplitSteps), "the methods for a nonlinearity"
+    largest, strength = _energies(system, plan.t0, psi)
     times = np.array(plan.times)
-    steps = np.array([count for _, count in plan.stops])
-    h = float(np.abs(np.diff(times) / steps).max())
-    largest = sum(float(each.max()) for each in system.grid.kinetic(system.hbar)) / system.hbar
-    kicks = [(b, c) for is_kick, b, c in _core.split_program(plan.core.scheme) if is_kick]
-    weights, places = np.array(kicks).T
+    if isinstance(plan.core, SplitSteps):
+        h = plan.core.longest
+    else:
+        h = float(np.abs(np.diff(times) / [count for _, count in plan.stops]).max())
     found = (0.0, 0)
     for m in range(1, math.floor(h * (largest + 2 * strength) / math.pi) + 1):
-        factor = abs(weights @ np.exp(-2j * np.pi * m * places))
+        factor = _factor(plan.core.scheme, m)
         if h * (largest + strength * (1 + factor)) > m * math.pi:
             found = max(found, (strength * factor * float(np.abs(times[-1] - times[0])), m))
     if found[0] < GROWTH:
@@ -58,3 +56,29 @@ def resonance(system: Schrodinger, plan: WavePlan, psi: np.ndarray) -> str:
         f"{system.hbar * found[1] * math.pi / h:.4g}, so that noise may grow by up to "
         f"e^{found[0]:.0f}: below h = {math.pi / (largest + 2 * strength):.3g} none are"
     )
+
+
+def free_step(system: Schrodinger, scheme: str, t: float, psi: np.ndarray) -> float:
+    """Return the longest step in no resonance at which noise grows much; see :func:`resonance`."""
+    largest, strength = _energies(system, t, psi)
+    first = next(m for m in itertools.count(1) if m > MOST or _factor(scheme, m) > WEAK)
+    return first * math.pi / (largest + 2 * strength)
+
+
+def _energies(system: Schrodinger, t: float, psi: np.ndarray) -> tuple[float, float]:
+    """Return the largest kinetic energy of waves and that of a change of the density, over hbar."""
+    assert system.grid is not None, "a nonlinearity is one on a grid"
+    assert system.nonlinearity is not None, "waves of a linear equation have no resonances"
+    rho = system.density(psi).ravel()
+    system.nonlinearity.at(t, rho)
+    slopes = rho * system.nonlinearity.slope(t, rho)
+    strength = float(np.abs(slopes[np.isfinite(slopes)]).max(initial=0.0)) / system.hbar
+    largest = sum(float(each.max()) for each in system.grid.kinetic(system.hbar)) / system.hbar
+    return largest, strength
+
+
+def _factor(scheme: str, m: int) -> float:
+    """Return the size of F_m."""
+    kicks = [(b, c) for is_kick, b, c in _core.split_program(scheme) if is_kick]
+    weights, places = np.array(kicks).T
+    return float(abs(weights @ np.exp(-2j * np.pi * m * places)))

@@ -1,4 +1,4 @@
-"""Plans with steps of a given size: split operator, Magnus methods for H(t), and shears."""
+"""Plans with steps of a given size: Magnus methods for H(t), and shears."""
 
 from __future__ import annotations
 
@@ -18,16 +18,18 @@ from liouville._methods import (
 )
 from liouville._methods.planner.waves.driven import NODES, check_terms, driving
 from liouville._methods.planner.waves.ladder import ROUNDOFF, cheapest
-from liouville._methods.planner.waves.plan import WavePlan
+from liouville._methods.planner.waves.plan import WavePlan, planned
 from liouville._methods.planner.waves.propagators import (
     Exponentials,
     Processed,
     Propagator,
     SeriesExponentials,
     Shears,
-    Split,
 )
+from liouville._methods.planner.waves.span import Span
+from liouville._methods.planner.waves.split import NORM, plan_split
 from liouville._systems import Schrodinger
+from liouville._systems.waves.bounds import Spectrum
 from liouville._systems.waves.foreign import check_sampled
 
 #: The phase of all exponentials of a step, in that of H: negative weights cost phase.
@@ -36,15 +38,10 @@ PHASES = {(2, 1): 1.0, (4, 2): 1.0, (4, 3): 1.0, (6, 5): 1.19, (8, 8): 2.75}
 #: Beyond so many exponentials stable splittings make them, so that the norm does not drift.
 MANY = 10_000
 
-#: The norm may be off by so much, or by so many tolerances of exponentials, ...
-NORM, TIMES = 1e-6, 10.0
+#: The norm may be off by so many tolerances of exponentials, ...
+TIMES = 10.0
 #: ... and by so many times it where a step is not close to unitary but only its powers are bounded.
 LOOSE = 10.0
-
-#: Splittings whose steps damp in all although they have kicks back in time, ...
-DAMPED = ("BM4", "M4s5", "RKN4s6", "BM6", "SS6s11", "SS6s13", "RKN6s11")
-#: ... up to this step in units of hbar over the absorber, as measured.
-MOST_DAMPED = 8.0
 
 #: The longest step taken, in units of the longest stable one.
 LONGEST = 0.99
@@ -56,67 +53,11 @@ def plan_steps(system: Schrodinger, method: Stepped, t0: float, stops: Stops) ->
     """Plan a run from t0 with steps between `stops`: times with the steps to each."""
     check_sampled(system.drives, t0, stops[-1][0])
     if isinstance(method, SplitOperator):
-        return _split_operator(system, method, t0, stops)
+        return plan_split(system, method, t0, stops)
     system.check_plain(type(method).__name__)
     if isinstance(method, Magnus):
         return _magnus(system, method, t0, stops)
     return _shears(system, method, t0, stops)
-
-
-def _split_operator(
-    system: Schrodinger, method: SplitOperator, t0: float, stops: Stops
-) -> WavePlan:
-    if system.grid is None:
-        raise TypeError(
-            hinted(
-                f"SplitOperator steps a Grid, whose energy is T + V, not {system!r}",
-                "take SchrodingerSplitting, or Magnus for H(t)",
-            )
-        )
-    if not system.has_diagonal_drive:
-        sentence = "SplitOperator takes drives by diagonal matrices alone, which add to V"
-        raise TypeError(
-            hinted(sentence, "take Magnus, or give the drive as a potential of t and x")
-        )
-    steps, h = _sizes(t0, stops)
-    why = ["asked for, with steps of this size; a product is a pair of FFTs"]
-    if system.nonlinearity is not None:
-        why.append("the spectrum is that of T + V, without the nonlinearity")
-    if system.absorber is not None:
-        _check_damped(system.absorber / system.hbar, method.scheme, (t0, stops[-1][0]), h)
-        why.append("psi is absorbed, and the spectrum is that of H without absorber")
-    drifts = sum(not is_kick for is_kick, _, _ in _core.split_program(method.scheme))
-    low, high = system.bounds_at(t0)
-    return WavePlan(
-        method=method,
-        scheme=f"split operator {method.scheme}",
-        t0=t0,
-        stops=tuple(stops),
-        theta=0.5 * (high - low) * h,
-        bounds=(low, high),
-        guarantee=system.guarantee,
-        products=steps * drifts,
-        bound=None,
-        reasons=tuple(why),
-        core=Split(method.scheme, NORM),
-    )
-
-
-def _check_damped(absorber: np.ndarray, scheme: str, span: tuple[float, float], h: float) -> None:
-    """Refuse kicks back in time that an absorber makes grow by more than others damp."""
-    if span[1] < span[0]:
-        hint = "run forwards in time"
-        raise ValueError(hinted("an absorber cannot be undone: psi would grow back in time", hint))
-    kicks = [weight for is_kick, weight, _ in _core.split_program(scheme) if is_kick]
-    if min(kicks) >= 0:
-        return
-    if scheme not in DAMPED:
-        sentence = f"{scheme} has flows back in time in which an absorber makes psi grow"
-        raise ValueError(hinted(sentence, f"take one of S2, {', '.join(DAMPED)}"))
-    if h * (largest := float(absorber.max())) > MOST_DAMPED:
-        sentence = f"steps of {h:g} are too long for an absorber of {largest:g} hbar: {scheme} has "
-        sentence += "flows back in time, in which psi would grow"
-        raise ValueError(hinted(sentence, f"give h of {MOST_DAMPED / largest:.3g} or less, or S2"))
 
 
 def _magnus(system: Schrodinger, method: Magnus, t0: float, stops: Stops) -> WavePlan:
@@ -145,24 +86,19 @@ def _magnus(system: Schrodinger, method: Magnus, t0: float, stops: Stops) -> Wav
     else:
         rate = method.tol / abs(stops[-1][0] - t0)
         core = SeriesExponentials(method.scheme, rate, norm, found.parts)
-        times = NODES[method.scheme] if system.moving_product is not None else 1
-        by, products = "Chebyshev series", float(count * degree * times)
-    return WavePlan(
-        method=method,
+        sums = NODES[method.scheme] if system.moving_product is not None else 1
+        by, products = "Chebyshev series", float(count * degree * sums)
+    times, each = zip(*stops, strict=True)
+    why = "asked for, with steps of this size; the products are those of the widest spectrum"
+    return planned(
+        system, method, Span(t0, times, found.spectrum),
         scheme=f"Magnus of order {order}, {exponentials} exponentials by {by}",
-        t0=t0,
-        stops=tuple(stops),
+        steps=each,
         theta=theta,
-        bounds=(low, high),
-        guarantee=found.spectrum.guarantee,
         products=products,
-        bound=None,
-        reasons=(
-            "asked for, with steps of this size; the products are those of the widest spectrum",
-        ),
+        reasons=(why,),
         core=core,
-        is_complex=not system.is_real,
-    )
+    )  # fmt: skip
 
 
 def _shears(
@@ -187,29 +123,25 @@ def _shears(
         )
     core: Propagator = Shears(table["coefficients"], sigma, LOOSE)
     # a shear by a complex H is a product with all of a state
-    each = 1 if system.is_real else 2
-    products = float(each * steps * stages)
+    halves = 1 if system.is_real else 2
+    products = float(halves * steps * stages)
     if isinstance(method, StabilitySplitting) and method.processed:
         degree = _core.processor_degree(method.order, stages, theta)
         if degree is None:
             sentence = f"{method!r} has no processor for steps of {theta:.4g} / beta"
             raise ValueError(hinted(sentence, "give a smaller h, order 2 or 6, or processed=False"))
         core = Processed(method.order, stages, sigma, theta, NORM)
-        products += each * 2 * degree * len(stops)
-    return WavePlan(
-        method=method,
+        products += halves * 2 * degree * len(stops)
+    times, each = zip(*stops, strict=True)
+    return planned(
+        system, method, Span(t0, times, Spectrum((low, high), system.guarantee)),
         scheme=f"{name} of order {method.order}, {2 * stages} shears",
-        t0=t0,
-        stops=tuple(stops),
+        steps=each,
         theta=theta,
-        bounds=(low, high),
-        guarantee=system.guarantee,
         products=products,
-        bound=None,
         reasons=("asked for, with steps of this size",),
         core=core,
-        is_complex=not system.is_real,
-    )
+    )  # fmt: skip
 
 
 def _sizes(t0: float, stops: Stops) -> tuple[int, float]:

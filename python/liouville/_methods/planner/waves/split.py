@@ -1,0 +1,225 @@
+"""Plans of the split operator on a grid, with steps of a given size or to a tolerance."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from liouville import _core
+from liouville._basics.errors import hinted
+from liouville._methods import SplitOperator
+from liouville._methods.planner.waves.plan import WavePlan, planned
+from liouville._methods.planner.waves.propagators import Split, SplitSteps
+from liouville._methods.planner.waves.resonance import free_step
+from liouville._methods.planner.waves.span import Span
+from liouville._systems import Schrodinger
+from liouville._systems.waves.bounds import Spectrum
+
+#: Splittings whose steps damp in all although they have kicks back in time, ...
+DAMPED = ("BM4", "M4s5", "RKN4s6", "BM6", "SS6s11", "SS6s13", "RKN6s11")
+#: ... up to this step in units of hbar over the absorber, as measured.
+MOST_DAMPED = 8.0
+
+#: The norm may be off by so much.
+NORM = 1e-6
+
+#: A step is made as one and as two halves.
+TWICE = 3
+
+#: A run over an H(t) has so many steps at least, each of which looks at it some thirty times.
+LOOKED = 32
+
+#: The tolerance of the trial run by which another method is compared, and its least pairs.
+LOOSE, FEW = 1e-2, 100
+#: A product of another method takes about so many times as long as a pair of transforms.
+PAIR = 1.2
+
+
+def plan_split(
+    system: Schrodinger, method: SplitOperator, t0: float, stops: Sequence[tuple[float, int]]
+) -> WavePlan:
+    """Plan a run from t0 with steps between `stops`: times with the steps to each."""
+    if method.tol is not None:
+        hint = "give SplitOperator without tol=, or leave h and steps out"
+        raise TypeError(hinted(f"{method!r} chooses its steps by its tol", hint))
+    _check_grid(system)
+    times, counts = zip(*stops, strict=True)
+    h = float((np.abs(np.diff([t0, *times])) / counts).max())
+    why = ["asked for, with steps of this size; a product is a pair of FFTs", *_left_out(system)]
+    _check_damped(system, method.scheme, (t0, times[-1]), h)
+    span = Span(t0, times, _spectrum(system, t0))
+    return planned(
+        system, method, span,
+        scheme=f"split operator {method.scheme}",
+        steps=counts,
+        theta=span.beta * h,
+        products=float(sum(counts) * _drifts(method.scheme)),
+        reasons=tuple(why),
+        core=Split(method.scheme, NORM),
+    )  # fmt: skip
+
+
+def plan_tolerance(
+    system: Schrodinger, method: SplitOperator, times: Sequence[float], psi: np.ndarray
+) -> WavePlan:
+    """Plan a run to a tolerance from this state, whose first steps are made for their size."""
+    span, core = _steps(system, method, times, psi)
+    first, made, _ = _pilot(system, core, span, psi, 0)
+    pairs = TWICE * _drifts(method.scheme) * float(np.ceil(span.intervals / first).sum())
+    return _chosen(system, method, span, replace(core, first=first), pairs + made, made)
+
+
+def cheaper_on_grid(
+    system: Schrodinger, plan: WavePlan, tol: float, times: Sequence[float], psi: np.ndarray
+) -> WavePlan:
+    """Return the plan of a split operator for the same tolerance, or this one if it is cheaper.
+
+    How many steps it takes depends on where the state goes, so all of the run is made before to a
+    loose tolerance, as far as its products say that the other would not be dearer. The error of a
+    split operator is an estimate.
+    """
+    is_plain = system.grid is not None and not system.is_driven
+    if not is_plain or not system.has_diagonal_drive:
+        return plan
+    method = SplitOperator(tol=tol)
+    more = (LOOSE / tol) ** (1 / method.order)
+    most = PAIR * plan.products
+    kept = TWICE * _drifts(method.scheme) * (len(times) - 1.0)
+    if most < max(FEW * more, kept):
+        return plan
+    span, loose = _steps(system, replace(method, tol=LOOSE), times, psi)
+    first, made, reached = _pilot(system, loose, span, psi, int(most / more))
+    pairs = max(more * made, kept)
+    if reached != times[-1] or pairs > most:
+        said = "a split operator would take more pairs of FFTs, by a run to a loose tolerance"
+        return replace(plan, reasons=(*plan.reasons, said))
+    span, core = _steps(system, method, times, psi)
+    core = replace(core, first=first / more)
+    found = _chosen(system, method, span, core, pairs + made, made)
+    other = f"{plan.scheme} would take {plan.products:.4g} products, with a bound of its error"
+    return replace(found, method=plan.method, reasons=(*found.reasons, other))
+
+
+def _steps(
+    system: Schrodinger, method: SplitOperator, times: Sequence[float], psi: np.ndarray
+) -> tuple[Span, SplitSteps]:
+    """Return the span of a run to a tolerance, and its steps without the first."""
+    _check_grid(system)
+    assert method.tol is not None, "a split operator to a tolerance"
+    span = Span(times[0], tuple(times[1:]), _spectrum(system, times[0]))
+    span.check_reach(method.tol)
+    rate = (method.tol - span.roundoff) / float(span.intervals.sum())
+    longest = longest_step(system, method.scheme, times, psi)
+    points = system.points_between(times[0], times[-1])
+    core = SplitSteps(
+        method.scheme, method.order, rate, span.beta, longest, longest, points, NORM
+    )  # fmt: skip
+    return span, core
+
+
+def _pilot(
+    system: Schrodinger, core: SplitSteps, span: Span, psi: np.ndarray, flows: int
+) -> tuple[float, int, float]:
+    """Return the first step, the pairs of transforms that found it, and where these lead."""
+    run = (span.t0, span.times[-1])
+    return _core.split_pilot(system.hamiltonian, core, run, flows, np.atleast_2d(psi)[:1])
+
+
+def _chosen(
+    system: Schrodinger, method: SplitOperator, span: Span, core: SplitSteps, pairs: float,
+    made: int,
+) -> WavePlan:  # fmt: skip
+    """Make the plan of a run by these steps, which takes so many pairs, some of them before."""
+    why = [
+        f"steps are chosen by estimates while running, the first is {core.first:.3g} long; "
+        f"products are pairs of FFTs, {made} of them in a trial, and an estimate",
+        *_left_out(system),
+    ]
+    if system.is_driven:
+        looks = _drifts(core.scheme) * TWICE
+        why.append(
+            f"H(t) is looked at {looks} times a step, and a step may be {core.longest:.2g} long: a "
+            "pulse within it is seen by its time in points="
+        )
+    return planned(
+        system, method, span,
+        scheme=f"split operator {core.scheme} with steps by its tolerance",
+        theta=span.beta * core.first,
+        products=pairs,
+        reasons=tuple(why),
+        core=core,
+    )  # fmt: skip
+
+
+def longest_step(
+    system: Schrodinger, scheme: str, times: Sequence[float], psi: np.ndarray | None
+) -> float:
+    """Return the longest step that a run to a tolerance may take.
+
+    It damps in an absorber, is in no resonance of a nonlinearity with waves of the state `psi`,
+    and looks at an H(t) often enough. Without a state there is no look at resonances.
+    """
+    run = (times[0], times[-1])
+    longest = abs(run[1] - run[0]) / (LOOKED if system.is_driven else 1)
+    if system.absorber is not None:
+        _check_damped(system, scheme, run, 0.0)
+        if _is_back(scheme):
+            longest = min(longest, MOST_DAMPED * system.hbar / float(system.absorber.max()))
+    if system.nonlinearity is not None and psi is not None:
+        longest = min(longest, free_step(system, scheme, times[0], psi))
+    return longest
+
+
+def _spectrum(system: Schrodinger, t0: float) -> Spectrum:
+    return Spectrum(system.bounds_at(t0), system.guarantee)
+
+
+def _check_grid(system: Schrodinger) -> None:
+    """Refuse an H that is not T + V on a grid."""
+    if system.grid is None:
+        sentence = f"SplitOperator steps a Grid, whose energy is T + V, not {system!r}"
+        raise TypeError(hinted(sentence, "take SchrodingerSplitting, or Magnus for H(t)"))
+    if not system.has_diagonal_drive:
+        sentence = "SplitOperator takes drives by diagonal matrices alone, which add to V"
+        hint = "take Magnus, or give the drive as a potential of t and x"
+        raise TypeError(hinted(sentence, hint))
+
+
+def _left_out(system: Schrodinger) -> list[str]:
+    """Return sentences on parts of H that its spectrum is without."""
+    why = []
+    if system.nonlinearity is not None:
+        why.append("the spectrum is that of T + V, without the nonlinearity")
+    if system.absorber is not None:
+        why.append("psi is absorbed, and the spectrum is that of H without absorber")
+    return why
+
+
+def _drifts(scheme: str) -> int:
+    """Return the pairs of transforms of a step."""
+    return sum(not is_kick for is_kick, _, _ in _core.split_program(scheme))
+
+
+def _is_back(scheme: str) -> bool:
+    """Return whether some kicks go back in time."""
+    return any(is_kick and weight < 0 for is_kick, weight, _ in _core.split_program(scheme))
+
+
+def _check_damped(system: Schrodinger, scheme: str, run: tuple[float, float], h: float) -> None:
+    """Refuse kicks back in time that an absorber makes grow by more than others damp."""
+    if system.absorber is None:
+        return
+    if run[1] < run[0]:
+        hint = "run forwards in time"
+        raise ValueError(hinted("an absorber cannot be undone: psi would grow back in time", hint))
+    if not _is_back(scheme):
+        return
+    if scheme not in DAMPED:
+        sentence = f"{scheme} has flows back in time in which an absorber makes psi grow"
+        raise ValueError(hinted(sentence, f"take one of S2, {', '.join(DAMPED)}"))
+    if h * (largest := float((system.absorber / system.hbar).max())) > MOST_DAMPED:
+        sentence = f"steps of {h:g} are too long for an absorber of {largest:g} hbar: {scheme} has "
+        sentence += "flows back in time, in which psi would grow"
+        raise ValueError(hinted(sentence, f"give h of {MOST_DAMPED / largest:.3g} or less, or S2"))
