@@ -11,6 +11,8 @@ the axes, so a product of packets stays a product of states on chains; the refer
 of one by Taylor series in 40 digits (``tools/quantum_references.py``).
 """
 
+from functools import reduce
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -39,17 +41,16 @@ def chain(sites: int) -> Lattice:
     return Lattice(sites, potential=bowl(sites))
 
 
-def build(sites: int) -> Schrodinger:
+def build(sites: int, axes: int = 2) -> Schrodinger:
     """Make the system of a lattice with so many sites along each axis."""
-    axes = np.meshgrid(*[bowl(sites)] * 2, indexing="ij")
-    return Schrodinger(Lattice((sites,) * 2, potential=sum(axes)))
+    potentials = np.meshgrid(*[bowl(sites)] * axes, indexing="ij")
+    return Schrodinger(Lattice((sites,) * axes, potential=sum(potentials)))
 
 
-def start_for(sites: int) -> dict[str, NDArray[np.float64]]:
+def start_for(sites: int, axes: int = 2) -> dict[str, NDArray[np.float64]]:
     """Start with a packet, as it is in the reference: of norm 1 up to roundoff."""
     line = packet(sites) / np.linalg.norm(packet(sites))
-    psi = np.multiply.outer(line, line)
-    return {"psi": psi.ravel()}
+    return {"psi": reduce(np.multiply.outer, [line] * axes).ravel()}
 
 
 system = build(SITES)

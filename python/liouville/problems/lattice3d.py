@@ -11,49 +11,15 @@ the axes, so a product of packets stays a product of states on chains; the refer
 of one by Taylor series in 40 digits (``tools/quantum_references.py``).
 """
 
-import numpy as np
-from numpy.typing import NDArray
-
-from liouville._systems import Lattice, Schrodinger
+from liouville.problems import lattice2d
+from liouville.problems.lattice2d import chain as chain
+from liouville.problems.lattice2d import packet as packet
 
 #: Number of sites along each axis.
 SITES = 16
 
-OMEGA = 0.2
-
-
-def bowl(sites: int) -> NDArray[np.float64]:
-    """Return the potential along an axis."""
-    x = np.arange(float(sites)) - (sites - 1) / 2
-    return OMEGA**2 / 2 * x**2
-
-
-def packet(sites: int) -> NDArray[np.float64]:
-    """Return the start along an axis, not normalised: wide by 2, a quarter from the beginning."""
-    x = np.arange(sites) - (3 * sites // 8)
-    return np.exp(-(x**2) / 8.0)
-
-
-def chain(sites: int) -> Lattice:
-    """Return the lattice of one axis."""
-    return Lattice(sites, potential=bowl(sites))
-
-
-def build(sites: int) -> Schrodinger:
-    """Make the system of a lattice with so many sites along each axis."""
-    axes = np.meshgrid(*[bowl(sites)] * 3, indexing="ij")
-    return Schrodinger(Lattice((sites,) * 3, potential=sum(axes)))
-
-
-def start_for(sites: int) -> dict[str, NDArray[np.float64]]:
-    """Start with a packet, as it is in the reference: of norm 1 up to roundoff."""
-    line = packet(sites) / np.linalg.norm(packet(sites))
-    psi = np.multiply.outer(np.multiply.outer(line, line), line)
-    return {"psi": psi.ravel()}
-
-
-system = build(SITES)
-start = start_for(SITES)
+system = lattice2d.build(SITES, 3)
+start = lattice2d.start_for(SITES, 3)
 interval = (0.0, 10.0)
 tol = 1e-10
 conserved = ("norm", "energy")
