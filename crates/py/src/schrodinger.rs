@@ -7,13 +7,14 @@ use crate::errors::refused;
 use crate::operator::Hamiltonian;
 use liouville_base::run::{Advance, StartError};
 use liouville_waves::method::{
-    Driven, DrivenCost, MagnusTolerance, Observable, ShearProgram, SplitTolerance, TermBounds,
-    Windows,
+    Driven, DrivenCost, Eigenpairs, MagnusTolerance, Observable, ShearProgram, SplitTolerance,
+    TermBounds, Windows,
 };
 use liouville_waves::run::{self, Method};
 use numpy::{Complex64, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
+use std::sync::Arc;
 
 /// A method, by the attributes of its dataclass; `norm_tol` is how far the norm may be off.
 #[derive(FromPyObject)]
@@ -28,6 +29,12 @@ enum WaveMethod<'py> {
         rate: f64,
         norm_tol: f64,
         windows: Vec<usize>,
+    },
+    Diagonal {
+        energies: Values<'py>,
+        real: Values<'py>,
+        imaginary: Values<'py>,
+        norm_tol: f64,
     },
     Lanczos {
         dimension: usize,
@@ -173,6 +180,21 @@ impl WaveMethod<'_> {
                 tolerance,
                 windows: Windows::new(windows),
             },
+            Self::Diagonal {
+                energies,
+                real,
+                imaginary,
+                norm_tol: tolerance,
+            } => {
+                let [energies, real, imaginary] =
+                    [energies, real, imaginary].map(|part| part.as_slice().map(<[f64]>::to_vec));
+                let levels = Eigenpairs::new(energies?, real?, imaginary?);
+                let unfit = || refused("each level has an energy and a vector as long");
+                Method::Diagonal {
+                    levels: Arc::new(levels.ok_or_else(unfit)?),
+                    tolerance,
+                }
+            }
             Self::Lanczos {
                 dimension,
                 rate,

@@ -6,6 +6,7 @@ pub mod bessel;
 mod blocks;
 mod chebyshev;
 mod derivative;
+mod diagonal;
 mod doubled;
 mod doubling;
 mod driven;
@@ -23,6 +24,7 @@ mod windows;
 
 pub use chebyshev::Chebyshev;
 pub use derivative::{AtNodes, Derivative, Recorder, Wanted};
+pub use diagonal::{Diagonal, Eigenpairs};
 pub use doubled::Doubled;
 pub use driven::{Driven, DrivenCost, DrivenSeries};
 pub use lanczos::Lanczos;

@@ -1,8 +1,8 @@
 //! Methods for Schrödinger equations, with all that a run needs beside its Hamiltonian.
 
 use crate::method::{
-    Driven, MagnusCost, MagnusSteps, MagnusTolerance, Nodes, Phases, Processor, ShearProgram,
-    SplitSteps, SplitTolerance, TermBounds, Wave, Windows, bessel,
+    Driven, Eigenpairs, MagnusCost, MagnusSteps, MagnusTolerance, Nodes, Phases, Processor,
+    ShearProgram, SplitSteps, SplitTolerance, TermBounds, Wave, Windows, bessel,
 };
 use crate::problem::Hamiltonian;
 use liouville_base::composition::Flow;
@@ -46,6 +46,13 @@ pub enum Method {
         tolerance: f64,
         /// How many outputs each series makes.
         windows: Windows,
+    },
+    /// Products with the eigenvectors of H.
+    Diagonal {
+        /// Energies and eigenvectors.
+        levels: Arc<Eigenpairs>,
+        /// Of the norm.
+        tolerance: f64,
     },
     /// A Krylov space for each step.
     Lanczos {
@@ -186,6 +193,11 @@ impl Method {
                 "a method for a linear equation that keeps the norm",
             ));
         }
+        if let Self::Diagonal { levels, .. } = &self
+            && levels.count() != hamiltonian.places()
+        {
+            return Err(StartError::invalid("a level for each component"));
+        }
         if let Some(bounds) = self.bounds() {
             check_parts(bounds, hamiltonian)?;
         }
@@ -224,7 +236,8 @@ impl Method {
     pub(super) fn is_single(&self) -> bool {
         matches!(
             self,
-            Self::Lanczos { .. }
+            Self::Diagonal { .. }
+                | Self::Lanczos { .. }
                 | Self::Driven { .. }
                 | Self::MagnusSteps { .. }
                 | Self::Splitting { .. }

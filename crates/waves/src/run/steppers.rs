@@ -2,8 +2,8 @@
 
 use super::method::Method;
 use crate::method::{
-    Chebyshev, Doubled, DrivenSeries, Lanczos, Magnus, MagnusSteps, Processed, Shears, SplitSteps,
-    Sweeper, Wave,
+    Chebyshev, Diagonal, Doubled, DrivenSeries, Lanczos, Magnus, MagnusSteps, Processed, Shears,
+    SplitSteps, Sweeper, Wave,
 };
 use liouville_base::cancel::CancelToken;
 use liouville_base::composition::Composed;
@@ -56,6 +56,9 @@ impl Method {
                     Some(steps) => Box::new(steps?.with_breaks(breaks.clone())),
                     None => unreachable!("bounds that have been checked"),
                 }
+            }
+            Self::Diagonal { levels, tolerance } => {
+                Box::new(Diagonal::new(levels.clone(), *tolerance))
             }
             Self::Lanczos {
                 dimension,

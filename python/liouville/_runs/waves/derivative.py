@@ -14,11 +14,13 @@ from liouville._basics.errors import hinted
 from liouville._methods.planner import WavePlan, plan_wave
 from liouville._methods.planner.waves.driven import Planned
 from liouville._methods.planner.waves.propagators import (
+    Diagonal,
     Driven,
     Exponentials,
     Series,
     SeriesExponentials,
     Shears,
+    SplitSteps,
 )
 from liouville._runs.tangents import PARAMS, Directions, Place, check_names
 from liouville._runs.waves.windows import (
@@ -88,9 +90,11 @@ def places_of(system: Schrodinger) -> dict[str, Place]:
 def followed(system: Schrodinger, plan: WavePlan) -> WavePlan:
     """Return the plan of a run that is differentiated, whose drive is no part of an H without time.
 
+    What "auto" takes of methods without derivatives is planned anew.
     TypeError where the run leaves nothing that a derivative could follow.
     """
-    if system.is_driven and plan.is_settled:
+    is_other = isinstance(plan.core, Diagonal | SplitSteps) and isinstance(plan.method, Planned)
+    if is_other or (system.is_driven and plan.is_settled):
         assert isinstance(plan.method, Planned)
         plan = plan_wave(system, plan.method, plan.times, is_differentiated=True)
     is_split = isinstance(plan.core, Shears) and not plan.is_complex

@@ -20,7 +20,8 @@ from liouville._methods.control import Steps
 from liouville._methods.planner import WavePlan, plan_run, plan_steps
 from liouville._methods.planner.waves.choice import name_of
 from liouville._methods.planner.waves.driven import Planned
-from liouville._methods.planner.waves.propagators import Krylov, Series
+from liouville._methods.planner.waves.levels import levels_of
+from liouville._methods.planner.waves.propagators import Diagonal, Krylov, Series
 from liouville._methods.planner.waves.resonance import resonance
 from liouville._runs.runner import Request, Runner, threads_of
 from liouville._runs.waves.failures import described
@@ -37,6 +38,7 @@ if TYPE_CHECKING:
 STATES = {
     "shears": 2, "processed": 3, "chebyshev": 4, "magnus": 4, "magnus series": 5,
     "magnus steps": 12, "driven": 45, "split": 20, "split steps": 40,
+    "diagonal": 4,
 }  # fmt: skip
 
 #: The memory of the two halves by which shears step a state of a complex H.
@@ -131,6 +133,7 @@ class WaveRunner(Runner):
         """Refuse a method whose states would not fit in memory."""
         core = self.plan.core
         count = core.dimension + 2 if isinstance(core, Krylov) else STATES[core.kind]
+        count += self.system.size * isinstance(core, Diagonal)
         if self.plan.is_complex and core.kind in ("shears", "processed"):
             count += HALVES
         if isinstance(core, Series) and max(core.windows) > 1:
@@ -305,7 +308,10 @@ class WaveRunner(Runner):
             states=self._states, threads=self.threads, is_ensemble=bool(self.members),
             records=self._records,
         )  # fmt: skip
-        return plan.propagated(self.system), plan.core, job
+        core: object = plan.core
+        if isinstance(core, Diagonal):
+            core = replace(levels_of(self.system.settled), norm_tol=core.norm_tol)
+        return plan.propagated(self.system), core, job
 
     def stats(self, run: _core.Run) -> dict[str, Any]:
         """Return the numbers of a run: steps, products for each state, the bound of its error."""

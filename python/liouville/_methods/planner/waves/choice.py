@@ -14,6 +14,7 @@ from liouville._basics.errors import hinted
 from liouville._methods import Chebyshev, Lanczos, Magnus, SchrodingerSplitting, SplitOperator
 from liouville._methods.planner.waves.driven import Planned, driving, exponentials, magnus_cost
 from liouville._methods.planner.waves.ladder import Choice, cheapest
+from liouville._methods.planner.waves.levels import cheaper_by_levels
 from liouville._methods.planner.waves.plan import WavePlan, planned
 from liouville._methods.planner.waves.propagators import Driven, Krylov, MagnusSteps, Series, Shears
 from liouville._methods.planner.waves.span import Span
@@ -48,7 +49,7 @@ def plan_run(
 ) -> WavePlan:
     """Plan a run from a state, or from some, in the core's components; of a grid by the first.
 
-    A run that is to be differentiated takes no split operator, of which there is no derivative.
+    A run that is to be differentiated takes methods of which there are derivatives.
     """
     if isinstance(method, SplitOperator):
         if psi is None:
@@ -57,9 +58,10 @@ def plan_run(
         check_sampled(system.drives, times[0], times[-1])
         return plan_tolerance(system, method, times, psi)
     plan = plan_wave(system, method, times, psi is not None and not np.any(psi.imag))
-    if method is not AUTO or psi is None or is_differentiated:
+    if method is not AUTO or is_differentiated:
         return plan
-    return cheaper_on_grid(system, plan, method.tol, times, psi)
+    plan = cheaper_by_levels(system, plan, AUTO, times)
+    return plan if psi is None else cheaper_on_grid(system, plan, AUTO.tol, times, psi)
 
 
 def plan_wave(

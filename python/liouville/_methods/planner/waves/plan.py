@@ -14,6 +14,7 @@ from liouville._methods import Chebyshev, SchrodingerSplitting, SplitOperator, W
 from liouville._methods.planner.plan import AGAIN, Plan, check_fields, decoded
 from liouville._methods.planner.waves.driven import driving
 from liouville._methods.planner.waves.propagators import (
+    Diagonal,
     Driven,
     Krylov,
     MagnusSteps,
@@ -36,7 +37,7 @@ MOST = 100.0
 LONG = 1e9
 
 #: What plans that can be saved have for the core, besides shears.
-Planned = Series | Krylov | Driven | MagnusSteps | SplitSteps
+Planned = Series | Krylov | Diagonal | Driven | MagnusSteps | SplitSteps
 
 
 def planned(
@@ -140,7 +141,7 @@ class WavePlan(Plan):
     @property
     def is_settled(self) -> bool:
         """Whether it is for an H without time, which a drive may be a part of."""
-        return isinstance(self.core, Shears | Series | Krylov | Processed)
+        return isinstance(self.core, Shears | Series | Krylov | Diagonal | Processed)
 
     def check(self, times: Sequence[float], system: Schrodinger) -> None:
         """Refuse another equation, or other times, than it was made for."""
@@ -180,7 +181,7 @@ class WavePlan(Plan):
         most = np.ones(counts.size)
         if isinstance(core, Shears):
             most = MOST * (span.thetas + 1.0) / max(0.5 * core.coefficients.size, 1.0)
-        else:
+        elif not isinstance(core, Diagonal):
             assert isinstance(core, Planned)
             error = core.rate * float(span.intervals.sum())
             if not 0.5 * (span.least - span.roundoff) <= error <= 1.0:

@@ -61,6 +61,14 @@ class Krylov:
 
 
 @dataclass(frozen=True, eq=False)
+class Diagonal:
+    """Products with the eigenvectors of H, which no plan holds: a run finds them."""
+
+    norm_tol: float
+    kind: str = field(default="diagonal", init=False)
+
+
+@dataclass(frozen=True, eq=False)
 class Processed:
     """The shears of the longest stable steps with a processor, for steps of `theta` / beta."""
 
@@ -163,6 +171,7 @@ Propagator = (
     Shears
     | Series
     | Krylov
+    | Diagonal
     | Processed
     | Exponentials
     | SeriesExponentials
@@ -176,6 +185,7 @@ KINDS: dict[str, type[Propagator]] = {
     "shears": Shears,
     "chebyshev": Series,
     "lanczos": Krylov,
+    "diagonal": Diagonal,
     "processed": Processed,
     "magnus": Exponentials,
     "magnus series": SeriesExponentials,
