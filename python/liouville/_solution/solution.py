@@ -402,6 +402,29 @@ class Solution(States, Drifts, Motions):
 
         return export.to_xarray(self)
 
+    def trajectories(self) -> xarray.Dataset:
+        """Give the members of a field as trajectories, by CF and in the order of Parcels' files.
+
+        Returns
+        -------
+        xarray.Dataset
+            Of dimensions ``trajectory`` and ``obs``, with ``time`` and the coordinates of each
+            point: ``lon``, ``lat`` and levels of a data set, else those of the field. What was
+            observed is there, and parameters that differ; where a member had failed it is NaN.
+
+        Raises
+        ------
+        TypeError
+            The solution is none of a field, or of a file without ``system=``.
+        ValueError
+            The run stored no states.
+        ImportError
+            xarray is not installed.
+        """
+        from liouville._solution import export
+
+        return export.trajectories(self)
+
     def to_dataframe(self) -> pandas.DataFrame:
         """Give a row for each kept step of each member."""
         from liouville._solution import export

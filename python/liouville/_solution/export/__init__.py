@@ -29,5 +29,6 @@ from liouville._solution.export.reading import order_of as order_of
 from liouville._solution.export.sections import save_section as save_section
 from liouville._solution.export.sections import section_to_xarray as section_to_xarray
 from liouville._solution.export.tables import to_dataframe
+from liouville._solution.export.trajectories import trajectories as trajectories
 
 __all__ = ["SUFFIXES", "check", "load", "save", "to_dataframe", "to_xarray"]

@@ -41,9 +41,7 @@ def to_xarray(solution: Solution) -> xarray.Dataset:
     ImportError
         xarray is not installed.
     """
-    found = dataset_of(solution)
-    if "calendar" in found["time"].attrs:
-        found = found.assign_coords(time=_decoded(found["time"]))
+    found = decoded(dataset_of(solution))
     if solution.members is None:
         return found
     taken = {*found.variables, *found.dims}
@@ -56,10 +54,13 @@ def to_xarray(solution: Solution) -> xarray.Dataset:
     return found.assign_coords(coordinates)
 
 
-def _decoded(times: xarray.DataArray) -> xarray.DataArray:
-    """Return times as dates."""
-    decoded: xarray.Dataset = needed("xarray").decode_cf(times.to_dataset(name="found"))
-    return decoded["time"]
+def decoded(dataset: xarray.Dataset) -> xarray.Dataset:
+    """Return a dataset with dates for times that are counted from one."""
+    times = dataset["time"]
+    if "calendar" not in times.attrs:
+        return dataset
+    found = needed("xarray").decode_cf(times.reset_coords(drop=True).to_dataset(name="found"))
+    return dataset.assign_coords(time=(times.dims, found["found"].values, found["found"].attrs))
 
 
 def dataset_of(solution: Solution) -> xarray.Dataset:

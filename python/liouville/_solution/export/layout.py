@@ -61,8 +61,8 @@ def laid_out(solution: Solution) -> Layout:
     found: list[tuple[str, Array, dict[str, str]]] = []
     for name, values in solution.states.items():
         found.append((name, values, unit_attribute(solution, name)))
-    for name, (values, unit) in positions(solution).items():
-        found.append((name, values, {"units": unit} if unit else {}))
+    for name, (values, said) in positions(solution).items():
+        found.append((name, values, said))
     if solution.invariants:
         columns = np.stack(list(solution.invariants.values()), axis=-1)
         found.append(("invariants", columns, {}))
@@ -147,8 +147,8 @@ def time_attributes(solution: Solution) -> dict[str, str]:
     return (dates.attributes if dates else {}) or unit_attribute(solution, "t")
 
 
-def positions(solution: Solution) -> dict[str, tuple[Array, str]]:
-    """Return points by coordinates that the states of a field do not have, with their units."""
+def positions(solution: Solution) -> dict[str, tuple[Array, dict[str, str]]]:
+    """Return points by coordinates that the states of a field do not have, with attributes."""
     if not isinstance(solution.system, Field) or "x" not in solution.states:
         return {}
     return solution.system.positions(solution.states["x"])

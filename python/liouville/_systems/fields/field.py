@@ -112,10 +112,10 @@ class Field(Pickled, ABC):
             raise ValueError(f"x of '{self.coordinates[place[-1]]}'{member} is {array[place]}")
         return np.ascontiguousarray(array)
 
-    def positions(self, x: np.ndarray) -> dict[str, tuple[np.ndarray, str]]:
+    def positions(self, x: np.ndarray) -> dict[str, tuple[np.ndarray, dict[str, str]]]:
         """Return the points of states x, shape (..., n), by coordinates that states do not have.
 
-        They go by name, each of shape (...), with its unit.
+        They go by name, each of shape (...), with its attributes by CF.
         """
         del x
         return {}

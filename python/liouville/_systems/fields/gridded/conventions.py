@@ -87,6 +87,7 @@ def arguments(
         made["xyz"] = [_degrees(axis) for axis in space[:2]]
         made["height"] = _unit_of_heights(space[2], first) / metres if space[2:] else 1.0
         made["xyz"] += [np.asarray(axis.values) * made["height"] for axis in space[2:]]
+        made["level"] = _said_of(space[2]) if space[2:] else {}
         made["names"] = ("lon", "lat", *(axis.name for axis in space[2:]))
     else:
         made["names"] = tuple(axis.name for axis in space)
@@ -206,6 +207,16 @@ def _is_sphere(space: Sequence[Variable], first: Variable, options: Mapping[str,
         sentence = f"'{angles[0]}' is an angle, and '{other}' is none"
         raise ValueError(hinted(sentence, f"say its unit: dataset['{other}'].attrs['units']"))
     return True
+
+
+def _said_of(axis: Variable) -> dict[str, str]:
+    """Return what CF says of levels: unit, standard name, and which way they count."""
+    known = ("units", "standard_name", "positive")
+    said = {"units": "m"} | {key: str(axis.attrs[key]) for key in known if axis.attrs.get(key)}
+    if (is_down := _axis_is_down(axis)) is not None:
+        usual = ("down", "depth") if is_down else ("up", "height")
+        said = dict(zip(("positive", "standard_name"), usual, strict=True)) | said
+    return said
 
 
 def _unit_of_heights(axis: Variable, first: Variable) -> float:

@@ -98,12 +98,14 @@ class Coordinates:
             x[..., 2:] /= self.height
         return x
 
-    def positions(self, x: Array) -> dict[str, tuple[Array, str]]:
-        """Return the coordinates of points that states do not have, with their units."""
+    def positions(self, x: Array) -> dict[str, tuple[Array, dict[str, str]]]:
+        """Return the coordinates of points that states do not have, with CF's attributes."""
         points = np.moveaxis(self.outward(x), -1, 0)
         if self.kind == "spherical":
-            return {"lon": (points[0], "degrees_east"), "lat": (points[1], "degrees_north")}
-        return {"R": (points[0], "")} if self.kind == "cylindrical" else {}
+            east = {"units": "degrees_east", "standard_name": "longitude"}
+            north = {"units": "degrees_north", "standard_name": "latitude"}
+            return {"lon": (points[0], east), "lat": (points[1], north)}
+        return {"R": (points[0], {})} if self.kind == "cylindrical" else {}
 
     def lengths(self, x: Array) -> Array:
         """Return the lengths of unit changes of the coordinates of states x, shape (..., n)."""

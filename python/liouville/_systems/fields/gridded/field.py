@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from types import MappingProxyType
 from typing import Any, Self
 
 import numpy as np
@@ -139,6 +140,9 @@ class GriddedField(PlaneField):
     """
 
     kind, counted = "gridded", "coefficients"
+
+    #: What CF says of the levels on a sphere: their unit, and which way they count.
+    _level: Mapping[str, str] = MappingProxyType({})
 
     def __init__(
         self,
@@ -292,8 +296,10 @@ class GriddedField(PlaneField):
     ) -> Self:
         made = conventions.arguments(variables, given, options)
         dates, height = made.pop("dates", None), made.pop("height", 1.0)
+        level = made.pop("level", {})
         found = cls(*made.pop("xyz"), **made)
         found.dates, found._kind = dates, replace(found._kind, height=height)
+        found._level = level
         return found
 
     def _finish(self, found: Potential, land: Any, most: float) -> None:
@@ -405,9 +411,12 @@ class GriddedField(PlaneField):
         span = None if axis.is_periodic else (axis.edges[0], axis.edges[-1])
         return self._kind.inward(np.asarray(points), span)
 
-    def positions(self, x: np.ndarray) -> dict[str, tuple[np.ndarray, str]]:
-        """Return longitudes and latitudes in degrees, or R of a cylinder; see :class:`Field`."""
-        return self._kind.positions(x)
+    def positions(self, x: np.ndarray) -> dict[str, tuple[np.ndarray, dict[str, str]]]:
+        """Return longitudes, latitudes and levels, or R of a cylinder; see :class:`Field`."""
+        found = self._kind.positions(x)
+        if self._kind.kind == "spherical" and len(self._axes) == 3:
+            found[self.coordinates[2]] = self.points_of(x)[..., 2], dict(self._level)
+        return found
 
     def velocity_at(self, points: ArrayLike, t: float = 0.0) -> Array:
         """Return the velocity at points in the user's coordinates, shape (..., n); NaN outside.
