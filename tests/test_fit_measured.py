@@ -310,13 +310,27 @@ def test_a_motion_that_ends_before_the_last_measurement_is_refused(ends):
     ({"loss": ["huber"]}, r"loss must be one of .*, not \['huber'\]"),
     ({"sigma": 0}, "sigma must be positive and finite, not 0"),
     ({"t": np.where(np.arange(9) == 7, np.nan, np.arange(9))}, "its entry 7 is nan"),
+    ({"t": np.arange("2026-01-01", "2026-01-10", dtype="M8[D]")}, r"not of type datetime64\[D\]"),
 ])  # fmt: skip
 def test_what_is_wrong_is_named(changes, sentence):
     given = dict(changes)
     data = {"t": given.pop("t", np.arange(9.0)), given.pop("name", "x"): np.cos(np.arange(9))}
     call = {"h": 0.5, "params": ["k"], "sigma": 0.1, "q": [1.0], "v": [0.0]}
-    with pytest.raises(ValueError, match=sentence):
+    with pytest.raises((TypeError, ValueError), match=sentence):
         lv.fit(SPRING, METHOD, data, **{**call, **given})
+
+
+def test_an_interval_of_an_element_says_what_it_is_of():
+    springs = lv.Lagrangian(
+        lambda t, q, v, params: ca.dot(v, v) / 2 - ca.dot(params.k, q**2) / 2, q=("x", "y"),
+        params={"k": [1.0, 2.0]},
+    )  # fmt: skip
+    t = np.linspace(0, 2, 21)
+    data = {"t": t, "x": np.cos(1.1 * t), "y": np.cos(1.3 * t)}
+    call = {"h": 0.1, "params": ["k"], "sigma": 0.01, "q": [1.0, 1.0], "v": [0.0, 0.0]}
+    found = lv.fit(springs, METHOD, data, **call)
+    with pytest.raises(ValueError, match=r"'params\.k\[0\]' is in an array, .*\nhint: declare it"):
+        found.interval("params.k[0]")
 
 
 def test_one_trial_needs_no_list():

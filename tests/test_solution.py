@@ -319,6 +319,8 @@ def test_names_and_numbers_in_brackets_give_arrays_and_members():
         assert np.array_equal(run[name], wanted)
     assert np.array_equal(many["q"], many.q)
     assert len(many) == 3
+    for each in (run, many):
+        assert [x in each for x in ("q", "y", "energy", "b", 0)] == [True, True, True, False, False]
     assert many[-1].params["g"] == 10.0
     for group in (run, run.events, run.invariants, run.observed, run.residuals, run.states):
         with pytest.raises(KeyError, match=r"^there is no 'b'\nhint: there are "):
@@ -380,3 +382,5 @@ def test_a_loaded_run_is_whole_with_its_system_and_method(tmp_path):
     free = lv.Lagrangian(lambda t, q, v, params: v[0] ** 2 / 2, q=("x",))
     with pytest.raises(ValueError, match="system must have the coordinates 'x' and 'y', not 'x'"):
         lv.load(path, system=free)
+    with pytest.raises(TypeError, match="system must be the one that was integrated, not 'pendu"):
+        lv.load(path, system="pendulum")

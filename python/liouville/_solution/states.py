@@ -110,6 +110,13 @@ class States:
         groups = (own.states, own.invariants, own.observed, own.balance, columns)
         return Named(dict.fromkeys(name for group in groups for name in group))[which]
 
+    def __contains__(self, name: object) -> bool:
+        """Return whether there is a quantity of this name."""
+        try:
+            return isinstance(name, str) and self[name] is not None
+        except KeyError:
+            return False
+
     def __len__(self) -> int:
         """Return the number of members; TypeError for a single run."""
         count = cast("Solution", self).members

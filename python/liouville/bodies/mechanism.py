@@ -205,6 +205,8 @@ class Mechanism(Lagrangian):
         return place
 
     def _measured(self, what: str, name: str) -> Function:
+        if not isinstance(name, str):
+            raise TypeError(f"a coordinate of a joint must be a name, 'A.angle', not {name!r}")
         joint, _, coordinate = name.rpartition(".")
         if joint not in self._places:
             joint, coordinate = name, ""

@@ -205,6 +205,8 @@ def load(
     True
     """
     found = _read(Path(path))
+    if system is not None and not isinstance(system, System):
+        raise TypeError(f"system must be the one that was integrated, not {system!r}")
     if system is not None:
         names = tuple(system.coordinates)
         if names != found.names["coordinates"]:

@@ -34,7 +34,8 @@ def _numbers(what: str, value: Any) -> np.ndarray:
             return np.ma.filled(array.astype(float), np.nan)
     except (TypeError, ValueError):
         pass
-    raise TypeError(f"{what} must be real numbers, not {value!r}")
+    given = f"of type {value.dtype}" if hasattr(value, "dtype") else repr(value)
+    raise TypeError(f"{what} must be real numbers, not {given}")
 
 
 def _of_frame(frame: Any) -> dict[str, Any]:

@@ -68,6 +68,9 @@ def interval(found: Fit, profile: Profile, name: str, level: float) -> tuple[flo
     known = [x for x in found.names if x.startswith("params.") and "[" not in x]
     if name not in known:
         hint = f"there are {quoted(known)}" if known else "there is none"
+        if name in found.names and name.startswith("params."):
+            sentence = f"{name!r} is in an array, and intervals are of parameters that are numbers"
+            raise ValueError(hinted(sentence, "declare it as a parameter of its own"))
         raise ValueError(hinted(f"{name!r} is no number that was fitted as a parameter", hint))
     if not 0 < number("level must be a number", level) < 1:
         raise ValueError(f"level must be between 0 and 1, not {level!r}")
