@@ -478,3 +478,19 @@ def test_bounces_of_many_at_rest_do_not_hide_one():
     found = impact(A, before, np.ones(2, bool), np.zeros(2), np.full(2, 0.5), "poisson")
     np.testing.assert_allclose(found.normal, [0.0, 1e-2], rtol=1e-12, atol=1e-16)
     np.testing.assert_allclose(found.friction[1], 2e-3, rtol=1e-12)
+
+
+@pytest.mark.parametrize("method", [lv.Spark(2), lv.LobattoPair(3)], ids=repr)
+def test_a_flight_that_an_acceleration_begins_may_be_shorter_than_a_step(method):
+    """Pushed up by 0.03 - 100 t: it is back at 3 * 0.03 / 100."""
+    pushed = lv.Lagrangian(
+        lambda t, q, v, params: v[0] ** 2 / 2,
+        q=1,
+        force=lambda t, q, v, params: [0.03 - 100 * t],
+        contacts={"floor": lv.Contact(lambda t, q, params: q[0])},
+    )
+    run = lv.integrate(pushed, method, t=(0, 0.1), h=0.01, q=[0.0], v=[0.0])
+    (hit,) = run.contacts["floor"].changes
+    assert hit.t == pytest.approx(9e-4, abs=1e-13)
+    assert hit.normal == pytest.approx(50 * 9e-4**2 - 0.03 * 9e-4, abs=1e-13)
+    assert run.contacts["floor"].mode[-1] is Mode.CLOSED

@@ -12,10 +12,9 @@ from liouville._basics.errors import IntegrationError, hinted, quoted
 from liouville._runs.contacts.complementarity import Array
 from liouville._runs.contacts.joined import PENETRATES, Stretch, joined
 from liouville._runs.contacts.margin import Shared, shared
-from liouville._runs.contacts.switching import CLOSED, EPS, ROUNDINGS, Switching
+from liouville._runs.contacts.switching import EPS, ROUNDINGS, Switching
 from liouville._runs.contacts.traced import Contacts, Matrices, ModeSystem
 from liouville._systems.events import Event, named
-from liouville._systems.mechanics.contact import Mode
 
 if TYPE_CHECKING:
     from liouville._methods.control import Steps
@@ -134,7 +133,7 @@ class Course:
         system = self.contacts.mode(now.modes, at)
         start = self._moved(system, at, y, z)
         events = dict.fromkeys(system.own_events, ENDING)
-        begin, (until, h) = now.t, self._limits(at)
+        begin, (until, h) = now.t, self._limits(y, z)
         try:
             run = self.make(
                 system, (now.t, until), h, {**events, **of_own(self.events, system)}, start
@@ -183,13 +182,9 @@ class Course:
             raise IntegrationError(sentence, t=t)
         return start
 
-    def _limits(self, at: Matrices) -> tuple[float, float | None]:
+    def _limits(self, y: Array, z: Array) -> tuple[float, float | None]:
         """Return where the stretch ends at most, and its step, which short flights shorten."""
-        now, shortest = self.now, np.inf
-        for k, mode in enumerate(now.modes):
-            rate, fall = at.rate[k], now.lifts[k]
-            if mode is Mode.OPEN and at.gap[k] <= CLOSED * at.size[k] and rate > 0 > fall:
-                shortest = min(shortest, 2 * rate / -fall)
+        now, shortest = self.now, self.now.shortest_flight(y, z)
         left = self.end - now.t
         if not shortest < SHORT * now.h:
             return self.end, self.step and min(self.step, left)

@@ -24,8 +24,8 @@ AT_REST = 1e-9
 ROUNDED = 1e-14
 #: Accelerations and forces are zero within this part of the largest, ahead within the second.
 ZERO, ZERO_AHEAD = 1e-9, 1e-12
-#: A look ahead goes this part of a step.
-AHEAD = 1e-6
+#: A look ahead goes this part of a step, one for the rates of accelerations the second.
+AHEAD, NEAR = 1e-6, 1e-3
 #: A contact that bounces closes where its next flight is as low as so many roundings of the gap.
 LOW = 64
 #: An impact gains energy where it is more than this part of the work of its impulses.
@@ -172,14 +172,41 @@ class Switching:
         slip = np.where(moves, np.sign(at.slip), 0).astype(int)
         found = self._forces(at, closed, slip)
         verdict, self.lifts = self._verdict(at, found, closed, slip, ZERO), found.across
+        self._found = found, closed, slip
         if any(mode is None for mode in verdict):
-            d = AHEAD * self.h
-            dz = at.free + at.moves @ np.concatenate([found.normal, found.friction])
-            ahead = self.at(self.t + d, y + d * at.v + d**2 / 2 * dz, z + d * dz)
-            later = self._forces(ahead, closed, slip)
+            ahead, later = self._ahead(at, y, z, AHEAD)
             sure = self._verdict(ahead, later, closed, slip, ZERO_AHEAD)
             verdict = [b if a is None else a for a, b in zip(verdict, sure, strict=True)]
         return tuple(Mode.OPEN if mode is None else mode for mode in verdict)
+
+    def _ahead(self, at: Matrices, y: Array, z: Array, part: float) -> tuple[Matrices, law.Forces]:
+        """Return matrices and forces at a part of a step ahead, by the accelerations found."""
+        (found, closed, slip), d = self._found, part * self.h
+        dz = at.free + at.moves @ np.concatenate([found.normal, found.friction])
+        ahead = self.at(self.t + d, y + d * at.v + d**2 / 2 * dz, z + d * dz)
+        return ahead, self._forces(ahead, closed, slip)
+
+    def shortest_flight(self, y: Array, z: Array) -> float:
+        """Return how long the contacts that open now stay open at least, as far as can be said.
+
+        What leaves with a rate falls back by its acceleration, what leaves by an acceleration by
+        the rate of this.
+        """
+        at = self.at(self.t, y, z)
+        still = AT_REST * np.abs(at.rows[-2 * self.c : -self.c]).sum(axis=1) * at.speed
+        is_open = np.array([mode is Mode.OPEN for mode in self.modes])
+        low = is_open & (at.gap <= CLOSED * at.size)
+        thrown, lifted = low & (at.rate > 0) & (self.lifts < 0), low & (self.lifts > 0)
+        lifted &= np.abs(at.rate) <= still
+        flights = [2 * at.rate[k] / -self.lifts[k] for k in np.flatnonzero(thrown)]
+        if lifted.any():
+            try:
+                _, later = self._ahead(at, y, z, NEAR)
+            except IntegrationError:  # of a place that is never come to
+                return min(flights, default=np.inf)
+            jerks = (later.across - self.lifts) / (NEAR * self.h)
+            flights += [3 * self.lifts[k] / -jerks[k] for k in np.flatnonzero(lifted & (jerks < 0))]
+        return min(flights, default=np.inf)
 
     def _forces(self, at: Matrices, closed: Array, slip: Array) -> law.Forces:
         """Return the forces; what begins to slip has the friction of what slips."""
