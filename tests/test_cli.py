@@ -540,7 +540,7 @@ def test_the_doctor_names_what_is_missing_and_what_the_machine_gives(liouville, 
     assert rows["casadi"] == "3.7"
     assert rows["pyarrow"] == 'missing pip install "liouville[parquet]"'
     assert rows["instructions"] == "AVX2 (x86-64-v3)"
-    assert (rows["threads"], rows["memory"]) == ("5", "3.0 GiB may be taken")
+    assert (rows["threads"], rows["memory"]) == ("5", "3.0 GiB available")
 
 
 def test_the_doctor_fails_where_the_core_does_not_load(liouville, monkeypatch):

@@ -159,3 +159,22 @@ def test_other_lines_are_seen():
     assert list(faults(f"Let {'very ' * 40}long.\n")) == [(1, "209 characters")]
     assert list(faults("*Order.* By C. Runge, $x. Y$ and `a. B` are.\nSo (too).\n")) == []
     assert list(faults(f"[{'link ' * 40}](page.md)\n\n| {'cell. Cell. ' * 20} |\n|-|\n")) == []
+
+
+# A docstring begins with its subject: "Return the solvers", never "Return what solved".
+NO_SUBJECT = re.compile(r"(Return )?(those|such|what|that which|so many|as many)\b|of ", re.I)
+
+
+def test_a_docstring_begins_with_its_subject():
+    for sentence in ("Return what solved it.", "Those that turn.", "So many steps.", "Of it."):
+        assert NO_SUBJECT.match(sentence)
+    for sentence in ("Return the solvers.", "Whatever is kept.", "Suchlike.", "Offsets of rows."):
+        assert not NO_SUBJECT.match(sentence)
+    lacking = []
+    for path in sorted((ROOT / "python").rglob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef):
+                told = ast.get_docstring(node) or ""
+                if NO_SUBJECT.match(told):
+                    lacking.append(f"{name(path)}: {told.splitlines()[0]}")
+    assert not lacking, "\n".join(lacking)

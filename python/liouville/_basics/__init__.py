@@ -1,1 +1,1 @@
-"""What every other room uses: errors, arguments, checksums, pages and bars."""
+"""Tools of all other rooms: errors, arguments, checksums, pages and bars."""

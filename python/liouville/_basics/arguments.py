@@ -165,7 +165,7 @@ SMALL = 2**20
 
 
 def memory() -> float:
-    """Return how many bytes may be taken: of the machine, the process's groups and its limits."""
+    """Return the available bytes, by the machine, the process's groups and its limits."""
     there = 2**36
     if hasattr(os, "sysconf"):
         there = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
@@ -220,7 +220,7 @@ def _of_limits() -> Iterator[int]:
 def check_memory(what: str, needed: float, hint: str) -> None:
     """Refuse what would not fit in memory."""
     if needed > SMALL and needed > (there := memory()):
-        sentence = f"{what} takes {_size(needed)}, and {_size(there)} may be taken"
+        sentence = f"{what} takes {_size(needed)}, with {_size(there)} available"
         raise MemoryError(hinted(sentence, hint))
 
 

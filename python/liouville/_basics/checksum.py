@@ -107,7 +107,7 @@ def verified(file: Path, place: str = "") -> Document:
 
 
 def group_of(attributes: Document, arrays: Document) -> Document:
-    """Return what describes a Zarr group and its arrays."""
+    """Return the description of a Zarr group and its arrays."""
     document: Document = {FREE: attributes, "zarr_format": 3, "node_type": "group"}
     if arrays:
         document[ARRAYS] = {"kind": "inline", "must_understand": False, "metadata": arrays}
@@ -115,7 +115,7 @@ def group_of(attributes: Document, arrays: Document) -> Document:
 
 
 def arrays_of(group: Document, where: str) -> Document:
-    """Return what describes the arrays of a group: nothing where an earlier release wrote it."""
+    """Return descriptions of the arrays of a group, none where an earlier release wrote it."""
     if ARRAYS not in group:
         return {}
     entry = schema.entry(group, ARRAYS, schema.MAPPING, where)

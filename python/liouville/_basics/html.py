@@ -56,7 +56,7 @@ def text(title: str, lines: str) -> Markup:
 
 
 def of_system(system: Any) -> Markup:
-    """Return what a system is made of."""
+    """Return the table of a system's parts."""
     names = ("coordinates", "unknowns", "constraints", "nonholonomic", "invariants")
     parts = {name: tuple(getattr(system, name, ())) for name in names}
     if not parts["coordinates"]:

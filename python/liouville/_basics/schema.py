@@ -1,4 +1,4 @@
-"""What the entries of a file must be: kinds of values in words, and a reader that checks them.
+"""Kinds of values that entries of a file must have, and a reader that checks them.
 
 A file may come from anybody. Each entry is read by :func:`entry`, so that one of another kind ends
 in a sentence with the file, the entry and what it must be.
@@ -141,7 +141,7 @@ def entry(holder: Mapping[str, Any], key: str, kind: Kind, where: str) -> Any:
 
 
 def parsed(text: Any, what: str) -> Any:
-    """Return what a JSON text says; ValueError where it is none."""
+    """Return the value of a JSON text; ValueError where the text is no JSON."""
     checked(text, TEXT, what)
     try:
         return json.loads(text)

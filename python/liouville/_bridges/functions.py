@@ -241,7 +241,7 @@ class ConstrainedPoint(RunPoint):
         return _semi_explicit_sensitivity.pulled_start(system, at, y, values, found)
 
     def _from(self, member: int | None) -> tuple[Constrained, float, Array, Array, Array]:
-        """Return what the start of a member that was given is moved from."""
+        """Return system, time and given start of a member, before it is moved onto constraints."""
         system, at = self.system, self.run["t"][0]
 
         def own(x: Any, axes: int) -> Any:

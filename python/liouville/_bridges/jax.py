@@ -139,7 +139,7 @@ class Solver:
         return dict(self._function.failures)
 
     def __call__(self, *inputs: Any, **named: Any) -> Any:
-        """Return what was asked for, of inputs in the order of `wrt` or by their names."""
+        """Return the states in `returns` for inputs in the order of `wrt` or by their names."""
         jax = library("jax", "lv.jax.solver")
         if not jax.config.jax_enable_x64:
             raise ValueError(hinted("JAX has numbers of 32 bits, and runs take 64", SWITCH))
@@ -149,7 +149,7 @@ class Solver:
         return found[0] if self._function.is_single else tuple(found)
 
     def __repr__(self) -> str:
-        """Return what is run, with what it takes and returns."""
+        """Return the description of a run, with its inputs and outputs."""
         return f"<lv.jax.solver: {self._function.described}>"
 
     def __reduce__(self) -> tuple[Any, ...]:

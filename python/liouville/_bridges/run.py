@@ -157,7 +157,7 @@ class RunFunction(ABC):
 
     @property
     def described(self) -> str:
-        """What the function takes and returns, with shapes, for its docstring."""
+        """Inputs and outputs of the function with shapes, for its docstring."""
         ins, outs = (
             ", ".join(f"{name} {shape}" for name, shape in parts.items())
             for parts in (self.inputs, self.outputs)

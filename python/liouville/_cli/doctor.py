@@ -35,7 +35,7 @@ WIDEST = {
 
 
 def diagnose() -> None:
-    """Show versions, extras that are missing, and instructions, threads and memory to be had.
+    """Show versions, missing extras, instruction set, threads and available memory.
 
     The exit code is 1 where the core does not load, and 0 else.
     """
@@ -54,7 +54,7 @@ def diagnose() -> None:
         table.add_row(name, found or "missing", hint)
     table.add_row("instructions", _instructions(_features()))
     table.add_row("threads", str(processors()))
-    table.add_row("memory", f"{memory() / 2**30:.1f} GiB may be taken")
+    table.add_row("memory", f"{memory() / 2**30:.1f} GiB available")
     show(table)
     raise typer.Exit(DONE if is_loaded else FAILED)
 

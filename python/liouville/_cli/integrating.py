@@ -181,7 +181,7 @@ def resume(
     store: Annotated[Path, typer.Argument(help="A folder that 'liouville run --store' made.")],
     checkpoint: Checkpoint = None,
 ) -> None:
-    """Go on with a stored run that was cut off; only with your own, for it can run any code."""
+    """Resume an interrupted run. Only resume runs you trust: the folder can execute code."""
     with leaving_with(WRONG):
         try:
             with bar(store.name, "") as report:

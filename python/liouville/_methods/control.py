@@ -149,7 +149,7 @@ class Steps:
 
     @property
     def tolerances(self) -> dict[str, float | list[float]]:
-        """Return what controls the steps, if anything does."""
+        """Return the numbers that control the steps, empty for equal steps."""
         control = self.asked
         if control is None:
             return {}
@@ -305,7 +305,7 @@ def _bounds(t0: float, t1: float, h: Any, h_min: Any) -> tuple[float, float]:
 
 
 def equal_steps(t0: float, t1: float, h: Any, steps: Any) -> Steps:
-    """Return so many equal steps, or as few that none is longer than h."""
+    """Return equal steps: `steps` of them, or the fewest that are not longer than h."""
     if h is None:
         n = float(min(count("steps", steps), MOST_STEPS))
     else:

@@ -84,7 +84,7 @@ class SchrodingerSplitting(Brief):
     mode: str = field(default="auto", metadata={"help": "one of " + ", ".join(MODES)})
 
     def __post_init__(self) -> None:
-        """Refuse what makes no method."""
+        """Validate the arguments."""
         _check_tolerance(self.tol)
         if self.mode not in MODES:
             raise ValueError(f"mode must be one of {', '.join(MODES)}, not {self.mode!r}")
@@ -136,7 +136,7 @@ class Chebyshev(Brief):
     tol: float = field(default=1e-8, metadata={"help": "error at the end, relative to the norm"})
 
     def __post_init__(self) -> None:
-        """Refuse what makes no method."""
+        """Validate the arguments."""
         _check_tolerance(self.tol)
 
 
@@ -180,7 +180,7 @@ class Lanczos(Brief):
     dimension: int = field(default=20, metadata={"help": "dimension of a Krylov space"})
 
     def __post_init__(self) -> None:
-        """Refuse what makes no method."""
+        """Validate the arguments."""
         _check_tolerance(self.tol)
         if not 2 <= count("dimension", self.dimension) <= 200:
             raise ValueError(f"dimension must be from 2 to 200, not {self.dimension}")
@@ -319,7 +319,7 @@ class Magnus(Brief):
     )
 
     def __post_init__(self) -> None:
-        """Refuse what makes no method."""
+        """Validate the arguments."""
         if count("order", self.order) not in MAGNUS:
             raise ValueError(f"order must be 2, 4, 6 or 8, not {self.order}")
         known = MAGNUS[self.order]

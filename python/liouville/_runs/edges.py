@@ -148,7 +148,7 @@ def kink_of(found: Branches, motion: Motion) -> Kink | None:
 
 
 class _Look:
-    """What is looked at in a motion."""
+    """Sides and switches of a motion, by which edges are found."""
 
     def __init__(self, found: Branches, motion: Motion) -> None:
         self._found, self._motion = found, motion

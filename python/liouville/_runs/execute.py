@@ -343,7 +343,7 @@ def _names(runner: Runner) -> dict[str, tuple[str, ...]]:
 
 
 def _named(parts: Mapping[str, np.ndarray]) -> dict[str, dict[str, np.ndarray]]:
-    """Return what is called "invariant energy" and so on, by both words."""
+    """Return arrays named "invariant energy" and so on, by both words."""
     found: dict[str, dict[str, np.ndarray]] = {"invariant": {}, "observed": {}}
     for name, x in parts.items():
         kind, _, own = name.partition(" ")

@@ -90,7 +90,7 @@ class Kinks:
         request: Request,
         shapes: Mapping[str, tuple[int, ...]],
     ) -> Kinks | None:
-        """Return those of a run by what is named with its shapes, None of a model without cases.
+        """Return the kinks of a run by named inputs with shapes, None for a model without cases.
 
         What runs for that is made at once: CasADi does not trace in several threads.
         """

@@ -173,7 +173,7 @@ class Runner(ABC):
         check_tangents(own, request, solution)
 
     def recorder(self) -> _core.Pullback | dict[str, Any] | None:
-        """Return what records the steps of the run as it makes them, or the error of its start.
+        """Return the recorder of the run's steps, or the error of its start.
 
         None where a pullback repeats all steps.
         """

@@ -52,7 +52,7 @@ def summary_of(failures: Mapping[int, Failure], members: int) -> str:
 
 
 def counted_on(message: str, step: int, of: int, done: int, total: int) -> str:
-    """Return what a failed step of a piece says, with its number in the whole computation."""
+    """Return the message of a failed step, with its number in the whole computation."""
 
     def counted(found: re.Match[str]) -> str:
         return f"{found[1]} {done + step}" + (f" of {total}" if found[2] else "")

@@ -248,7 +248,7 @@ def section(
 
 
 def _with_some_left(found: Section) -> Section:
-    """Return what was found, unless all members failed."""
+    """Return the section, unless all members failed."""
     if len(found.failures) == found.members:
         member, failure = next(iter(found.failures.items()))
         raise IntegrationError(

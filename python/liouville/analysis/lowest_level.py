@@ -207,7 +207,7 @@ class _Krylov:
 
 
 def _beside(row: Vectors, basis: Vectors) -> tuple[Vectors, Vectors]:
-    """Return what is left of a vector beside orthonormal ones, and its parts along them."""
+    """Return the part of a vector across orthonormal ones, and its parts along them."""
     parts = np.zeros(len(basis), row.dtype)
     for _ in range(2):
         along = basis.conj() @ row

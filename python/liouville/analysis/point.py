@@ -228,7 +228,7 @@ class Point:
 
     @cached_property
     def roundings(self) -> Array:
-        """What roundoff may make of the forces, shape (n,), such as those of springs that pull."""
+        """Possible roundoff of the forces, shape (n,), as of springs that pull."""
         tape, at = self.system._tapes["acceleration"], [np.array([self.t]), self.y, self.z]
         found: Array = ROUNDINGS * tape.roundings(self.params, at)[: self.n]
         return found

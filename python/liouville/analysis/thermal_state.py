@@ -188,7 +188,7 @@ def thermal_state(
 
 
 def coefficients(x: float) -> tuple[Array, float]:
-    r"""Return those of :math:`e^{-x (X + 1)}` by Chebyshev polynomials of X, and what is left out.
+    r"""Return coefficients of :math:`e^{-x (X + 1)}` in Chebyshev polynomials, and their rest.
 
     .. math::
 

@@ -158,7 +158,7 @@ class Stribeck(Coulomb):
             check_size(f"{EXCESS} of friction", EXCESS, self._excess(None))
 
     def functions(self) -> dict[str, Callable[[Any], Any]]:
-        """Return those of the parameters, and that of what slow slips add to the coefficient."""
+        """Return functions of the parameters, with the excess of the coefficient at slow slips."""
         found = super().functions()
         return found | {EXCESS: self._excess} if {"mu", "mu_static"} & {*found} else found
 

@@ -165,7 +165,7 @@ class Joint:
 
     @property
     def angles(self) -> tuple[str, ...]:
-        """Those that are angles."""
+        """Names of the coordinates that are angles."""
         turns = {axis.name: axis.turns for axis in self.axes}
         return tuple(name for name in self.coordinates if turns.get(name, name in ANGLES))
 
@@ -297,7 +297,7 @@ class Group(Ends):
         return row([item.sizes[name] for item in self.items], self.params)
 
     def row(self, name: str) -> Any:
-        """Return what the joints hold at zero, by the name of a row."""
+        """Return the constraints of the joints by the name of a row."""
         return ROWS[name](self)
 
     def guide(self, k: int) -> list[ca.SX]:
@@ -306,7 +306,7 @@ class Group(Ends):
         return list(ca.vertsplit(self.guiding(k, place)))
 
     def guiding(self, k: int, place: ca.SX) -> ca.SX:
-        """Return what guide k holds at zero at a place in the axes of a."""
+        """Return the constraints of guide k at a place in the axes of a."""
         joint = self.items[k]
         what = f"equations of joint '{joint.name}'"
         rows = called(what, joint.equations, {"position": place}, self.params, None)

@@ -60,7 +60,7 @@ class Limits:
         return ((side, value) for side, value in sides if value is not None)
 
     def functions(self) -> dict[str, Value]:
-        """Return those that are functions of the parameters."""
+        """Return the values that are functions of the parameters."""
         return {side: value for side, value in self.stops() if callable(value)}
 
     @property

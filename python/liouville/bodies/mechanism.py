@@ -131,7 +131,7 @@ class Mechanism(Lagrangian):
         return [int(unit) for unit in of_coordinates(self, 0.0)]
 
     def output(self, name: str, params: NDArray[np.float64], *at: ArrayLike) -> NDArray[np.float64]:
-        """Return what :meth:`Model.outputs` names at (t, q, v)."""
+        """Return the value of an output of :meth:`Model.outputs` at (t, q, v)."""
         if name not in self._output_tapes:
             s = self._symbols
             self._output_tapes[name] = record(name, s.inputs(z=s.z), self._outputs.columns[name])
@@ -230,7 +230,7 @@ class Mechanism(Lagrangian):
         return measured
 
     def rubs(self, params: Array, t: Array, q: Array, v: Array) -> list[Rubs] | None:
-        """Return what determines normal forces at k states, or None without friction.
+        """Return the numbers that determine normal forces at k states, or None without friction.
 
         Raises
         ------

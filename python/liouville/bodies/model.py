@@ -159,7 +159,7 @@ class Model:
         )
 
     def _coupled(self, coupling: Gear | Coupling) -> ca.SX:
-        """Return what a coupling or a gear of values holds at zero."""
+        """Return the constraint of a coupling or a gear."""
         value: ca.SX
         if isinstance(coupling, Gear):
             values = [self.coordinates[joint][0] for joint in coupling.ratios]

@@ -27,7 +27,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Rubs:
-    """What determines normal forces at one state, in numbers.
+    """Numbers that determine normal forces at one state.
 
     Attributes
     ----------
@@ -118,7 +118,7 @@ def pushes(slips: Sequence[Rubbing], v: ca.SX) -> list[ca.SX]:
 def _pressing(
     found: Sequence[ca.SX], pressed: Sequence[ca.SX], more: Sequence[Sequence[ca.SX]]
 ) -> list[ca.SX]:
-    """Return what presses each contact under these normal forces."""
+    """Return the force that presses each contact under these normal forces."""
     return [
         sum((N * way for N, way in zip(found, ways, strict=True)), own)
         for own, ways in zip(pressed, more, strict=True)

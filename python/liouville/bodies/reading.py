@@ -82,7 +82,7 @@ class Reader:
         return found
 
     def _actuation(self, controls: Any) -> dict[int, Actuation]:
-        """Return what actuators do, by joint."""
+        """Return the actuation of each joint that has actuators."""
         plain = plain_actuators(self.model)
         signals, self.assembly.params = controls_of(self.model, plain, controls)
         found: dict[int, Actuation] = {}

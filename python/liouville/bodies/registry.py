@@ -190,14 +190,14 @@ def apart(points: tuple[Value, Value]) -> Value:
 
 
 def by_coordinate(of: str, kind: str, what: str, value: Any, empty: Any) -> dict[str, Any]:
-    """Return what is given for the coordinates of a joint, one or as many as it has, by name."""
+    """Return given values by the names of a joint's coordinates: one value or one for each."""
     return coordinate_values(of, KINDS[kind].coordinates, what, value, empty)
 
 
 def coordinate_values(
     of: str, names: Sequence[str], what: str, value: Any, empty: Any
 ) -> dict[str, Any]:
-    """Return what is given for coordinates with these names, by name."""
+    """Return given values by the names of coordinates."""
     if callable(value) or not isinstance(value, Sequence | np.ndarray):
         alike = len(names) == 1 or set(names) <= set(RATES)
         if not alike and value is not empty and not (_is_number(value) and value == empty):
@@ -286,7 +286,7 @@ def along(
     motion: Any,
     limits: Any = None,
 ) -> dict[str, Any]:
-    """Return what acts along the coordinates of a joint."""
+    """Return dampers, springs, efforts and motions along the coordinates of a joint."""
     dampers = by_coordinate(of, kind, "damping", damping, 0.0)
     check_damping(of, dampers)
     efforts, motions = (

@@ -24,7 +24,7 @@ TURNS = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class Shape:
-    """What touches: all points within a radius of a core, which is the hull of some points.
+    """A shape that touches: all points within a radius of a core, the hull of some points.
 
     Attributes
     ----------

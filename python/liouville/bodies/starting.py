@@ -106,7 +106,7 @@ class Starting:
         return found
 
     def rows(self, q: Array) -> Array:
-        """Return what all constraints miss, in their units."""
+        """Return the residuals of all constraints, in their units."""
         return self._missed(q) / self.units
 
     def slopes(self, q: Array, v: Array) -> tuple[Array, Array]:

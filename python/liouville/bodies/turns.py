@@ -90,7 +90,7 @@ def sine_and_cosine(p: Any, name: str, is_universal: bool) -> tuple[Any, Any]:
 
 
 def rows(groups: Sequence[Any]) -> dict[str, ca.SX]:
-    """Return what keeps counted angles, by name."""
+    """Return the constraints of counted angles, by name."""
     found = {}
     for group in groups:
         for k, name, at in _own(group):

@@ -126,7 +126,7 @@ def _some(items: list[str]) -> str:
 
 
 def _found(model: Any) -> dict[str, list[str]]:
-    """Return what the model has beyond an assembly, with the names of where it is."""
+    """Return contents of a model that an assembly does not support, with where they are."""
     joints, bodies = range(model.njnt), range(model.nbody)
     constrained = not is_off(model, "constraint")
     dofs = model.dof_jntid

@@ -180,7 +180,7 @@ def names_of(
 
 
 def colours(count: int) -> Sequence[Any]:
-    """Return as many colours, in an order that shows."""
+    """Return `count` colours, the most distinct first."""
     if count <= len(COLOURS):
         return COLOURS[:count]
     viridis = matplotlib("").colormaps["viridis"]

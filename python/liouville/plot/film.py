@@ -213,7 +213,7 @@ def _camera(scene: Scene, view: tuple[float, float]) -> Array:
 
 
 def _drawn(scene: Scene, camera: Array) -> list[_Drawn]:
-    """Return what is drawn of a scene, each body once."""
+    """Return the curves of a scene, each body once."""
     found = []
     main = {"lw": 2.5, "ms": 4, "mfc": "white", "mew": 1.2}
     for line, colour in zip(scene.lines, colours(len(scene.lines)), strict=True):

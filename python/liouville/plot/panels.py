@@ -383,7 +383,7 @@ def overview(solution: Solution, *, fan: bool = False) -> Figure:
 
 
 def _labels(solution: Solution, of: str) -> tuple[str, tuple[str, ...]]:
-    """Return what the columns of a state are, and a name for each."""
+    """Return the kind of a state's columns, and a name for each."""
     kind = {"lam": "constraint", "z": "unknown"}.get(of, "coordinate")
     kind = kind if f"{kind}s" in solution.names else "coordinate"
     return kind, solution.names[f"{kind}s"]

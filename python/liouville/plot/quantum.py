@@ -192,7 +192,7 @@ def spectrum(
 
 
 def shown(solution: Solution, fan: bool = False) -> list[Callable[..., Axes]]:
-    """Return what an overview shows of wave functions; nothing if there are none."""
+    """Return the panels of wave functions for an overview; none if there are none."""
     panels: list[Callable[..., Axes]] = []
     places = getattr(getattr(solution.system, "source", None), "shape", ())
     if "psi" in solution.states and len(places) < 3:

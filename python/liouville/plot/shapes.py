@@ -252,7 +252,7 @@ def _joints(
 
 
 def _wheel(place: Any, point: Array, radius: float, thick: float) -> Part:
-    """Return what rolls."""
+    """Return the ball or wheel of a joint that rolls."""
     if place.kind == "rolling ball":
         return _mark("wheel", "ball", place.bodies[1], point, None, (radius,) * 3)
     return _mark("wheel", "bar", place.bodies[1], point, place.frames[1], (radius, radius, thick))

@@ -139,7 +139,7 @@ def _encoded(value: Any) -> Any:
 
 
 def decoded(value: Any) -> Any:
-    """Return what a file holds with its arrays, and tuples for lists."""
+    """Return the content of a file with arrays decoded, and tuples for lists."""
     if isinstance(value, dict) and set(value) == {ARRAY}:
         return np.array(value[ARRAY], dtype=float)
     if isinstance(value, dict):

@@ -115,7 +115,7 @@ def joined(
 
 
 def _own(system: ModeSystem, group: str, name: str, values: Array) -> Array:
-    """Return what belongs to the system itself, without the constraints of a mode."""
+    """Return the columns of the system itself, without the constraints of a mode."""
     if name == "lam":
         return values[:, system.own]
     if group == "residuals":

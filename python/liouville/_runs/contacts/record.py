@@ -1,4 +1,4 @@
-"""What contacts did in a run."""
+"""Records of contacts in a run."""
 
 from __future__ import annotations
 

@@ -35,7 +35,7 @@ MOST_AT_ONCE = 200
 
 
 class Switching:
-    """What contacts do at a time.
+    """Modes of contacts at a time, and their changes so far.
 
     Attributes
     ----------
@@ -165,7 +165,7 @@ class Switching:
     def _modes(
         self, at: Matrices, y: Array, z: Array, closed: Array, stopped: set[int], sizes: Array
     ) -> tuple[Mode, ...]:
-        """Return what each contact does, given those that may bear a force."""
+        """Return the mode of each contact, given which contacts may bear a force."""
         own = self.contacts
         moves = closed & (own.static > 0) & (np.abs(at.slip) > AT_REST * sizes)
         moves[list(stopped)] = False

@@ -30,7 +30,7 @@ INDEPENDENT = 1e-9
 
 @dataclass(frozen=True)
 class Matrices:
-    r"""What contacts feel at a state, bilateral constraints taken out.
+    r"""Matrices of contacts at a state, bilateral constraints eliminated.
 
     With :math:`W` the inverse mass on the motions that these leave, rates :math:`\dot\varphi` and
     accelerations without contact forces :math:`b`, of gaps first and of slips behind them,

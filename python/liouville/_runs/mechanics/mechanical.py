@@ -96,7 +96,7 @@ class MechanicalRunner(TracedRunner):
         return np.array([sizes(self.system, self.steps.t0, *point)[left] for point in points])
 
     def _watched_steps(self) -> WatchedSteps:
-        """Return what is looked at in each step: energies, and constraints that are left out."""
+        """Return the watch of each step: energies, and constraints that are left out."""
         energy = left = None
         # damping adds to the energy on the way back
         is_ahead = self.steps.t0 < self.steps.t1
@@ -299,5 +299,5 @@ class MechanicalRunner(TracedRunner):
 
 
 def _solver(stats: Mapping[str, float]) -> str:
-    """Return what solved the equations of steps, of an ensemble those of all members."""
+    """Return the solvers of the step equations, for an ensemble those of all members."""
     return AND.join(name for name, count in SOLVERS.items() if stats[count])

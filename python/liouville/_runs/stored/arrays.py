@@ -17,7 +17,7 @@ def prepare(solution: Solution, path: Path, chunks: Mapping[str, int]) -> None:
 
 
 def along_time(solution: Solution) -> dict[str, np.ndarray]:
-    """Return what has a row for each record."""
+    """Return the arrays that have a row for each record."""
     dataset = export.paired(export.dataset_of(solution))
     return {
         str(name): variable.values

@@ -1,4 +1,4 @@
-"""What went wrong in a step of a wave function, in the user's words."""
+"""Failures of steps of wave functions, in the user's words."""
 
 from __future__ import annotations
 

@@ -242,7 +242,7 @@ class WaveRunner(Runner):
         return WaveRunner(self.system, method, own).adjoint(own, wrt)
 
     def derivative(self, names: Sequence[str], member: int = 0) -> WaveDerivative:
-        """Return what moves derivatives by these names through the run, when it is over."""
+        """Return the derivative of a finished run by these names."""
         if member not in self._derivatives:
             threads = 1 if self.members else self.threads
             self._derivatives[member] = self._derivative_of(member, names, threads)

@@ -42,7 +42,7 @@ LARGEST, LEAST = 1e14, 1e3
 
 
 def of_drive(system: Schrodinger, names: Sequence[str]) -> list[str]:
-    """Return those of these names that a drive depends on."""
+    """Return the names on which a drive depends."""
     drive = system.sensitivity
     return [
         name
@@ -53,7 +53,7 @@ def of_drive(system: Schrodinger, names: Sequence[str]) -> list[str]:
 
 
 def of_potential(system: Schrodinger, names: Sequence[str]) -> list[str]:
-    """Return those of these names that the potential of a grid depends on."""
+    """Return the names on which the potential of a grid depends."""
     potential = system.potential_sensitivity
     params = [name for name in names if name.startswith(PARAMS)]
     if potential is None:

@@ -136,7 +136,7 @@ def read(layout: Layout, where: str) -> Solution:
 
 
 def _document(attributes: Mapping[str, Any], key: str, where: str) -> Any:
-    """Return what an attribute says that is JSON."""
+    """Return the value of an attribute that is JSON text."""
     text = schema.entry(DEFAULTS | dict(attributes), key, schema.TEXT, where)
     what = f"{key!r} of {where}"
     return schema.checked(schema.parsed(text, what), DOCUMENTS[key], what)

@@ -72,7 +72,7 @@ def _coordinates(solution: Solution, system: Field) -> dict[str, Any]:
 
 
 def _variables(solution: Solution, places: Container[str]) -> dict[str, Any]:
-    """Return what was observed, and parameters that differ."""
+    """Return the observables, and parameters that differ."""
     found: dict[str, Any] = {}
     for name, values in solution.observed.items():
         own, label = _rows(solution, values), name.replace("/", SLASH)

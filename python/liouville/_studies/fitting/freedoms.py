@@ -95,7 +95,7 @@ class FreeStart:
         params: Mapping[str, Any],
         free: Sequence[str],
     ) -> FreeStart:
-        """Return what moves from a start on the constraints that was found, or is held as given."""
+        """Return the free directions at a start that was found; other states are held as given."""
         values = system.values(params)
         basis = free_directions(system, t, found, values, free)
         held = [name for name in movable(system) if name not in free]

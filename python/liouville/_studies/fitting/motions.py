@@ -153,7 +153,7 @@ class Motion:
         return self.model.columns(self.solution, self.params)[self.data.first :]
 
     def values(self) -> Array:
-        """Return what was measured, in units of the weights."""
+        """Return the measurements in units of the weights."""
         found: Array = self.data.values / self.data.weights
         return found
 

@@ -14,7 +14,7 @@ from liouville.analysis.point import Array
 
 
 class Observed:
-    """What was measured of a motion: states, multipliers, and functions of states.
+    """Measured quantities of a motion: states, multipliers, and functions of states.
 
     Attributes
     ----------

@@ -221,7 +221,7 @@ class Problem:
     def _sought(
         self, least_squares: Any, x: Array, sides: Array, units: Array
     ) -> tuple[Any, Array]:
-        """Return what SciPy finds from x with unknowns in these units, and the unknowns."""
+        """Return SciPy's result from x with unknowns in these units, and the unknowns."""
 
         def own(scaled: Array) -> Array:
             found: Array = np.clip(scaled * units, *sides)
@@ -308,7 +308,7 @@ class Problem:
         raise ValueError(hinted(sentence, "fix something of it, or measure what it changes"))
 
     def _fit(self, found: _Least, said: str) -> Fit:
-        """Return what was found, with the covariance of parameters and of the starts."""
+        """Return the fit, with the covariance of parameters and of the starts."""
         residuals, covariance, sigma = found.residuals, found.covariance, None
         dof = residuals.size - len(covariance)
         if self.is_absolute:

@@ -1,4 +1,4 @@
-"""What is fitted: parameters with their bounds, and which states of the start."""
+"""Unknowns of a fit: parameters with their bounds, and states of the start."""
 
 from __future__ import annotations
 

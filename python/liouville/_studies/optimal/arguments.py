@@ -183,7 +183,7 @@ def checked_method(system: Any, method: Method | str) -> Spark:
 
 @dataclass(frozen=True)
 class Free:
-    """What is chosen once, with the controls: states of the start, and numbers of the system.
+    """Unknowns beside the controls: states of the start, and numbers of the system.
 
     Attributes
     ----------

@@ -214,7 +214,7 @@ class Transcription:
 
     @cached_property
     def first(self) -> Block | None:
-        """What a start keeps that is free: its constraints, if q is, hidden ones, and the path."""
+        """Conditions of a free start: its constraints, if q is free, hidden ones, and the path."""
         equations, path, layout = self.equations, self._path, self.layout
         t, number = ca.SX(self.times.start), ca.SX.sym("number")
         y, z = ca.SX.sym("y", equations.n), ca.SX.sym("z", equations.n)

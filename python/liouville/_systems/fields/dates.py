@@ -37,7 +37,7 @@ class Dates:
 
     @property
     def attributes(self) -> dict[str, str]:
-        """What says so in a data set, by CF: "seconds since ..."; empty of an unusual unit."""
+        """Attributes of CF, "seconds since ..."; empty for an unusual unit."""
         unit = UNITS.get(self.seconds)
         if unit is None:
             return {}

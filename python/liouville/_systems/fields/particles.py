@@ -149,7 +149,7 @@ class ChargedParticles(PolynomialField):
         return self._source
 
     def _state(self) -> dict[str, Any]:
-        """Return what is pickled: the fields stay, as derivatives by parameters take them."""
+        """Return the attributes to pickle: derivatives by parameters take the fields."""
         return self.__dict__ | {"_kept": {}}
 
     def _expanded(self, values: np.ndarray) -> Terms:

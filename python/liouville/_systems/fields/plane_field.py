@@ -62,7 +62,7 @@ class PlaneField(Field):
         """
 
     def steepest_at(self, rows: np.ndarray) -> np.ndarray | None:
-        """Return what bounds the steps at each of these states, None where it is one for all."""
+        """Return the bound of the steps at each state, None where all have one."""
         del rows
         return None
 

@@ -141,7 +141,7 @@ class PolynomialField(Field):
         return self
 
     def kept(self, key: Hashable, make: Callable[[], Made]) -> Made:
-        """Return what was made of the terms under this key before, else make it and keep it."""
+        """Return the object kept under this key, or make it and keep it."""
         found: Made | None = self._kept.get(key)
         if found is None:
             found = make()
@@ -150,7 +150,7 @@ class PolynomialField(Field):
         return found
 
     def _state(self) -> dict[str, Any]:
-        """Return what is pickled: without parameters terms do not change, nor do waves bend."""
+        """Return the attributes to pickle: without parameters neither terms nor waves change."""
         own = self.__dict__ | {"_kept": {}}
         may_bend = not all(isinstance(x, Wave) for x in self.terms.functions)
         return own if self._values.size or may_bend else own | {"_source": None}

@@ -164,7 +164,7 @@ class PotentialField(PlaneField):
         ]
 
     def _state(self) -> dict[str, Any]:
-        """Return what is pickled: the planes are made again of their tapes."""
+        """Return the attributes to pickle: the planes are made again of their tapes."""
         return dict(self.__dict__) | {"_made": None}
 
     @property

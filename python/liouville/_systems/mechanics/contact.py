@@ -11,7 +11,7 @@ from liouville._basics.errors import hinted
 
 
 class Mode(IntEnum):
-    """What a contact does: it is open, closed, slips one way or the other, or sticks."""
+    """Mode of a contact: it is open, closed, slips one way or the other, or sticks."""
 
     OPEN = 0
     CLOSED = 1

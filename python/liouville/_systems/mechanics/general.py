@@ -218,7 +218,7 @@ class Mechanics(TracedSystem):
         return ()
 
     def violated(self, violation: Violation, t: float, hint: str) -> str:
-        """Return what is wrong with a start, in the user's names."""
+        """Return the fault of a start, in the user's names."""
         _, kind, index, value, limit = violation
         (first, second), own = self.states, self._holonomic
         what, symbol, names = {

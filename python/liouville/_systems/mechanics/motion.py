@@ -100,7 +100,7 @@ def rates(system: Mechanics, functions: Mapping[str, Callable[..., Any]]) -> Slo
 def kept(
     system: Mechanics | SemiExplicit | Field | DriveSensitivity, name: str, make: Callable[[], T]
 ) -> T:
-    """Return what stays with a system by its name, made when it is first wanted."""
+    """Return an object that a system keeps by its name, made when it is first wanted."""
     if name not in system._recorded:
         system._recorded[name] = make()
     found: T = system._recorded[name]

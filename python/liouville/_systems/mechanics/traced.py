@@ -374,7 +374,7 @@ def check_residual(
 def missed(
     what: str, symbol: str, name: str, value: float, limit: float, t: float, hint: str
 ) -> str:
-    """Return what is wrong with the value of a constraint at the start."""
+    """Return the fault of a constraint's value at the start."""
     if not math.isfinite(value):
         sentence = f"the {what} '{name}' is {value} at the start, t = {t:g}"
         return hinted(

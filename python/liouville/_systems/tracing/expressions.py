@@ -49,7 +49,7 @@ class Pickled:
         return other
 
     def _state(self) -> dict[str, Any]:
-        """Return what is pickled, by default all attributes."""
+        """Return the attributes to pickle, by default all."""
         return dict(self.__dict__)
 
     def _restore(self, state: dict[str, Any]) -> None:

@@ -196,7 +196,7 @@ class Schrodinger(OnGrid):
         self._build(source, driven)
 
     def _state(self) -> dict[str, Any]:
-        """Return what it is made of, with the bounds, which another processor might round."""
+        """Return the parts to pickle, with the bounds, which another processor might round."""
         source = self.source
         if self._potential is not None:
             source = source.with_potential(self._potential)

@@ -85,7 +85,7 @@ def observables(
     shapes: Sequence[tuple[int, ...]],
     at_points: Callable[[str, Callable[..., Any]], np.ndarray],
 ) -> list[Observable]:
-    """Return what is observed, as the core takes it."""
+    """Return the observables in the form of the core."""
     found = []
     for name, given in portable(observe, at_points).items():
         what = f"observable '{name}'"

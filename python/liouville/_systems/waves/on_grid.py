@@ -1,4 +1,4 @@
-"""What a Schrödinger equation has on a grid: a potential, and functions of the density."""
+"""Parts of a Schrödinger equation on a grid: a potential, and functions of the density."""
 
 from __future__ import annotations
 

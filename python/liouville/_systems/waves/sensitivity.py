@@ -126,7 +126,7 @@ class DriveSensitivity:
         return np.asarray(self._tables[self.samples[name]].x)
 
     def basis(self, name: str, t: Array) -> Array:
-        """Return what the spline of a drive makes of each of its samples, shape (k, samples)."""
+        """Return the weight of each sample in the spline of a drive, shape (k, samples)."""
         table = self._tables[self.samples[name]]
         spline = _splines(table.x.tobytes(), table.ends)
         inside = np.clip(t, table.x[0], table.x[-1])

@@ -111,7 +111,7 @@ class Looker:
         return self._product(t, x)
 
     def changes(self, times: Array) -> Array:
-        """Return what stands for the changes since the start, a row for each time."""
+        """Return sketches of the changes since the start, a row for each time."""
         rows = []
         for t in times.tolist():
             if t not in self._known:

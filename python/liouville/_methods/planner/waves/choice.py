@@ -29,7 +29,7 @@ AUTO = SchrodingerSplitting()
 
 
 def name_of(method: Planned | SplitOperator) -> str:
-    """Return what a user calls a method."""
+    """Return a method's name as a user writes it."""
     return "'auto'" if method is AUTO else type(method).__name__
 
 

@@ -285,7 +285,7 @@ class Modes:
         self._in = {"B": v.T @ mass_b, "D": u.T @ mass_d}
 
     def inward(self, c: Any, k: int, kind: Kind) -> Any:
-        """Return what an array of coefficients is in modes."""
+        """Return the modes of an array of coefficients."""
         if self._axis.is_periodic:
             return np.fft.fft(c, axis=k, norm="ortho") * self._root(kind, k, np.ndim(c))
         return _along(self._in[kind], c, k)

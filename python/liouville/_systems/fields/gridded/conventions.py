@@ -1,4 +1,4 @@
-"""What variables of a data set mean: components, axes and units, by the conventions of CF."""
+"""Components, axes and units of the variables of a data set, by the conventions of CF."""
 
 from __future__ import annotations
 
@@ -210,7 +210,7 @@ def _is_sphere(space: Sequence[Variable], first: Variable, options: Mapping[str,
 
 
 def _said_of(axis: Variable) -> dict[str, str]:
-    """Return what CF says of levels: unit, standard name, and which way they count."""
+    """Return the attributes of CF for levels: unit, standard name, and direction."""
     known = ("units", "standard_name", "positive")
     said = {"units": "m"} | {key: str(axis.attrs[key]) for key in known if axis.attrs.get(key)}
     if (is_down := _axis_is_down(axis)) is not None:

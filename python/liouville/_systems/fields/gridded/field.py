@@ -332,7 +332,7 @@ class GriddedField(PlaneField):
         return made_of(self._axes, self._time, self._a, self._means)
 
     def _state(self) -> dict[str, Any]:
-        """Return what is pickled: the planes are made again."""
+        """Return the attributes to pickle: the planes are made again."""
         return dict(self.__dict__) | {"_made": None}
 
     # calls

@@ -330,7 +330,7 @@ def _adjoint(axis: Axis, values: Array, k: int) -> Array:
 
 
 def _sides(axis: Axis, faces: Array, k: int) -> tuple[Array, Array]:
-    """Return what is at both sides of each cell."""
+    """Return the values at both sides of each cell."""
     if axis.is_periodic:
         return faces, np.roll(faces, -1, axis=k)
     first = np.moveaxis(faces, k, 0)

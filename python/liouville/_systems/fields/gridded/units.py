@@ -49,7 +49,7 @@ def velocity(unit: str) -> tuple[float, float] | None:
 
 
 def needed(name: str, unit: str) -> tuple[float, float]:
-    """Return those of a velocity, m/s where it says none, where axes and times have others.
+    """Return the units of a velocity, m/s where it has none and axes and times have others.
 
     Raises
     ------
@@ -89,7 +89,7 @@ def seconds(name: str, unit: str, values: NDArray[Any]) -> NDArray[np.float64] |
 
 
 def dates(values: NDArray[Any], unit: str, calendar: str, per_unit: float) -> Dates | None:
-    """Return what times are counted from, the first one, None where there are no dates.
+    """Return the first date, from which times are counted, None where there are no dates.
 
     Times are then in a unit of so many seconds.
     """

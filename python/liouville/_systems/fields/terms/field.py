@@ -318,7 +318,7 @@ class Terms:
         return plain.joined(Terms._listed(self.n, rows, tuple(numbers)))
 
     def excess(self) -> Terms:
-        """Return what does not vanish of the divergence, a scalar field.
+        """Return the divergence without terms that vanish, a scalar field.
 
         For every monomial x^j must sum_i (j_i + 1) c_i vanish, where c_i is the coefficient of
         x_i x^j in component i: exactly if the coefficients are exact, else up to ``ROUNDOFF``.

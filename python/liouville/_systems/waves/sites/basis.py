@@ -84,7 +84,7 @@ class Basis:
 
     @property
     def asked(self) -> str:
-        """What the user asked for."""
+        """The user's request in words."""
         return " and ".join(charge.asked for charge in self.charges)
 
     @property

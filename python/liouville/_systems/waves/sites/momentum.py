@@ -38,7 +38,7 @@ class MomentumBasis(Basis):
 
     @property
     def asked(self) -> str:
-        """What the user asked for, with the momenta that there are where this one has no state."""
+        """The user's request in words, with the momenta that exist where this one has no state."""
         own = " and ".join(filter(None, [super().asked, f"momentum={self.momentum}"]))
         if self.size or not self.whole.size:
             return own
@@ -116,7 +116,7 @@ class MomentumBasis(Basis):
 
     @cached_property
     def _orbits(self) -> tuple[Integers, Integers, Integers]:
-        """Of each basis state the rank of the least of its orbit, how far it is, and the period."""
+        """Rank of the least state of an orbit, shift to it, and period, by basis state."""
         every = self._every
         least, back, period = every.copy(), np.zeros_like(every), np.full_like(every, self.sites)
         moved = every
