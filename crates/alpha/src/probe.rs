@@ -37,7 +37,7 @@ impl AlphaEquations<'_> {
         Ok(largest)
     }
 
-    /// Does something with the unknowns moved by so many ε of their sizes, and puts them back.
+    /// Calls `act` with the unknowns perturbed by `units` ε of their sizes, then restores them.
     fn perturbed(
         &mut self,
         units: f64,

@@ -192,7 +192,7 @@ pub(super) fn ratio(before: &AlphaState, h: f64) -> f64 {
     if before.h == 0.0 { 1.0 } else { h / before.h }
 }
 
-/// By how much that factor changes with the part of itself by which a step becomes longer.
+/// Derivative of h/h0 by the relative stretch of the step.
 pub(super) fn of_sizes(before: &AlphaState, h: f64) -> f64 {
     if before.h == 0.0 { 0.0 } else { h / before.h }
 }
@@ -225,7 +225,7 @@ pub struct AlphaStartTangents {
 }
 
 impl AlphaStartTangents {
-    /// Those of a method with these derivatives.
+    /// Makes the tangents of the start of a method with these derivatives.
     pub fn new(
         alpha: &Alpha,
         (slopes, params): (&AlphaSlopes, &[f64]),

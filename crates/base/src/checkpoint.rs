@@ -84,7 +84,7 @@ pub struct CheckpointMismatch;
 /// The first `count` of the saved numbers.
 ///
 /// # Errors
-/// There are not so many left.
+/// Fewer than `count` numbers are left.
 pub fn split_front<'a>(
     saved: &mut &'a [f64],
     count: usize,

@@ -66,7 +66,7 @@ pub struct BlockPattern {
 
 /// The matrices that a list solves with.
 pub trait Operators<R = f64> {
-    /// What may go wrong.
+    /// Error of an operator.
     type Error;
 
     /// Solves with the matrix of this number in place.
@@ -209,7 +209,7 @@ impl<R: Real> LinearMap<R> {
     /// Takes the memory through the list.
     ///
     /// # Errors
-    /// Those of the operators.
+    /// Errors of the operators.
     pub fn apply<O: Operators<R>>(&self, memory: &mut [R], by: &mut O) -> Result<(), O::Error> {
         for LinearOperation {
             kind,
@@ -238,7 +238,7 @@ impl<R: Real> LinearMap<R> {
     /// Takes the memory back through the transposed list.
     ///
     /// # Errors
-    /// Those of the operators.
+    /// Errors of the operators.
     pub fn apply_transposed<O: Operators<R>>(
         &self,
         memory: &mut [R],

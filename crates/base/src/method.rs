@@ -136,8 +136,8 @@ impl Tolerance {
         (sum / y0.len() as f64).sqrt()
     }
 
-    /// What roundoff leaves of a coordinate k, up to a factor: of numbers as large as it, and as those that an absolute
-    /// tolerance by default is for, but no larger than the largest coordinate.
+    /// Roundoff of a coordinate k, up to a factor: of numbers as large as it, and as the numbers of a default absolute
+    /// tolerance, but no larger than the largest coordinate.
     pub fn roundoff(&self, [y0, y1]: [&[f64]; 2], k: usize, largest: f64) -> f64 {
         let size = y0[k].abs().max(y1[k].abs());
         f64::EPSILON * (size + (self.atol[k] / (SMALL * self.rtol)).min(largest))

@@ -16,7 +16,7 @@ pub trait Observe<State>: Checkpoint {
     fn observe(&mut self, t: f64, state: &State, row: &mut Vec<f64>) -> Result<(), StepError>;
 }
 
-/// What is found of a motion: its kind, and its numbers.
+/// A finding about a motion: its kind, and its numbers.
 pub type Finding = (&'static str, Vec<f64>);
 
 /// Looks at the states that the steps of a run lead to, whether they are recorded or not.
@@ -34,7 +34,7 @@ pub trait Watch<State>: Checkpoint {
     /// Goes on from the state after a reset.
     fn restart(&mut self, t: f64, state: &State);
 
-    /// What is found so far, with the place of the member.
+    /// Returns the findings so far, with the place of the member.
     fn found(&self) -> Vec<(usize, Finding)>;
 }
 

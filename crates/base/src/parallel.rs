@@ -9,7 +9,7 @@ use std::sync::Arc;
 pub struct Workers(Arc<ThreadPool>);
 
 impl Workers {
-    /// So many threads, or none if one is enough or there are no more to be had.
+    /// Starts `threads` threads, or none if one is enough or no more can be started.
     pub fn new(threads: usize) -> Option<Self> {
         let pool = ThreadPoolBuilder::new().num_threads(threads).build();
         let pool = pool.ok().filter(|pool| pool.current_num_threads() > 1);

@@ -35,7 +35,7 @@ impl<R: Real> Cotangents<R> {
         }
     }
 
-    /// Those of nothing, with the sizes of these.
+    /// Makes cotangents of zero, with the sizes of these.
     #[must_use]
     pub fn like(&self) -> Self {
         let sizes = [&self.y, &self.z, &self.carried].map(Vec::len);
@@ -54,7 +54,7 @@ impl<R: Real> Cotangents<R> {
 }
 
 impl<R: Real> Cotangents<R> {
-    /// Those of one member.
+    /// Returns the cotangents of one member.
     #[must_use]
     pub fn member(&self, member: usize) -> Cotangents {
         let of = |x: &[R]| x.iter().map(|x| x.member(member)).collect();

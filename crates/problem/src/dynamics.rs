@@ -43,7 +43,7 @@ pub trait Dynamics: Clone + Send + Sync + 'static {
     /// Solves for λ at (t, y, z), if the model has one; after an error the next solve starts from zero.
     ///
     /// # Errors
-    /// Those of [`Self::solve`].
+    /// Errors of [`Self::solve`].
     fn solve_lam(
         &mut self,
         solver: &mut Self::Solver,

@@ -33,7 +33,7 @@ pub struct EnergyWatch {
     kinetic: f64,
     /// About the median of the changes from look to look, of late.
     typical: f64,
-    /// What resets have changed the energy by.
+    /// The change of the energy by resets.
     by_resets: f64,
     /// The most that roundings were found to change the energy by.
     noise: f64,
@@ -160,8 +160,8 @@ impl EnergyWatch {
         }
     }
 
-    /// What is found: of a "change" or a "rise" two times and the energies there, of a "jump" the times around it and
-    /// its part of the energy's size. Where forces may add to an energy, nothing is found.
+    /// Returns the finding: for a "change" or a "rise" two times and the energies there, for a "jump" the times around
+    /// it and its part of the energy's size. Where forces may add to an energy, nothing is found.
     pub fn found(&self) -> Option<Finding> {
         let [least, most] = self.power;
         if most > -NOISE * least {

@@ -21,7 +21,7 @@ use liouville_base::tableau;
 pub struct StepVelocities<'a> {
     /// v0, V_1..V_s and v1, one a row.
     pub rows: &'a Matrix,
-    /// What roundings change each coordinate's by, or nothing: that much of a defect is no error of a step.
+    /// Change of each coordinate's defect by roundings, or nothing: that much is no error of a step.
     pub noise: &'a [f64],
 }
 
@@ -128,7 +128,7 @@ impl<S: Carried + Clone> Estimate<S> {
         }
     }
 
-    /// What the polynomial of the stages misses of a velocity at the start, 0, or at the end, 1.
+    /// Defect of the polynomial of the stages in a velocity at the start, 0, or at the end, 1.
     pub fn defect(&self, velocities: StepVelocities, end: usize, k: usize) -> f64 {
         let weights = self.weights[end].iter().enumerate();
         let defect: f64 = weights

@@ -41,13 +41,13 @@ const SPREAD: f64 = 4.0;
 const LARGEST_CUTOFF: f64 = 0.1;
 /// Largest residual of dependent equations, relative to x, where the independent ones hold.
 const CONTRADICTION: f64 = 1e-9;
-/// Corrections of this part of x are near a solution, ...
+/// Corrections below this part of x are near a solution.
 const NEAR: f64 = 0.1;
-/// ... to which so many damped ones lead at most.
+/// The most damped corrections on the way there.
 const MOST_DAMPED: usize = 100;
-/// Each takes away at least this part of what it would of linear equations ...
+/// Least accepted reduction, relative to that of the linear model (Armijo).
 const GAIN: f64 = 0.1;
-/// ... or else half of it is tried, down to this part.
+/// Half of a correction with a lesser reduction is tried, down to this part.
 const LEAST_PART: f64 = 1.0 / (1 << 20) as f64;
 
 struct ConstraintEquations<'a> {

@@ -113,7 +113,7 @@ pub trait RateTangents: Debug + Send + Sync {
     ) -> Result<(), StepError>;
 }
 
-/// Those of a mechanical motion, by the equations of its accelerations.
+/// Tangents of the rates of a mechanical motion, by the equations of its accelerations.
 #[derive(Clone, Debug)]
 pub struct MotionTangents {
     solver: Acceleration,
@@ -121,7 +121,7 @@ pub struct MotionTangents {
 }
 
 impl MotionTangents {
-    /// Those of this model.
+    /// Makes the tangents of this model.
     pub fn new(model: Model, sensitivity: SensitivityModel) -> Self {
         Self {
             solver: Acceleration::new(&model),

@@ -87,7 +87,7 @@ pub(super) struct LeastNorm {
     column: Vec<f64>,
     /// λ, scaled.
     scaled: Vec<f64>,
-    /// Those of all constraints, as last found.
+    /// Multipliers of all constraints, as last found.
     pub(super) lam: Vec<f64>,
 }
 

@@ -59,7 +59,7 @@ impl StepMap {
     /// Writes the tangent after the step in one direction.
     ///
     /// # Errors
-    /// Those of the operators.
+    /// Errors of the operators.
     pub fn push<S, O: Operators<f64>>(
         &mut self,
         by: &mut O,
@@ -92,7 +92,7 @@ impl StepMap {
     /// Takes cotangents from the end of the step to its start.
     ///
     /// # Errors
-    /// Those of the operators.
+    /// Errors of the operators.
     pub fn pull<O: Operators<f64>>(
         &mut self,
         by: &mut O,

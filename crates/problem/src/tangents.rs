@@ -12,13 +12,13 @@ use liouville_base::observe::Observe;
 pub struct TangentState<S = State> {
     /// The state.
     pub motion: S,
-    /// Those of coordinates.
+    /// Tangents of coordinates.
     pub y: Matrix,
-    /// Those of velocities or momenta, as the system has them.
+    /// Tangents of velocities or momenta, as the system has them.
     pub z: Matrix,
-    /// Those of the other parts of the carried state: of p, summed up from their increments, or of accelerations.
+    /// Tangents of the other parts of the carried state: of p, summed up from their increments, or of accelerations.
     pub carried: Matrix,
-    /// Those of time.
+    /// Tangents of time.
     pub t: Vec<f64>,
 }
 
@@ -127,11 +127,11 @@ impl BeginTangents<State> for MomentumTangents {
 /// Tangents of a point: of coordinates, of z and of its time, a row for each direction.
 #[derive(Clone, Copy, Debug)]
 pub struct TangentView<'a> {
-    /// Those of coordinates.
+    /// Tangents of coordinates.
     pub y: &'a Matrix,
-    /// Those of z.
+    /// Tangents of z.
     pub z: &'a Matrix,
-    /// Those of time.
+    /// Tangents of time.
     pub t: &'a [f64],
 }
 

@@ -1,5 +1,5 @@
-//! What is looked at in every step of a mechanical system, whatever is kept of it: its energy, and constraints that are
-//! left out.
+//! The watch of every step of a mechanical system, whatever is kept of it: its energy, and constraints that are left
+//! out.
 
 use super::{Acceleration, Carried, EnergyWatch, Mass, Mechanical, MemberLanes, Model, State};
 use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch, Numbers};
@@ -20,7 +20,7 @@ const ROUNDINGS: f64 = 64.0;
 /// ... in one of so many patterns of signs.
 const PATTERNS: usize = 8;
 
-/// What is looked at.
+/// The watch of a run.
 #[derive(Clone, Debug, Default)]
 pub struct Watched {
     /// A tape (t, y, z, params) → the energy, the kinetic energy and the powers of forces that may be damping, with the

@@ -24,7 +24,7 @@ pub(crate) struct Caught {
     is_of_model: bool,
 }
 
-/// Works without the interpreter, and raises what a signal raised meanwhile: steps of the work look for it.
+/// Runs `work` with the GIL released; re-raises an exception of a signal handler, which steps of the work check.
 pub(crate) fn attending<T: Send>(py: Python<'_>, work: impl FnOnce() -> T + Send) -> PyResult<T> {
     let signals = Caught::default();
     let found = py.detach(|| cancel::within(signals.cancel(), work));

@@ -13,7 +13,7 @@ use numpy::{
 use pyo3::exceptions::PyMemoryError;
 use pyo3::prelude::*;
 
-/// What a run takes that is to be differentiated, and a place where it leaves what its derivatives need.
+/// Record of a run that is to be differentiated: its inputs, and a place for the data of its derivatives.
 #[pyclass(frozen, module = "liouville._core")]
 pub(crate) struct WaveRecord(pub(crate) Recorder);
 
@@ -99,7 +99,7 @@ pub(crate) struct WaveDerivative {
     groups: usize,
     /// Number of rows of H, at each of which a potential has a value.
     rows: usize,
-    /// Of the state where a piece begins, which was gone through last.
+    /// The cotangent of the state where the last piece begins.
     cotangent: (Vec<f64>, usize),
     caught: Vec<Caught>,
 }

@@ -193,7 +193,7 @@ fn tangents((sensitivity, y, z, tau, stretch, alpha): &TangentsOf<'_>) -> PyResu
     })
 }
 
-/// What is looked at in each step: a tape of energies and powers with whether the energy can only fall, and a tape of
+/// The watch of each step: a tape of energies and powers with whether the energy can only fall, and a tape of
 /// constraints left out with their numbers and for each member their sizes, or None.
 type WatchedOf<'py> = (
     Option<(PyRef<'py, convert::Tape>, bool)>,

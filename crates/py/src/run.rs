@@ -206,7 +206,7 @@ impl Run {
         self.inner.failures().into_iter().map(of_member).collect()
     }
 
-    /// What was found of the motion, or of members that are over: the number of each, a kind and its numbers.
+    /// Findings of the motion, or of members that are over: the number of each member, a kind and its numbers.
     fn found(&self) -> Vec<(usize, Finding)> {
         self.inner.found()
     }

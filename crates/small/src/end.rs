@@ -62,7 +62,7 @@ impl<L: Layout, const N: usize, const M: usize> End<L, N, M> {
     }
 }
 
-/// What residuals imply below the last bit of V is at most this part of the speed of the coordinates.
+/// Changes of V below its last bit are at most this part of the speed of the coordinates.
 const LAST_BITS: f64 = 64.0 * f64::EPSILON;
 
 impl<L: Layout, const N: usize, const M: usize> Fixed<L, N, M> {

@@ -12,7 +12,7 @@ pub(super) const POINTS: usize = WIDTH;
 
 /// A number of a state whose values at several points stand in registers.
 pub trait Layout: Real {
-    /// What a register, or a few, hold.
+    /// Values in a register, or in a few.
     type Row: Real + Debug;
     /// The values at the points, in rows.
     type Points: Copy + Debug + Send + Sync + AsRef<[Self::Row]> + AsMut<[Self::Row]>;

@@ -21,7 +21,7 @@ pub(super) struct Derivatives<R = f64> {
     pub(super) g_y: Matrix<R>,
     pub(super) r_lam: Matrix<R>,
     pub(super) r_y: Matrix<R>,
-    /// Those of nonholonomic constraints, and at the end of the step, which is solved for with them.
+    /// Derivatives of nonholonomic constraints, and at the end of the step, which is solved for with them.
     pub(super) own: Option<Box<NonholonomicDerivatives<R>>>,
     /// Whether those that are constants are there.
     is_ready: bool,

@@ -86,7 +86,7 @@ impl Spark {
     }
 }
 
-/// What roundings of momenta change velocities by: much, where a moment of inertia is tiny.
+/// Changes of velocities by roundings of momenta: large, where a moment of inertia is tiny.
 ///
 /// It is looked for where steps become so short that it may be the cause.
 #[derive(Clone, Debug, Default)]
@@ -97,7 +97,7 @@ pub(super) struct Noise {
 }
 
 impl Noise {
-    /// That of a system with so many coordinates, which is none yet.
+    /// Makes zero noise of `n` coordinates.
     fn new(n: usize) -> Self {
         Self {
             velocities: vec![0.0; n],

@@ -25,7 +25,7 @@ const ROUNDINGS: f64 = 1024.0;
 /// The power of h with which the error of a bend falls.
 pub(super) const ORDER: f64 = 2.0;
 
-/// What is known of the accelerations at the ends of a step.
+/// Measures of the accelerations at the ends of a step.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Kinks {
     /// Q' at 0 and at 1; none where stages lie at the ends.
@@ -125,7 +125,7 @@ impl Kinks {
         self.judge(velocities, h, [&before.y, &after.y], estimate)
     }
 
-    /// What the accelerations at the start, 0, or at the end, 1, of the step last looked at are off, times h.
+    /// Defect of the accelerations at the start, 0, or at the end, 1, of the last measured step, times h.
     pub(super) fn defect(&self, velocities: &Matrix, h: f64, end: usize, k: usize) -> f64 {
         let weights = self.slopes[end].iter().enumerate();
         let slope: f64 = weights.map(|(i, weight)| weight * velocities[(i, k)]).sum();

@@ -51,7 +51,7 @@ pub struct SparkBatch {
     /// The number of members; the lanes left over repeat the last one.
     count: usize,
     saved: Vec<f64>,
-    /// Of each member.
+    /// Statistics of each member.
     stats: [Stats; BATCH],
 }
 

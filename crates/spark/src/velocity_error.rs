@@ -1,6 +1,6 @@
 //! The error that a step adds to the velocities.
 //!
-//! Of an oscillation of frequency ω the defects e of the velocities and D of the accelerations at the ends of a step,
+//! In an oscillation of frequency ω the defects e of the velocities and D of the accelerations at the ends of a step,
 //! see [`super::kinks`], are a quarter of a period apart, and D is ωh e. The error of the velocity is then
 //!
 //!     e min(1, (ωh)^(s+1) s! / (2s+1)!),
@@ -29,7 +29,7 @@ const LENGTH: usize = 2;
 const LAST_DEFECT: usize = 3;
 const LAST_LENGTH: usize = 4;
 
-/// What is known of the velocities of the steps so far.
+/// Measures of the velocities of the steps so far.
 #[derive(Clone, Debug, Default)]
 pub(super) struct VelocityError {
     /// The largest velocities of the steps that stand, and those of the last one, which may yet be undone.

@@ -89,7 +89,7 @@ pub trait Parts: Checkpoint {
         }
     }
 
-    /// Those of a member in lock-step; see [`Stepper::stats_of`].
+    /// Statistics of a member in lock-step; see [`Stepper::stats_of`].
     fn stats_of(&self, _member: usize, flows: usize) -> Stats {
         self.stats(flows)
     }

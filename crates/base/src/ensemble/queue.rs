@@ -62,7 +62,7 @@ impl Queue {
         None
     }
 
-    /// Gives no more turns: there is no memory for the records of a block, nor for those of others.
+    /// Stops scheduling: out of memory for records.
     pub(super) fn stop(&mut self, block: MemberBlock) {
         self.waiting.push_front(block);
         self.is_short = true;

@@ -34,7 +34,7 @@ pub(super) struct MemberRecords {
     t0: f64,
     /// Rows of all members, where they are aligned.
     table: Vec<f64>,
-    /// Those of each run by its first member, where they are not; and room to put them together.
+    /// Times and rows of each run by its first member, where they differ; and room to join them.
     ragged: Vec<(usize, TimesAndRows)>,
     joined: TimesAndRows,
     /// How many numbers they have in all.

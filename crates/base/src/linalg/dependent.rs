@@ -13,7 +13,7 @@ pub struct IndependentRows {
     pub kept: Vec<usize>,
     /// The least part of a kept row, of length one, that is orthogonal to the rows kept before it.
     pub least: f64,
-    /// The largest such part of a row that is left out.
+    /// Largest orthogonal part of a rejected row.
     pub left: f64,
 }
 

@@ -112,7 +112,7 @@ fn combine_long<R: Real>(
     }
 }
 
-/// As many blocks of columns as there are from this one on; returns the first column that is left.
+/// Combines all blocks of columns from this one on; returns the first column that is left.
 #[inline(always)]
 fn combine_blocks<R: Real, const SIZE: usize>(
     (i, mut first): (usize, usize),

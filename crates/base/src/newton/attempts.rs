@@ -119,7 +119,7 @@ const MOST_PARTS: usize = 60;
 /// returns whether the solution is near its start.
 ///
 /// # Errors
-/// That of the cold attempt, or of an earlier one where a value of the model is not finite.
+/// The error of the cold attempt, or of an earlier one where a value of the model is not finite.
 pub fn attempt_modified(step: &mut impl Attempts, h: f64) -> Result<bool, StepError> {
     let mut failed = None;
     if step.start(h, Start::Extrapolated)? {

@@ -17,7 +17,7 @@ const SIMILAR: f64 = 0.25;
 pub enum Renewal {
     /// More than the average of a step since the factors were made, their own cost included.
     AboveAverage,
-    /// So many more than in the first step with them: for corrections by Broyden's update, whose number varies from
+    /// This number more than in the first step with them: for corrections by Broyden's update, whose number varies from
     /// step to step.
     AboveFirst(usize),
 }

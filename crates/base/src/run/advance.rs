@@ -94,7 +94,7 @@ pub trait Advance: Send + Sync {
     fn over(&self) -> usize {
         0
     }
-    /// What is found of the motion so far, or of the members that are over, with their numbers.
+    /// Returns the findings of the motion so far, or of the members that are over, with their numbers.
     fn found(&self) -> Vec<(usize, Finding)> {
         Vec::new()
     }

@@ -16,7 +16,7 @@ impl<State: Checkpoint> Run<State> {
     /// are halved until one can be made.
     ///
     /// # Errors
-    /// That of the whole step, if no event restarts or ends the run in a part; state and time are as they were.
+    /// The error of the whole step, if no event restarts or ends the run in a part; state and time are as they were.
     pub(super) fn step_to_event(&mut self, start: f64, error: StepError) -> Result<(), StepError> {
         if self.events.is_none() || error == StepError::Interrupted {
             return Err(error);

@@ -52,7 +52,7 @@ impl Records {
     /// Records a state in the place of that of the same time before a reset, unless that was collected already.
     ///
     /// # Errors
-    /// Those of [`Self::push`]; the record before is gone then.
+    /// Errors of [`Self::push`]; the record before is gone then.
     pub fn replace<T>(
         &mut self,
         observer: &mut dyn Observe<T>,

@@ -1,4 +1,4 @@
-//! What this process has computed for methods: a run of a few steps takes less time than that.
+//! Coefficients that this process has computed: a run of a few steps takes less time than they do.
 
 use super::lobatto::Force;
 use std::collections::BTreeMap;
@@ -26,7 +26,7 @@ impl<V> Known<V> {
         Self(Mutex::new(BTreeMap::new()))
     }
 
-    /// That of a method, computed where it is not known yet.
+    /// Returns the coefficients of a method, computed where they are not known yet.
     pub fn once(&self, key: Key, compute: impl FnOnce() -> V) -> &'static V {
         let known = || self.0.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(found) = known().get(&key) {

@@ -24,7 +24,7 @@ pub struct CompensatedProgram {
     outputs: Range<usize>,
 }
 
-/// Such a part with the parameters bound.
+/// A compensated program with the parameters bound.
 #[derive(Clone, Debug)]
 pub struct CompensatedTape<R> {
     program: Arc<CompensatedProgram>,

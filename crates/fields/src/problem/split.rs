@@ -158,7 +158,7 @@ impl Split {
     }
 
     /// Whether a variable moves evenly, as time does: trajectories that begin with the same value keep it in common.
-    /// That of an affine piece may, but is not looked at.
+    /// A variable of an affine piece may, but is not checked.
     pub fn is_clock(&self, variable: usize) -> bool {
         let is_even = |rows: &[usize], change: &Polynomials| {
             let row = rows.iter().position(|row| *row == variable);

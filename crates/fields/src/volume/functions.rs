@@ -28,9 +28,9 @@ pub(super) struct Functions {
 /// The functions that matter to a piece.
 #[derive(Debug, Default)]
 struct Wanted {
-    /// Those in its terms: their number among all, and in the piece.
+    /// Functions in its terms: their number among all, and in the piece.
     wanted: Vec<(usize, usize)>,
-    /// Those of the variables that it changes.
+    /// Functions of the variables that it changes.
     outdated: Vec<usize>,
 }
 
@@ -227,7 +227,7 @@ impl FunctionAt {
 #[derive(Clone, Debug, Default)]
 pub(super) struct FunctionScratch {
     is_known: Vec<bool>,
-    /// Of each tape, for one trajectory and for several in lanes.
+    /// Registers of each tape, for one trajectory and for several in lanes.
     pub(super) registers: Vec<Registers<f64>>,
     pub(super) in_lanes: Vec<Registers<Lanes>>,
     pub(super) arguments: Vec<f64>,

@@ -64,7 +64,7 @@ pub struct Volume<S> {
     is_compensated: bool,
     scratch: FlowScratch<S>,
     function_scratch: FunctionScratch,
-    /// Of each piece that is a plane.
+    /// Memory of each piece that is a plane.
     planes: Vec<Memory>,
     changes: Changes,
     clock: Option<u32>,

@@ -70,7 +70,7 @@ impl Plane {
     }
 }
 
-/// So many planes at most are passed within a step.
+/// The most planes that are passed within a step.
 const MOST_PASSED: u32 = 10_000;
 
 /// Records (member, t, x) for each passage of a plane; it must observe every step.

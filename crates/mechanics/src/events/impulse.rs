@@ -38,7 +38,7 @@ pub struct LinearImpulse {
     model: Model,
     /// How many numbers time and parameters have.
     width: usize,
-    /// What leads from ŷ to y⁺.
+    /// Corrections from ŷ to y⁺.
     corrections: Vec<Correction>,
     /// The matrix at (y⁺, z⁺).
     end: Saddle,

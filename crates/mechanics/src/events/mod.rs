@@ -45,7 +45,7 @@ pub struct DenseDetector<State: Checkpoint, M: Dynamics = Model> {
     search: Search,
     /// Zeros of all events in a step.
     found: Vec<Crossing>,
-    /// Those at the time at which the run ends or begins anew.
+    /// Crossings at the time at which the run ends or begins anew.
     same: Vec<usize>,
     /// Signs and values of their functions before the step.
     sides: Vec<Signs>,

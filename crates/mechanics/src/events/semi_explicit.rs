@@ -30,7 +30,7 @@ struct SemiExplicitCorrection {
 pub struct SemiExplicitReset {
     model: SemiExplicitModel,
     sensitivity: SemiExplicitSensitivityModel,
-    /// What leads from ŷ to y⁺, and ẑ.
+    /// Corrections from ŷ to y⁺, and ẑ.
     corrections: Vec<SemiExplicitCorrection>,
     z: Vec<f64>,
     mu: Vec<f64>,

@@ -1,4 +1,4 @@
-//! What an event's function does on the two sides of its zero.
+//! Slopes of an event's function on the two sides of its zero.
 //!
 //! The time at which e = 0 moves by dt = −(e_x · dx)/(e_x · x'), with x = (t, y, z, λ, θ). Where e bends in its zero it has two
 //! e_x. These lead to the same dt where they are parallel, as they are where e is zero on the same surface; elsewhere dt is
@@ -129,7 +129,7 @@ impl<State: Carried + Checkpoint + Clone, M: Dynamics> DenseDetector<State, M> {
     }
 }
 
-/// What an event's function does on one side of its zero.
+/// Slopes of an event's function on one side of its zero.
 struct Side {
     /// Its rate along the motion.
     rate: f64,

@@ -249,7 +249,7 @@ pub struct Meeting<'a> {
     pub height: f64,
     /// Whether it ends the run, or is a switch that ends the step.
     pub is_last: bool,
-    /// What is seen beside it that leaves it without a derivative.
+    /// The obstacle beside it that leaves it without a derivative.
     pub obstacle: Option<Obstacle>,
 }
 

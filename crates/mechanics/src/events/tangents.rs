@@ -16,7 +16,7 @@ use liouville_problem::{BeginTangents, Carried, Directions, RateTangents, Side, 
 
 /// Derivatives of a motion at its points and through its resets, and of the state that its method carries after these.
 pub struct MotionDerivatives<S> {
-    /// Of the rates and multipliers at a point.
+    /// Derivatives of the rates and multipliers at a point.
     pub point: Box<dyn RateTangents>,
     /// Of resets.
     pub reset: Box<dyn LinearReset>,
@@ -30,7 +30,7 @@ pub struct TangentEvents<S> {
     of: MotionDerivatives<S>,
     /// All that a state has, the last of them that of the length of a step.
     directions: Directions,
-    /// Those of λ, a row for each direction.
+    /// Tangents of λ, a row for each direction.
     lam: Matrix,
     /// The start of the run, and its tangents.
     start: (f64, Vec<f64>),

@@ -25,7 +25,7 @@ impl GivenTimes {
         fits
     }
 
-    /// Those at one of the times.
+    /// Returns the row of one of the times.
     pub(super) fn row(&self, t: f64) -> &[f64] {
         let is_forward = self.times.first() <= self.times.last();
         let is_before = |own: &f64| if is_forward { *own < t } else { *own > t };

@@ -116,9 +116,9 @@ pub struct Detection {
 /// Derivatives of a system by time and parameters.
 #[derive(Clone, Debug)]
 pub enum SystemSensitivity {
-    /// Of a mechanical system.
+    /// Sensitivity of a mechanical system.
     Mechanical(Arc<Sensitivity>),
-    /// Of a semi-explicit system.
+    /// Sensitivity of a semi-explicit system.
     SemiExplicit(Arc<SemiExplicitSensitivity>),
 }
 
@@ -175,7 +175,7 @@ pub struct Job {
     pub observer: Arc<Tape>,
     /// Whether the states are recorded too.
     pub states: bool,
-    /// What is looked at in each step.
+    /// The watch of each step.
     pub watched: Watched,
     /// Threads of an ensemble.
     pub threads: usize,

@@ -72,7 +72,7 @@ struct Notes<S> {
     is_ended: bool,
 }
 
-/// What is shared by the run and its adjoint.
+/// Notes that the run and its adjoint share.
 #[derive(Debug)]
 pub(super) struct Journal<S>(Arc<Mutex<Notes<S>>>);
 

@@ -127,7 +127,7 @@ impl MembersPullback {
     /// none of these comes after the step `last`.
     ///
     /// # Errors
-    /// A step cannot be repeated, its adjoint fails, or the thread is cancelled: of which member is not said.
+    /// A step cannot be repeated, its adjoint fails, or the thread is cancelled; the member is not named.
     ///
     /// # Panics
     /// When there are other numbers of rows.

@@ -18,7 +18,7 @@ const MOST: usize = 8;
 /// Systems with more coordinates and multipliers make their own each time: they are large, and their runs are long.
 const LARGEST: usize = 100;
 
-/// What runs of one mechanical system have left for the next.
+/// Steppers that runs of one mechanical system have left for the next.
 #[derive(Debug, Default)]
 pub struct Pools {
     pub(super) steppers: Arc<Pool<Spark>>,
@@ -27,7 +27,7 @@ pub struct Pools {
 
 /// Something that a run leaves as good as new.
 pub(super) trait Reusable: Sized {
-    /// What distinguishes those of one system, beside its parameters.
+    /// Distinguishes items of one system, beside its parameters.
     type Kind;
 
     /// Whether it is of this kind.
@@ -102,7 +102,7 @@ impl<T: Reusable> Pool<T> {
         Some(kept.swap_remove(place))
     }
 
-    /// Takes something back, in the place of what has waited longest where there is no room.
+    /// Returns an item to the pool; replaces the oldest when full.
     fn give(&self, own: (Vec<f64>, T)) {
         let mut kept = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         if kept.len() == MOST {
@@ -134,7 +134,7 @@ impl<T: Reusable> Lent<T> {
     }
 }
 
-/// What is lent is there until it goes back.
+/// A lent item is present until it goes back.
 const PRESENT: &str = "something lent";
 
 impl<T: Reusable> Drop for Lent<T> {

@@ -21,7 +21,7 @@ pub struct Nearby {
 impl<M: Dynamics> Path<M> {
     /// Finds points at so many times from `t`, around a state there, and y' and z' in it.
     ///
-    /// What the path solves for afterwards does not depend on them.
+    /// Later solutions of the path do not depend on them.
     ///
     /// # Errors
     /// A value that is not finite, or a singular matrix.

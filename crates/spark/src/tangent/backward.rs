@@ -29,7 +29,7 @@ pub(super) struct Backward<R = f64> {
     stages: Matrix<R>,
     nodes: Matrix<R>,
     right: Vec<R>,
-    /// Of an impulse.
+    /// Cotangent of an impulse.
     impulse: Vec<R>,
     y: Vec<R>,
     momentum: Vec<R>,

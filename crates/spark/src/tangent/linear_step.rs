@@ -23,11 +23,11 @@ pub(super) struct LinearStep<R = f64> {
     offsets: Offsets,
     /// By y, z and λ.
     pub(super) derivatives: Derivatives<R>,
-    /// Of the stages.
+    /// Derivatives by time and parameters at the stages.
     pub(super) p_tau: Matrix<R>,
     pub(super) f_tau: Matrix<R>,
     pub(super) v_tau: Matrix<R>,
-    /// Of the nodes.
+    /// Derivatives by time and parameters at the nodes.
     pub(super) g_tau: Matrix<R>,
     pub(super) r_tau: Matrix<R>,
     moments: Matrix,

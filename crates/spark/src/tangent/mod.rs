@@ -27,7 +27,7 @@ use liouville_problem::{
 #[derive(Clone, Debug)]
 pub struct SparkTangents {
     spark: Spark,
-    /// Those of a finished step.
+    /// Stages of a finished step.
     stages: Stages,
     linear: LinearStep,
     equations: LinearEquations,

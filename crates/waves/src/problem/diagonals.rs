@@ -9,7 +9,7 @@ use liouville_base::simd::{Number, SimdView};
 use std::collections::{HashMap, HashSet};
 use std::ops::Range;
 
-/// So many equal numbers in sequence are stored as one.
+/// Equal numbers in sequence from this length on are stored as one.
 const LONG: usize = 256;
 
 /// The value of a row at some distance from the diagonal.

@@ -1,4 +1,4 @@
-//! What was found out about a Hamiltonian, for the next one who asks.
+//! Results about a Hamiltonian, kept for later calls.
 
 use std::any::Any;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -8,8 +8,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 pub(crate) struct Kept(Arc<Mutex<Option<Arc<dyn Any + Send + Sync>>>>);
 
 impl Kept {
-    /// What is kept, where it is of this type and fits, or what is made instead, once for all who ask at a time; it is kept
-    /// where it is worth that.
+    /// Returns the kept result, where it is of this type and fits, or makes one, once for all calls at a time, and keeps
+    /// it where it is worth that.
     ///
     /// # Errors
     /// It cannot be made.

@@ -22,7 +22,7 @@ pub enum Method {
         program: Vec<Flow>,
         /// The middle of the spectrum.
         shift: f64,
-        /// Of the norm.
+        /// Tolerance of the norm.
         tolerance: f64,
     },
     /// The same between a processor and its inverse.
@@ -33,7 +33,7 @@ pub enum Method {
         processor: Processor,
         /// The middle of the spectrum.
         shift: f64,
-        /// Of the norm.
+        /// Tolerance of the norm.
         tolerance: f64,
     },
     /// Chebyshev series, one for the outputs of each window.
@@ -42,7 +42,7 @@ pub enum Method {
         bounds: (f64, f64),
         /// Error allowed in a unit of time.
         rate: f64,
-        /// Of the norm.
+        /// Tolerance of the norm.
         tolerance: f64,
         /// How many outputs each series makes.
         windows: Windows,
@@ -60,7 +60,7 @@ pub enum Method {
         dimension: usize,
         /// Error allowed in a unit of time.
         rate: f64,
-        /// Of the norm.
+        /// Tolerance of the norm.
         tolerance: f64,
     },
     /// Exponentials of sums of H at nodes, each by shears.
@@ -78,7 +78,7 @@ pub enum Method {
         nodes: Nodes,
         /// Error of all exponentials allowed in a unit of time.
         rate: f64,
-        /// Of the norm.
+        /// Tolerance of the norm.
         tolerance: f64,
         /// Bounds of the spectra of all parts of H.
         bounds: TermBounds,
@@ -105,7 +105,7 @@ pub enum Method {
     Splitting {
         /// The flows of a step.
         program: Vec<Flow>,
-        /// What makes them.
+        /// Phases of the flows.
         phases: Box<Phases>,
         /// The tolerance by which steps are chosen; none where they are given.
         tolerance: Option<SplitTolerance>,

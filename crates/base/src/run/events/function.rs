@@ -11,7 +11,7 @@ pub struct EventRule {
     pub index: usize,
     /// 1 where the function must grow along the run, −1 where it must fall, 0 for both.
     pub direction: i8,
-    /// So many end the run; none do if it is 0.
+    /// The number of events that ends the run; none does if it is 0.
     pub terminal: usize,
 }
 

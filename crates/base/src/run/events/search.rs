@@ -61,7 +61,7 @@ pub struct InterpolationAccuracy {
 }
 
 impl InterpolationAccuracy {
-    /// Of an interpolation whose error is far below the second differences of its samples.
+    /// Accuracy of an interpolation whose error is far below the second differences of its samples.
     pub const FINE: Self = Self {
         near_zero: 0.5,
         margin: 0.0,

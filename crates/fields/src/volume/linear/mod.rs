@@ -1,6 +1,6 @@
 //! The derivative of each flow, by the variables, by the coefficients of its piece, and by its length.
 //!
-//! Of a flow x ↦ x' the derivative is a product of elementary linear maps ([`LinearMap`]), of a vector that consists of
+//! The derivative of a flow x ↦ x' is a product of elementary linear maps ([`LinearMap`]), of a vector that consists of
 //!
 //!     dx,   dc, the changes of all coefficients,   dh,   and intermediate results.
 //!
@@ -45,14 +45,14 @@ struct LinearScratch {
     /// The values of variables and functions, the factors of terms, and their places in the vector.
     values: Vec<f64>,
     places: Vec<usize>,
-    /// Of the value of each tape of a piece, and of its slopes.
+    /// Registers of the value of each tape of a piece, and of its slopes.
     registers: Vec<Vec<Option<[Registers<f64>; 2]>>>,
     arguments: Vec<f64>,
     /// Of stages: K_r and Z_r of each variable of a piece, and which of its variables is each.
     stages: [Vec<f64>; 2],
     order: Vec<usize>,
     affine: AffineFlows,
-    /// Of each piece that is a plane, and columns of the derivative of its flow.
+    /// Memory of each piece that is a plane, and columns of the derivative of its flow.
     planes: Vec<Memory>,
     columns: Vec<[f64; 2]>,
 }

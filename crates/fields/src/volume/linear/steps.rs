@@ -8,7 +8,7 @@ use liouville_base::error::StepError;
 use liouville_base::tableau::Scheme;
 use std::sync::Arc;
 
-/// So many elementary maps of a step are kept; flows beyond them are made twice.
+/// The most elementary maps of a step that are kept; flows beyond them are made twice.
 const MOST_KEPT: usize = 1 << 22;
 
 /// Steps of a composition, with the derivative of each of their flows.

@@ -75,7 +75,7 @@ impl Watch {
 }
 
 impl Majorant {
-    /// Of an H that does not depend on time, whose bounds are for the terms of all states.
+    /// Makes the majorant of an H that does not depend on time, whose bounds are for the terms of all states.
     pub(super) fn of_constant(theta: f64, tolerance: f64) -> Self {
         Self {
             theta,
@@ -91,7 +91,7 @@ impl Majorant {
         MOST + length
     }
 
-    /// Of a series in powers; none where its terms are beyond all numbers.
+    /// Returns the length of a series in powers; none where its terms are beyond all numbers.
     pub(super) fn powers(&self) -> Option<Length> {
         let all: f64 = self.theta + self.sizes.iter().sum::<f64>();
         let (mut terms, mut moved) = (vec![1.0], vec![0.0]);
@@ -130,7 +130,7 @@ impl Majorant {
         None
     }
 
-    /// Of a series in Bessel functions; none where its terms are beyond all numbers.
+    /// Returns the length of a series in Bessel functions; none where its terms are beyond all numbers.
     pub(super) fn bessel(&self) -> Option<Length> {
         let bessel = bessel_to_the_last(self.theta);
         let degree = self.sizes.len().max(self.changes.len().saturating_sub(1));

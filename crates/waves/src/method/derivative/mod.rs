@@ -91,18 +91,18 @@ pub(super) fn flat<S: Stored>(state: &Wave<S>) -> Result<Vec<f64>, StepError> {
 /// where there are none.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct AtNodes {
-    /// Of the weights of all groups.
+    /// Changes or cotangents of the weights of all groups.
     pub weights: Vec<f64>,
-    /// Of the potential, at all rows of H.
+    /// Changes or cotangents of the potential, at all rows of H.
     pub potential: Vec<f64>,
 }
 
 /// Which cotangents of H are wanted.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Wanted {
-    /// Those of the weights.
+    /// Whether cotangents of the weights are wanted.
     pub weights: bool,
-    /// Those of the potential.
+    /// Whether cotangents of the potential are wanted.
     pub potential: bool,
 }
 
@@ -110,7 +110,7 @@ pub struct Wanted {
 pub struct Derivative {
     pieces: Vec<Piece>,
     terms: Terms,
-    /// Those of changes, one direction after another.
+    /// Terms of changes, one direction after another.
     moved: Vec<Terms>,
     pull: SeriesPull,
     /// All terms of the last windows of series.

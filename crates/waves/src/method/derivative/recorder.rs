@@ -1,4 +1,4 @@
-//! What a run that is to be differentiated takes, and what it leaves.
+//! Inputs of a run that is to be differentiated, and its record.
 
 use super::majorant::Majorant;
 use super::{Piece, Terms, copied};

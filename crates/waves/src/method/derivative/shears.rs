@@ -25,7 +25,7 @@ pub(in crate::method) struct ShearsPiece {
     pub(in crate::method) angles: (f64, f64),
     /// The parts before and after them, where H may change.
     pub(in crate::method) ends: [Vec<f64>; 2],
-    /// Of all terms, or of groups of them.
+    /// Weights of all terms, or of groups of them.
     pub(in crate::method) weights: Vec<f64>,
     pub(in crate::method) potential: Vec<f64>,
     /// Times, and the weights by those of H there.

@@ -32,7 +32,7 @@ const ROUNDED: f64 = 0.05;
 /// A series in Bessel functions may take one term in so many more than that of two levels.
 const MORE: usize = 16;
 
-/// So many times the products of a series in Bessel functions are taken for a bound.
+/// This multiple of the products of a series in Bessel functions is taken for a bound.
 const BOUND: f64 = 1.05;
 
 /// Bounds by the parts alone are tried, too, where they are so many times as wide. It is of speed only: windows by either
@@ -90,12 +90,12 @@ pub(super) fn half((low, high): Interval) -> f64 {
 pub(super) struct Share {
     /// Error allowed in a unit of time.
     pub(super) rate: f64,
-    /// Of a window without a fit.
+    /// Share of a window without a fit.
     jump: f64,
 }
 
 impl Share {
-    /// What is left to windows after so many without a fit, the shares of which add up for any number of them.
+    /// Share of windows after `jumps` windows without a fit; the shares add up for any number of them.
     pub(super) fn after(jumps: usize, rate: f64, whole: f64) -> Self {
         let count = jumps as f64 + 1.0;
         let jump = JUMPS * whole * 6.0 / (PI * count).powi(2);
@@ -370,7 +370,7 @@ fn last_term(sizes: &[f64], tolerance: f64) -> Option<(usize, f64)> {
     None
 }
 
-/// What a series in powers leaves out at most behind terms of these lengths, with G_l = `sizes`.
+/// Largest remainder of a series in powers behind terms of these lengths, with G_l = `sizes`.
 ///
 /// The sum of (n + 1) |c_{n+1}| <= Σ_l G_l |c_{n−l}| over all n from the last term on has the rest R on both sides:
 /// (n + 1) R <= Σ_l G_l (R + |c_n| + ... + |c_{n−l}|). Single terms say nothing: where H begins with s², two of three are zero.

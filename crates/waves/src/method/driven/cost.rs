@@ -19,7 +19,7 @@ pub struct Driven {
     pub breaks: Vec<f64>,
     /// Error allowed in a unit of time.
     pub rate: f64,
-    /// Of the norm.
+    /// Tolerance relative to the norm.
     pub tolerance: f64,
 }
 

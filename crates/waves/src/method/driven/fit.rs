@@ -49,7 +49,7 @@ pub(in crate::method) struct Sampler {
 #[derive(Clone, Debug, Default)]
 pub(super) struct Look {
     pub(super) degree: usize,
-    /// What it leaves out at most, in energies.
+    /// The largest remainder, in energies.
     pub(super) left_out: f64,
     /// Of H, over the window.
     pub(super) bounds: Interval,
@@ -128,7 +128,7 @@ impl Sampler {
         &self.bounds
     }
 
-    /// What it looks at.
+    /// Returns the Hamiltonian that is fitted.
     pub(super) fn hamiltonian(&self) -> &Arc<Hamiltonian> {
         &self.hamiltonian
     }

@@ -14,9 +14,9 @@ pub(super) const NODES: usize = DEGREE + 7;
 /// have theirs. The two are not multiplied out, as what roundings add to high degrees has no part in smooth functions.
 #[derive(Clone, Debug, Default)]
 pub(in crate::method) struct NodeMap {
-    /// Of each polynomial a weight for each node.
+    /// A weight for each node, by polynomial.
     pub(in crate::method) series: Vec<f64>,
-    /// Of each power a weight for each polynomial.
+    /// A weight for each polynomial, by power.
     pub(in crate::method) powers: Vec<f64>,
 }
 

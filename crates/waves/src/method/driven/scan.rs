@@ -29,7 +29,7 @@ pub(super) struct Scan {
 }
 
 impl Scan {
-    /// What was seen of H over a run, or what is seen now.
+    /// Returns the scan of H over a run, kept or made now.
     ///
     /// # Errors
     /// It was interrupted.

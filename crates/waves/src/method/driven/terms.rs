@@ -158,7 +158,7 @@ impl Terms {
         self.c[0].copy_from_slice(start);
     }
 
-    /// So many terms from a state on, whose memory [`Terms::reuse`] takes back.
+    /// Makes terms from a state on, whose memory [`Terms::reuse`] takes back.
     ///
     /// # Errors
     /// A product failed, or the run was cancelled.

@@ -11,7 +11,7 @@ use liouville_base::error::StepError;
 #[derive(Clone, Debug, Default)]
 pub(in crate::method) struct Fit {
     pub(in crate::method) degree: usize,
-    /// Of each group.
+    /// Weights of each group.
     pub(in crate::method) weights: Vec<f64>,
     /// At each point, empty without a potential.
     pub(in crate::method) potential: Vec<f64>,

@@ -43,7 +43,7 @@ pub struct MagnusTolerance {
     pub rate: f64,
     /// In all.
     pub whole: f64,
-    /// Of the norm.
+    /// Tolerance of the norm.
     pub norm: f64,
 }
 

@@ -1,7 +1,7 @@
 //! The cost of steps of a Magnus method in advance: counted one by one, or estimated where they are many.
 //!
-//! What follows the first steps of a long run is cut into strata of equal shares of its time, of its phase, and of what its
-//! functions of time change, so that a pulse has strata of its own. Steps are counted in a window of each, the same part of
+//! The rest of a long run is cut into strata of equal shares of its time, of its phase, and of the changes of its
+//! functions of time, so that a pulse has strata of its own. Steps are counted in a window of each, the same part of
 //! all; the windows grow until there are enough of them. A step over the end of a window counts as the part of it inside.
 
 use super::Nodes;

@@ -17,7 +17,7 @@ const GROUP: usize = 1 << LOW;
 #[derive(Clone, Debug)]
 struct FlipPattern {
     distance: usize,
-    /// Of the state above, and of the state below.
+    /// Values of the state above, and of the state below.
     values: [[f64; GROUP]; 2],
 }
 
