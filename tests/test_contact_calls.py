@@ -55,9 +55,43 @@ def test_a_part_of_a_solution_has_that_part_of_its_contacts():
     assert floor.changes[-1].t <= 0.2 < whole.changes[len(floor.changes)].t
 
 
-def test_dense_output_is_refused_by_the_reason():
-    with pytest.raises(ValueError, match="dense output is not for runs with contacts"):
-        thrown(ball())(0.5)
+def test_dense_output_goes_through_changes():
+    """Between hits a parabola, then a slide to rest; at a change the state after it."""
+    run = thrown(ball(0.5, 0.0))
+    hits = [c.t for c in run.contacts["floor"].changes if c.kind == "hit"]
+    fall = np.sqrt(0.2 / G)
+    times = np.sort([0.3 * fall, fall + 0.1 * fall, fall + 0.95 * fall, 0.9])
+    found = run(times)
+    np.testing.assert_allclose(found.q[:, 0], times, atol=1e-14)
+    since, up = times[1:3] - fall, 0.5 * G * fall
+    np.testing.assert_allclose(found.q[1:3, 1], up * since - G * since**2 / 2, atol=1e-14)
+    assert found.q[0, 1] == pytest.approx(0.1 - G * (0.3 * fall) ** 2 / 2, abs=1e-14)
+    assert found.q[3, 1] == pytest.approx(0, abs=1e-15)
+    assert found.lam.shape == (4, 0)
+    assert run(hits[0]).v[1] == pytest.approx(up, abs=1e-13)
+    at_records = run(run.t)
+    assert at_records.q.tobytes() == run.q.tobytes()
+    assert run.sel(time=slice(0, 0.3))(0.2).q.tobytes() == run(0.2).q.tobytes()
+    assert run([]).q.shape == (0, 2)
+
+
+def test_a_file_of_a_run_with_contacts_has_no_dense_output(tmp_path):
+    """Its system knows of no modes: between records it would fall through the floor."""
+    system = ball()
+    run = thrown(system)
+    run.save(tmp_path / "run.nc")
+    again = lv.load(tmp_path / "run.nc", system=system, method=lv.Spark(2))
+    assert again.q.tobytes() == run.q.tobytes()
+    with pytest.raises(ValueError, match="dense output needs the states of all steps"):
+        again(0.5)
+
+
+def test_dense_output_that_there_is_not_is_refused_by_the_reason():
+    for run in (thrown(ball(), every=2), pickle.loads(pickle.dumps(thrown(ball())))):
+        with pytest.raises(ValueError, match="pickles and files of runs with contacts have none"):
+            run(0.5)
+    with pytest.raises(TypeError, match=r"hint: solution\(t\) gives the states at any times"):
+        thrown(ball(), t_eval=[0.5])
 
 
 def test_controlled_steps_end_at_switches_of_a_system_with_contacts_too():

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from numpy.typing import ArrayLike
 
 from liouville._basics.arguments import count
+from liouville._basics.errors import hinted
 from liouville._basics.options import by_name, started
 from liouville._basics.progress import Progress, reported
 from liouville._methods import Method
@@ -201,7 +202,9 @@ def _with_contacts(
     for name, default in WITHOUT_CONTACTS.items():
         if getattr(request, name) is not default:
             what = "store" if name == "is_stored" else name
-            raise TypeError(f"{what}= is not for systems with contacts")
+            hint = "solution(t) gives the states at any times" if name == "t_eval" else ""
+            sentence = f"{what}= is not for systems with contacts"
+            raise TypeError(hinted(sentence, hint) if hint else sentence)
     for name, event in named(request.events).items():
         if event.reset is not None:
             raise TypeError(f"event '{name}' has a reset, which is not for systems with contacts")

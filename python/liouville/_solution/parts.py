@@ -229,6 +229,19 @@ def between(solution: Solution, system: Any, times: Array) -> dict[str, Array]:
     return found
 
 
+def between_changes(solution: Solution, system: Any, times: Array) -> dict[str, Array]:
+    """Return the same of a run with contacts, from its stretches; at a change the later one."""
+    runs = solution.stretches
+    which = np.searchsorted([run.t[0] for run, _ in runs[1:]], times, side="right")
+    names = [*system.places]
+    parts: list[dict[str, Array]] = [{name: solution.states[name][:0] for name in names}]
+    for k in np.unique(which):
+        run, own = runs[k]
+        states = run(times[which == k]).states
+        parts.append({name: states[name] for name in names} | {"lam": states["lam"][:, own]})
+    return {name: np.concatenate([part[name] for part in parts]) for name in names}
+
+
 def pieces(solution: Solution, names: tuple[str, ...]) -> list[tuple[Array, ...]]:
     """Return t and states at the ends of all steps, a piece of a run between resets after another.
 

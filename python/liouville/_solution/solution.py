@@ -142,6 +142,10 @@ class Solution(States, Drifts, Motions):
         The reaction forces of a solution that was loaded; :meth:`reaction` gives them.
     system : System or None
         The system integrated; None after :func:`liouville.load`.
+    stretches : tuple of (Solution, ndarray)
+        Of a run with contacts that keeps all steps its smooth stretches, and the places of the
+        constraints of the system itself among those of each; ``solution(t)`` asks them. Pickles and
+        files do not keep them.
     path : str or None
         Where all records are, of a run with ``store=``: then only the first and the last are here.
 
@@ -185,6 +189,7 @@ class Solution(States, Drifts, Motions):
     tangents: dict[str, Tangent] = field(default_factory=dict)
     reactions: Array | None = None
     system: System | None = None
+    stretches: tuple[tuple[Solution, Array], ...] = ()
     path: str | None = None
 
     def __post_init__(self) -> None:
@@ -197,6 +202,10 @@ class Solution(States, Drifts, Motions):
         for group in parts.GROUPS:
             for values in getattr(self, group).values():
                 values.setflags(write=False)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Leave out the stretches, which are systems of their own."""
+        return self.__dict__ | ({"stretches": (), "dense_order": 0} if self.stretches else {})
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Restore a pickle, its arrays read-only."""
@@ -339,8 +348,7 @@ class Solution(States, Drifts, Motions):
             )
             hint = "integrate with every=1, states=True and without t_eval"
             if self.contacts:
-                sentence = "dense output is not for runs with contacts"
-                hint = "integrate with a smaller h: solution.t has the times of all steps"
+                hint = "integrate with every=1; pickles and files of runs with contacts have none"
             if "psi" in self.states:
                 hint = "of a wave give the times of all states to keep in t="
             elif "x" in self.states:
@@ -349,7 +357,8 @@ class Solution(States, Drifts, Motions):
         times = times_within(t, self.t[0], self.t[-1])
         flat, way = times.ravel(), 1 if self.t[0] <= self.t[-1] else -1
         unique, back = np.unique(way * flat, return_inverse=True)
-        found = parts.between(self, system, way * unique)
+        between = parts.between_changes if self.stretches else parts.between
+        found = between(self, system, way * unique)
         states = {name: x[back].reshape(*times.shape, *x.shape[1:]) for name, x in found.items()}
         return Points(flat if times.ndim else float(flat[0]), states)
 

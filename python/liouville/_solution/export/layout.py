@@ -114,7 +114,7 @@ def laid_out(solution: Solution) -> Layout:
         "message": solution.message,
         "method": solution.method,
         "h": solution.h,
-        "dense_order": solution.dense_order,
+        "dense_order": 0 if solution.stretches else solution.dense_order,
         "initial": json.dumps(solution.initial, default=_plain),
         "members": -1 if solution.members is None else solution.members,
         "failures": json.dumps({k: [x.step, x.t, x.message] for k, x in failures.items()}),
