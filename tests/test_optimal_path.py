@@ -163,6 +163,13 @@ def test_free_parameters_are_chosen_with_the_controls():
     np.testing.assert_allclose(found.solution.q, found.q, atol=1e-12)
     again = lv.optimal_control(HEAVY, free=("params.m",), final_cost=light, guess=found, **CARRY)
     assert again.iterations < found.iterations
+    run = lv.optimal_control(HEAVY, free=("params.m",), guess=found.solution, **CARRY | {
+        "final_cost": light, "options": {"max_iter": 20},
+    })  # fmt: skip
+    assert run.params["m"] == pytest.approx(found.params["m"], rel=1e-9)
+    other = lv.optimal_control(MASS, **CARRY)  # of a system without masses
+    mixed = lv.optimal_control(HEAVY, free=("params.m",), final_cost=light, guess=other, **CARRY)
+    assert mixed.cost == pytest.approx(found.cost, rel=1e-12)
     bounds = {"m": (1.0, None)}
     held = lv.optimal_control(HEAVY, free=("params.m",), final_cost=light, bounds=bounds, **CARRY)
     assert (held.params["m"], held.cost) == pytest.approx((1.0, 9.0), rel=1e-9)

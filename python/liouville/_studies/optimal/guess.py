@@ -166,7 +166,8 @@ def _parts(t: Array) -> Array:
 def _numbers(name: str, given: Any) -> Array:
     array = _trace.numbers(given)
     if array is None or array.ndim == 0 or not np.isfinite(array).all():
-        raise ValueError(f"{name} of the guess must be an array of finite numbers, not {given!r}")
+        what = "one with NaN or infinity" if array is not None and array.ndim else repr(given)
+        raise ValueError(f"{name} of the guess must be an array of finite numbers, not {what}")
     return array
 
 

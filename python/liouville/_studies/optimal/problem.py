@@ -14,6 +14,7 @@ from liouville._basics.errors import IntegrationError, OptimizationError, hinted
 from liouville._methods import Spark
 from liouville._runs.execute import finished
 from liouville._runs.integrate import integrate
+from liouville._solution.solution import Solution
 from liouville._studies.optimal.arguments import (
     Array,
     Bounds,
@@ -127,9 +128,10 @@ class Problem:
         begun = perf_counter()
         transcription, program = self.transcription, self.transcription.program
         path = path_of(guess, self)
-        if isinstance(guess, OptimalControl):
-            own = [np.ravel(guess.params[x]) for x in self.free.params.names]
-            self.params[self.free.params.places] = np.concatenate([np.empty(0), *own])
+        if isinstance(guess, OptimalControl | Solution):
+            given = named_values(self.system._symbols.params.defaults, self.params)
+            given |= {x: guess.params[x] for x in self.free.params.names if x in guess.params}
+            self.params[:] = self.system.values(given)
         limits = transcription.bounds(self.start)
         x0 = np.clip(transcription.guess(self.start, path), *limits)
         with np.errstate(all="ignore"):
