@@ -494,3 +494,22 @@ def test_a_flight_that_an_acceleration_begins_may_be_shorter_than_a_step(method)
     assert hit.t == pytest.approx(9e-4, abs=1e-13)
     assert hit.normal == pytest.approx(50 * 9e-4**2 - 0.03 * 9e-4, abs=1e-13)
     assert run.contacts["floor"].mode[-1] is Mode.CLOSED
+
+
+@pytest.mark.parametrize("restitution", [0.0, 0.2])
+@pytest.mark.parametrize("push", [-1.0, 0.0])
+def test_floors_that_are_nearly_one_hold_what_slides_from_the_one_onto_the_other(push, restitution):
+    """Gaps y and y + 3e-8 x: moving to the left a mass is on the second, which is higher there."""
+    slope = 3e-8
+    floors = {
+        name: lv.Contact(lambda t, q, params, k=k: q[1] + k * q[0], restitution=restitution)
+        for name, k in (("flat", 0.0), ("steep", slope))
+    }
+    mass = lv.Lagrangian(lambda t, q, v, params: ca.sumsqr(v) / 2 - G * q[1], q=2, contacts=floors)
+    run = lv.integrate(mass, lv.Spark(2), t=(0, 1), h=0.05, q=[0, 0], v=[-10, push])
+    steep = run.contacts["steep"]
+    assert steep.changes[0].kind == "hit"
+    assert steep.mode[-1] is Mode.CLOSED
+    assert run.contacts["flat"].mode[-1] is Mode.OPEN
+    assert run.v[-1, 1] == pytest.approx(10 * slope, rel=1e-7)
+    assert min(record.gap.min() for record in run.contacts.values()) > -1e-16
