@@ -6,7 +6,7 @@ import scipy.sparse as sp
 from test_wave_plans import eigen, random_state
 
 import liouville as lv
-from liouville._methods.planner.waves import choice, windows
+from liouville._methods.planner.waves import settled, windows
 
 #: A chain whose spectrum times the span is 200 wide.
 CHAIN = lv.Schrodinger(lv.Lattice(200))
@@ -67,7 +67,7 @@ def test_windows_are_shorter_where_memory_is(monkeypatch):
 
 def test_auto_takes_the_series_where_products_are_dear_and_need_keep_no_states(monkeypatch):
     # what a clock would say on a quiet machine
-    monkeypatch.setattr(choice, "series_cost", lambda system, products: (1.0, 0.02))
+    monkeypatch.setattr(settled, "series_cost", lambda system, products: (1.0, 0.02))
     n = 400
     matrix = sp.random_array((n, n), density=0.1, rng=np.random.default_rng(1))
     system = lv.Schrodinger(matrix + matrix.T)

@@ -10,7 +10,7 @@ import numpy as np
 
 from liouville._methods import SchrodingerSplitting
 from liouville._methods.planner.waves.ladder import ROUNDOFF
-from liouville._methods.planner.waves.plan import WavePlan, planned
+from liouville._methods.planner.waves.plan import LEAST_NORM, NORM_TIMES, WavePlan, planned
 from liouville._methods.planner.waves.propagators import Diagonal
 from liouville._methods.planner.waves.span import Span
 from liouville._systems import Schrodinger
@@ -25,9 +25,6 @@ ENTRY, PRODUCT, COMPONENT = 1.0, 500.0, 3.0
 
 #: The eigenvalue problem is to be worth so many times its time.
 WORTH = 2.0
-
-#: The norm may be off by ten times the bound of the error, and by so much in any case.
-TIMES, LEAST = 10.0, 1e-10
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +59,7 @@ def levels_of(system: Schrodinger) -> Levels:
         rows = np.ascontiguousarray(vectors.T)
         real, imaginary = (np.array(x, dtype=float).ravel() for x in (rows.real, rows.imag))
         rate, each = residual / (1.0 - apart), 2.0 * apart + 4.0 * ROUNDOFF * np.sqrt(n)
-        _found[system] = Levels(energies, real, imaginary, float(rate), float(each), LEAST)
+        _found[system] = Levels(energies, real, imaginary, float(rate), float(each), LEAST_NORM)
     return _found[system]
 
 
@@ -103,5 +100,5 @@ def cheaper_by_levels(
         products=2.0 * outputs,
         bound=bound,
         reasons=why,
-        core=Diagonal(max(TIMES * bound, LEAST)),
+        core=Diagonal(max(NORM_TIMES * bound, LEAST_NORM)),
     )  # fmt: skip

@@ -33,6 +33,9 @@ from liouville._systems.waves.bounds import Spectrum
 #: each 1 / beta: the tightest tolerances take 20.
 MOST = 100.0
 
+#: The norm may be off by ten times what method and roundoff promise, and by so much in any case.
+NORM_TIMES, LEAST_NORM = 10.0, 1e-10
+
 #: No run has more steps to a tolerance on a grid.
 LONG = 1e9
 
