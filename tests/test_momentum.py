@@ -34,6 +34,33 @@ def test_spectra_of_all_momenta_are_that_of_the_whole(name):
     assert np.abs(np.sort(np.concatenate(found)) - np.linalg.eigvalsh(matrix(whole))).max() < 1e-12
 
 
+@pytest.mark.parametrize(
+    ("sector", "length"),
+    [({"particles": 4}, 6), ({"cutoff": 2}, 5), ({"cutoff": 3, "parity": 1}, 4)],
+)
+def test_spectra_of_bosons_of_all_momenta_are_that_of_the_whole(sector, length):
+    on_site = [(i, i) for i in range(length)]
+    terms = [("+- + h.c.", -np.exp(0.3j)), ("nn", 2.0, on_site), ("nn", 0.7), ("n", -2.0)]
+    whole = lv.BosonSystem(length, terms, periodic=True, **sector)
+    each = [
+        lv.BosonSystem(length, terms, periodic=True, momentum=k, **sector) for k in range(length)
+    ]
+    assert sum(own.size for own in each) == whole.size
+    assert all(f"momentum={k}" in repr(own) for k, own in enumerate(each))
+    found = np.concatenate([np.linalg.eigvalsh(matrix(own)) for own in each])
+    assert np.abs(np.sort(found) - np.linalg.eigvalsh(matrix(whole))).max() < 1e-12
+    psi = whole.product_state(np.ones(whole._basis.levels))  # of momentum 0
+    density = {"n": each[0].operator("nn")}, {"n": whole.operator("nn")}
+    runs = [
+        lv.integrate(lv.Schrodinger(own), "auto", t=(0, 1), psi=start, observe=observe)
+        for own, start, observe in (
+            (each[0], each[0].product_state(np.ones(whole._basis.levels)), density[0]),
+            (whole, psi, density[1]),
+        )
+    ]
+    assert runs[0].observed["n"][-1] == pytest.approx(runs[1].observed["n"][-1], abs=1e-7)
+
+
 def test_a_run_in_its_sector_is_that_of_the_whole():
     terms = [("xx",), ("yy",), ("zz",)]
     whole = lv.SpinSystem(8, terms, periodic=True, up=4)

@@ -118,6 +118,35 @@ def test_sectors_have_the_energies_of_all_states():
         assert lv.SpinSystem(n, [*terms, *more], up=3, parity=1).size == 20
 
 
+def test_sectors_of_parity_have_the_energies_of_all_fermions_and_bosons():
+    pairing = [("+- + h.c.", -1.0), ("++ + h.c.", 0.5), ("n", 0.4)]
+    spinful = [("+-| + h.c.", -1.0), ("|+- + h.c.", -0.7), ("+|+ + h.c.", 0.3), ("n|n", 2.0)]
+    squeezing = [("+- + h.c.", -1.0), ("++ + h.c.", 0.3, [(i, i) for i in range(4)]), ("n", 0.9)]
+    for make in (
+        lambda **own: lv.FermionSystem(6, pairing, **own),
+        lambda **own: lv.FermionSystem(6, pairing, periodic=True, **own),
+        lambda **own: lv.FermionSystem(3, spinful, spinful=True, **own),
+        lambda **own: lv.BosonSystem(4, squeezing, cutoff=4, **own),
+    ):
+        halves = [make(parity=k) for k in (0, 1)]
+        assert sum(half.size for half in halves) == make().size
+        found = np.sort(np.concatenate([energies(half) for half in halves]))
+        assert abs(found - energies(make())).max() < 1e-12
+        for k, half in enumerate(halves):
+            assert f"parity={k}" in repr(half)
+            counts = np.array(
+                [
+                    sum(half._basis.digits(half.basis, i)[j] for i in range(half._basis.sites))
+                    for j in range(half.size)
+                ]
+            )
+            assert (counts % 2 == k).all()
+    kitaev = lv.FermionSystem(2, [("+- + h.c.", -1.0), ("++ + h.c.", 0.5)], parity=0)
+    assert energies(kitaev) == pytest.approx([-0.5, 0.5])
+    rabi = lv.FermionSystem(4, [("n", 1.0)], particles=2, parity=0)
+    assert rabi.size == 6
+
+
 @pytest.mark.parametrize("up", [None, 3])
 def test_exchange_without_a_matrix_is_the_matrix(up):
     rng, n = np.random.default_rng(2), 6
@@ -279,6 +308,12 @@ def test_a_pickle_has_the_same_matrix_and_makes_the_same_equation(system):
         (lambda: lv.FermionSystem(4, ["-| + h.c."], particles=(1, 1)),
          "changes the number of fermions"),
         (lambda: lv.FermionSystem(4, ["nn"], particles=(1, 1)), "term 0, 'nn', has no bar"),
+        (lambda: lv.FermionSystem(4, ["- + h.c."], parity=1),
+         r"changes the parity of the number of fermions, so that parity=1 is .*\nhint: leave p"),
+        (lambda: lv.FermionSystem(4, ["n"], particles=2, parity=1), "no state with particles=2"),
+        (lambda: lv.BosonSystem(4, ["n", "+ + h.c."], cutoff=2, parity=0),
+         "changes the parity of the number of bosons"),
+        (lambda: lv.BosonSystem(4, ["n"], cutoff=2, parity=2), "parity = 2: the number of"),
         (lambda: lv.BosonSystem(4, ["n"]), "cutoff= or particles= is wanted"),
         (lambda: lv.BosonSystem(4, ["+- + h.c.", ("+ + h.c.", 1.0)], particles=2),
          r"term 1, '\+', on site 0, changes the number of bosons, so that particles=2"),
@@ -315,7 +350,7 @@ def test_a_chain_of_24_fits_and_what_does_not_is_refused_with_numbers(monkeypatc
         lv.BosonSystem(12, ["n"], cutoff=12)
     with pytest.raises(MemoryError, match=r"hint: .* by up=, parity= or momentum="):
         lv.SpinSystem(40, ["xx"])
-    with pytest.raises(MemoryError, match=r"hint: fix particles= where"):
+    with pytest.raises(MemoryError, match=r"hint: fix particles= or parity= where"):
         lv.FermionSystem(30, ["n"])
 
 

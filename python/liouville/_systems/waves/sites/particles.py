@@ -9,7 +9,7 @@ import numpy as np
 
 from liouville._basics.errors import hinted
 from liouville._systems.waves.sites.basis import Basis, Charge
-from liouville._systems.waves.sites.system import SiteSystem, counted, whole
+from liouville._systems.waves.sites.system import SiteSystem, counted, parity_of, whole
 from liouville._systems.waves.sites.terms import Letters
 
 
@@ -28,6 +28,8 @@ class FermionSystem(SiteSystem):
         Terms ``(letters, coefficient, sites)``, see the notes.
     particles : int or tuple of int, optional
         Number of fermions, or of those with spin up and with spin down; any by default.
+    parity : {0, 1}, optional
+        Whether their number is even, which pairing keeps where it does not keep the number.
     spinful : bool, optional
         Whether they have spin one half; so if `particles` is a pair, else not.
     periodic : bool, default False
@@ -35,7 +37,7 @@ class FermionSystem(SiteSystem):
 
     Attributes
     ----------
-    sites, terms, particles, spinful, periodic
+    sites, terms, particles, parity, spinful, periodic
         As given.
     basis : ndarray
         The basis states in order: bit i is set where site i is taken, with spin up, and bit L + i
@@ -68,7 +70,7 @@ class FermionSystem(SiteSystem):
     400
     """
 
-    _fewer = "fix particles= where the sum conserves them, or take fewer sites"
+    _fewer = "fix particles= or parity= where the sum conserves them, or take fewer sites"
 
     def __init__(
         self,
@@ -76,11 +78,15 @@ class FermionSystem(SiteSystem):
         terms: Sequence[Any],
         *,
         particles: int | tuple[int, int] | None = None,
+        parity: int | None = None,
         spinful: bool | None = None,
         periodic: bool = False,
-        **symmetries: Any,
+        **others: Any,
     ) -> None:
-        _check_none("FermionSystem", symmetries)
+        for name in others:
+            sentence = f"FermionSystem takes no {name}="
+            hint = "moved fermions have signs; spins and bosons have sectors of a momentum"
+            raise TypeError(hinted(sentence, hint) if name == "momentum" else sentence)
         length = counted("sites", sites, periodic)
         is_pair = isinstance(particles, (tuple, list, np.ndarray))
         self.spinful = is_pair if spinful is None else bool(spinful)
@@ -102,6 +108,10 @@ class FermionSystem(SiteSystem):
             charges = (Charge(what, f"particles={particles}", 0, modes, self.particles),)
         else:
             self.particles = None
+        self.parity = parity
+        if parity is not None:
+            charges += (parity_of(parity, "the number of fermions", modes),)
+            self.parity = charges[-1].total
         self._basis = Basis(modes, 2, charges)
         lowering = np.diag([1.0 + 0j], 1)
         matrices = {"+": lowering.T, "-": lowering, "n": np.diag([0j, 1.0])}
@@ -112,6 +122,7 @@ class FermionSystem(SiteSystem):
         """Name the number of sites and of fermions."""
         kind = " with spin" if self.spinful else ""
         sector = "" if self.particles is None else f", particles={self.particles}"
+        sector += "" if self.parity is None else f", parity={self.parity}"
         return f"FermionSystem({self.sites} sites{kind}{sector})"
 
 
@@ -133,12 +144,16 @@ class BosonSystem(SiteSystem):
         The most bosons on a site; `particles` by default, which leaves nothing out.
     particles : int, optional
         Number of bosons; any by default.
+    parity : {0, 1}, optional
+        Whether their number is even.
+    momentum : int, optional
+        Fixes the momentum of a periodic chain, as that of :class:`SpinSystem`.
     periodic : bool, default False
         Whether the last site is a neighbour of the first; L is then at least 3.
 
     Attributes
     ----------
-    sites, terms, cutoff, particles, periodic
+    sites, terms, cutoff, particles, parity, momentum, periodic
         As given.
     basis : ndarray
         The basis states in order, as integers: the bosons of site i are in the bits from ``w * i``
@@ -165,7 +180,8 @@ class BosonSystem(SiteSystem):
     """
 
     _fewer = (
-        "take a smaller cutoff=, fix particles= where the sum conserves them, or take fewer sites"
+        "take a smaller cutoff=, fix particles=, parity= or momentum= where the sum conserves "
+        "them, or take fewer sites"
     )
 
     def __init__(
@@ -175,10 +191,10 @@ class BosonSystem(SiteSystem):
         *,
         cutoff: int | None = None,
         particles: int | None = None,
+        parity: int | None = None,
+        momentum: int | None = None,
         periodic: bool = False,
-        **symmetries: Any,
     ) -> None:
-        _check_none("BosonSystem", symmetries)
         length = counted("sites", sites, periodic)
         if cutoff is None and particles is None:
             raise ValueError("cutoff= or particles= is wanted: a site has room for any number")
@@ -190,8 +206,13 @@ class BosonSystem(SiteSystem):
             most = min(most, max(self.particles, 1))
             what, asked = "the number of bosons", f"particles={particles}"
             charges = (Charge(what, asked, 0, length, self.particles),)
+        self.parity = parity
+        if parity is not None:
+            charges += (parity_of(parity, "the number of bosons", length),)
+            self.parity = charges[-1].total
         self.cutoff = most
         self._basis = Basis(length, most + 1, charges)
+        self._fix_momentum(momentum, periodic)
         lowering = np.diag(np.sqrt(np.arange(1.0, most + 1)) + 0j, 1)
         counting = np.diag(np.arange(most + 1) + 0j)
         self._letters = Letters({"+": lowering.T, "-": lowering, "n": counting})
@@ -199,19 +220,14 @@ class BosonSystem(SiteSystem):
 
     def __repr__(self) -> str:
         """Name the numbers of sites and of bosons."""
-        sector = "" if self.particles is None else f", particles={self.particles}"
+        sector = "".join(f", {charge.asked}" for charge in self._basis.charges)
+        sector += "" if self.momentum is None else f", momentum={self.momentum}"
         return f"BosonSystem({self.sites} sites of at most {self.cutoff}{sector})"
 
     def _check_basis(self) -> None:
         most = self._basis.most_levels
         if most < 2:
             self._basis.check()
-        self._basis.check(f"of {self.sites} sites the most bosons on one are cutoff={most - 1}")
-
-
-def _check_none(kind: str, symmetries: dict[str, Any]) -> None:
-    """Refuse symmetries that spins alone have here, and other arguments."""
-    for name in symmetries:
-        sentence = f"{kind} takes no {name}="
-        hint = "SpinSystem has sectors of parity and momentum; particles= is one here"
-        raise TypeError(hinted(sentence, hint) if name in ("parity", "momentum") else sentence)
+        self._basis.check(
+            f"of {self._basis.sites} sites the most bosons on one are cutoff={most - 1}"
+        )

@@ -9,12 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from liouville._basics.arguments import check_memory, number
-from liouville._basics.errors import hinted
+from liouville._basics.arguments import number
 from liouville._systems.waves.exchange import MOST, Exchange, states_of
 from liouville._systems.waves.sites.basis import Basis, Charge
-from liouville._systems.waves.sites.momentum import ORBITS, moving, with_momentum
-from liouville._systems.waves.sites.system import SiteSystem, counted, whole
+from liouville._systems.waves.sites.system import SiteSystem, counted, parity_of, whole
 from liouville._systems.waves.sites.terms import Letters, Sum
 
 
@@ -119,22 +117,10 @@ class SpinSystem(SiteSystem):
         charges = () if up is None else states_of(steps * length, self.up).charges
         charges = tuple(Charge(c.name, c.asked, 0, length, c.total) for c in charges)
         if parity is not None:
-            self.parity = whole("parity", parity, 0, 1, "the number of steps down is")
-            named = ("the parity of the number of steps down", f"parity={self.parity}")
-            charges += (Charge(*named, 0, length, self.parity, 2),)
+            charges += (parity_of(parity, "the number of steps down", length),)
+            self.parity = charges[-1].total
         self._basis = Basis(length, steps + 1, charges)
-        self.momentum = momentum
-        if momentum is not None:
-            if not periodic:
-                hint = "give periodic=True, or leave momentum= out"
-                raise ValueError(hinted("an open chain has no momentum", hint))
-            of_chain = f"of a chain of {length} sites k is"
-            self.momentum = whole("momentum", momentum, 0, length - 1, of_chain)
-            self._basis.check()
-            check_memory(
-                f"the orbits of {self._basis.size} states", ORBITS * self._basis.size, self._fewer
-            )
-            self._basis = with_momentum(self._basis, self.momentum)
+        self._fix_momentum(momentum, periodic)
         self._letters = Letters(_matrices(steps, 2.0 if pauli else 1.0))
         super().__init__(length, terms, periodic)
 
@@ -144,14 +130,6 @@ class SpinSystem(SiteSystem):
         sector = "".join(f", {charge.asked}" for charge in self._basis.charges)
         sector += "" if self.momentum is None else f", momentum={self.momentum}"
         return f"SpinSystem({self.sites} spins{kind}{sector})"
-
-    def _check_sector(self, products: Sum) -> None:
-        super()._check_sector(products)
-        found = None if self.momentum is None else moving(products, self.sites)
-        if found is not None:
-            sentence = f"{products.origins[found]}, changes when all sites are moved by one"
-            hint = "leave momentum= out, or sum the term over all sites of the ring"
-            raise ValueError(hinted(f"{sentence}, so that there is no momentum", hint))
 
     def _exchange(self) -> Exchange | None:
         is_whole = self.parity is None and self.momentum is None

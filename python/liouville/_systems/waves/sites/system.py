@@ -13,8 +13,9 @@ from liouville._basics.errors import hinted
 from liouville._systems.waves.entries import COMPLEX, READING
 from liouville._systems.waves.entries import numbers as array_of
 from liouville._systems.waves.exchange import BUILDING, Exchange
-from liouville._systems.waves.sites.basis import Basis
+from liouville._systems.waves.sites.basis import Basis, Charge
 from liouville._systems.waves.sites.matrix import Matrix
+from liouville._systems.waves.sites.momentum import ORBITS, moving, with_momentum
 from liouville._systems.waves.sites.terms import (
     Expansion,
     Letters,
@@ -50,6 +51,9 @@ class SiteSystem:
 
     _letters: Letters
     _basis: Basis
+
+    #: The momentum of a periodic chain, None where it is not fixed.
+    momentum: int | None = None
 
     def __init__(self, sites: int, terms: Sequence[Any], periodic: bool) -> None:
         self.sites, self.periodic = sites, bool(periodic)
@@ -207,6 +211,27 @@ class SiteSystem:
                     hint = f"leave {charge.asked.split('=')[0]}= out, or the term"
                     raise ValueError(hinted(f"{products.origins[key]}, {what}", hint))
 
+        found = None if self.momentum is None else moving(products, self.sites)
+        if found is not None:
+            sentence = f"{products.origins[found]}, changes when all sites are moved by one"
+            hint = "leave momentum= out, or sum the term over all sites of the ring"
+            raise ValueError(hinted(f"{sentence}, so that there is no momentum", hint))
+
+    def _fix_momentum(self, momentum: int | None, periodic: bool) -> None:
+        """Take the states of a momentum alone, where one is given."""
+        if momentum is None:
+            return
+        length = self._basis.sites
+        if not periodic:
+            hint = "give periodic=True, or leave momentum= out"
+            raise ValueError(hinted("an open chain has no momentum", hint))
+        what = f"of a chain of {length} sites k is"
+        self.momentum = whole("momentum", momentum, 0, length - 1, what)
+        self._check_basis()
+        states = self._basis.size
+        check_memory(f"the orbits of {states} states", ORBITS * states, self._fewer)
+        self._basis = with_momentum(self._basis, self.momentum)
+
     def _check_memory(self, needed: float) -> None:
         check_memory(f"{self!r} of {self.size} states, with a state,", needed, self._fewer)
 
@@ -235,3 +260,9 @@ def whole(name: str, value: Any, least: int, most: int, what: str) -> int:
     if not least <= value <= most:
         raise ValueError(f"{name} = {value}: {what} {least} to {most}")
     return int(value)
+
+
+def parity_of(parity: Any, what: str, last: int) -> Charge:
+    """Return the parity of a sum of digits, that of the sites before the last, as a charge."""
+    found = whole("parity", parity, 0, 1, f"{what} is")
+    return Charge(f"the parity of {what}", f"parity={found}", 0, last, found, 2)
