@@ -5,14 +5,14 @@
 //!     E_uᵀ v = e_uᵀ (ȳ1, z̄1, ā1) + (φ̄1, 0, ..),     x̄ = e_xᵀ (ȳ1, z̄1, ā1) − E_xᵀ v.
 
 use super::state::AlphaState;
-use super::tangent::{AlphaSlopes, append_unknowns, carried, of_sizes, ratio};
+use super::tangent::{AlphaSlopes, AlphaTangents, append_unknowns, carried, of_sizes, ratio};
 use super::{Alpha, Reactions, begins_again};
 use liouville_base::error::{Quantity, StepError};
 use liouville_base::linalg::{Pattern, add_scaled, copy};
 use liouville_base::newton::{BlockHandle, BlockLayout, BlockMatrix};
 use liouville_base::recorder::{Recordable, StepRecord};
 use liouville_base::tape::{Registers, Tape};
-use liouville_problem::{Cotangents, PointAdjoint, finite};
+use liouville_problem::{Cotangents, PointAdjoint, TangentState, finite};
 
 /// Tapes of the transposed derivatives of a step; their last input is the parameters.
 #[derive(Clone, Debug)]
@@ -48,6 +48,12 @@ impl Recordable for Alpha {
         out.clear();
         out.extend_from_slice(&self.solver.a);
         append_unknowns(self, state, out);
+    }
+}
+
+impl Recordable for AlphaTangents {
+    fn write_unknowns(&self, state: &TangentState<AlphaState>, out: &mut Vec<f64>) {
+        self.alpha.write_unknowns(&state.motion, out);
     }
 }
 

@@ -28,6 +28,7 @@ mod restart;
 mod solve;
 mod state;
 mod tangent;
+mod tangent_errors;
 
 pub use adjoint::{AlphaAdjoint, AlphaTransposed};
 use attempt::{AlphaAttempt, KeptAlpha};

@@ -11,6 +11,7 @@
 
 use super::adjoint::of_pattern;
 use super::state::AlphaState;
+use super::tangent_errors::TangentErrors;
 use super::{Alpha, Reactions, begins_again};
 use liouville_base::error::{Quantity, StepError};
 use liouville_base::linalg::{Matrix, Pattern, add_scaled, copy};
@@ -64,15 +65,23 @@ impl AlphaSlopes {
 /// A method of the α family at work on a state and its tangents.
 #[derive(Clone, Debug)]
 pub struct AlphaTangents {
-    alpha: Alpha,
-    slopes: AlphaSlopes,
-    registers: [Registers<f64>; 3],
-    matrix: BlockMatrix,
-    block: BlockHandle,
+    pub(super) alpha: Alpha,
+    linear: LinearAlpha,
     directions: Directions,
     /// The tangents where a motion begins.
     starts: AlphaStartTangents,
     before: TangentState<AlphaState>,
+    /// Of tangents in random directions: one where errors control the steps.
+    errors: Vec<TangentErrors>,
+}
+
+/// The equations of a step, linearised at its solution.
+#[derive(Clone, Debug)]
+pub(super) struct LinearAlpha {
+    slopes: AlphaSlopes,
+    registers: [Registers<f64>; 3],
+    matrix: BlockMatrix,
+    block: BlockHandle,
     unknowns: Vec<f64>,
     along: Vec<f64>,
     right: Vec<f64>,
@@ -91,8 +100,7 @@ impl AlphaTangents {
         (t, motion, is_given): (f64, AlphaState, bool),
         (y, z): (Matrix, Matrix),
     ) -> Result<(Self, TangentState<AlphaState>), StepError> {
-        let (block, matrix) = of_pattern(&slopes.pattern);
-        let (order, n) = (slopes.pattern.shape().0, y.cols());
+        let n = y.cols();
         let dt: Vec<f64> = (0..directions.count())
             .map(|k| directions.tau[(k, 0)])
             .collect();
@@ -110,21 +118,25 @@ impl AlphaTangents {
                 state.carried.row_mut(direction)[..n].fill(0.0);
             }
         }
-        let tapes = [&slopes.matrix, &slopes.equations, &slopes.end];
+        let errors = TangentErrors::new(&alpha, starts.clone(), &state.motion, params);
         let stepper = Self {
-            registers: tapes.map(|tape| tape.bind(params)),
+            errors: errors.into_iter().collect(),
             starts,
             before: state.clone(),
-            unknowns: Vec::with_capacity(order),
-            along: Vec::new(),
-            right: vec![0.0; order],
+            linear: LinearAlpha::new(slopes, params),
             alpha,
-            slopes,
-            matrix,
-            block,
             directions,
         };
         Ok((stepper, state))
+    }
+
+    /// The same for parts of steps, whose errors are not asked for.
+    #[must_use]
+    pub fn alone(&self) -> Self {
+        Self {
+            errors: Vec::new(),
+            ..self.clone()
+        }
     }
 
     /// Makes the tangents at the end of the step that was just made.
@@ -134,56 +146,104 @@ impl AlphaTangents {
         h: f64,
         state: &mut TangentState<AlphaState>,
     ) -> Result<(), StepError> {
-        let before = &self.before;
-        let (AlphaState { y, z, phi, .. }, n) = (&before.motion, before.motion.y.len());
-        let ratio = ratio(&before.motion, h);
+        let (linear, before) = (&mut self.linear, &self.before);
+        let ends = [&before.motion, &state.motion];
+        linear.make(&self.alpha, (t, h), ends)?;
+        for errors in &mut self.errors {
+            errors.follow((&mut self.alpha, linear), (t, h), &state.motion)?;
+        }
+        for direction in 0..self.directions.count() {
+            let along = (&self.directions, direction);
+            linear.push(&self.alpha, (t, h), along, (before, state))?;
+        }
+        Ok(())
+    }
+}
+
+impl LinearAlpha {
+    fn new(slopes: AlphaSlopes, params: &[f64]) -> Self {
+        let (block, matrix) = of_pattern(&slopes.pattern);
+        let order = slopes.pattern.shape().0;
+        let tapes = [&slopes.matrix, &slopes.equations, &slopes.end];
+        Self {
+            registers: tapes.map(|tape| tape.bind(params)),
+            unknowns: Vec::with_capacity(order),
+            along: Vec::new(),
+            right: vec![0.0; order],
+            slopes,
+            matrix,
+            block,
+        }
+    }
+
+    /// Linearises the step that a method has just made between these states.
+    fn make(
+        &mut self,
+        alpha: &Alpha,
+        (t, h): (f64, f64),
+        [before, after]: [&AlphaState; 2],
+    ) -> Result<(), StepError> {
         self.unknowns.clear();
-        append_unknowns(&self.alpha, &state.motion, &mut self.unknowns);
-        let (a, unknowns) = (&self.alpha.solver.a, &self.unknowns);
-        let point: [&[f64]; 7] = [&[t], &[h], y, z, a, phi, unknowns];
-        let [of_matrix, of_equations, of_end] = &mut self.registers;
-        let values = self.slopes.matrix.eval(of_matrix, point);
+        append_unknowns(alpha, after, &mut self.unknowns);
+        let AlphaState { y, z, phi, .. } = before;
+        let point: [&[f64]; 7] = [&[t], &[h], y, z, &alpha.solver.a, phi, &self.unknowns];
+        let values = self.slopes.matrix.eval(&mut self.registers[0], point);
         finite(values, Quantity::Derivative, t)?;
         self.matrix.clear();
         self.matrix.add(self.block, values, 1.0);
-        self.matrix
-            .factor()
-            .map_err(|_| StepError::SingularNewton)?;
-        for direction in 0..self.directions.count() {
-            let along = &mut self.along;
-            along.clear();
-            along.push(before.t[direction]);
-            let stretch = self.directions.stretch[direction];
-            along.push(h * stretch);
-            along.extend_from_slice(before.y.row(direction));
-            along.extend_from_slice(before.z.row(direction));
-            let (da, rest) = before.carried.row(direction).split_at(n);
-            let (dphi, last) = rest.split_at(n);
-            along.extend(da.iter().zip(dphi).map(|(a, phi)| phi + ratio * (a - phi)));
-            // the ratio changes where one size does and the other not
-            let apart = of_sizes(&before.motion, h) * (stretch - last[0]);
-            add_scaled(&mut along[2 + 2 * n..], apart, &before.motion.a);
-            add_scaled(&mut along[2 + 2 * n..], -apart, phi);
-            along.extend_from_slice(dphi);
-            along.extend_from_slice(&self.directions.tau.row(direction)[1..]);
-            let [t0, h0, y0, z0, a0, phi0, u0] = point;
-            let args = [t0, h0, y0, z0, a0, phi0, u0, along];
-            let rates = self.slopes.equations.eval(of_equations, args);
-            self.right.fill(0.0);
-            add_scaled(&mut self.right, -1.0, rates);
-            self.matrix.solve(&mut self.right);
-            let args = [t0, h0, y0, z0, a0, phi0, u0, along, &self.right];
-            let ends = self.slopes.end.eval(of_end, args);
-            finite(ends, Quantity::Derivative, t)?;
-            copy(state.y.row_mut(direction), &ends[..n]);
-            copy(state.z.row_mut(direction), &ends[n..2 * n]);
-            let (a, rest) = state.carried.row_mut(direction).split_at_mut(n);
-            copy(a, &ends[2 * n..]);
-            copy(&mut rest[..n], &self.right[..n]);
-            rest[n] = stretch;
-            state.t[direction] = before.t[direction] + h * stretch;
-        }
+        (self.matrix.factor()).map_err(|_| StepError::SingularNewton)
+    }
+
+    /// Writes the tangent at the end of the step in a direction.
+    pub(super) fn push(
+        &mut self,
+        alpha: &Alpha,
+        (t, h): (f64, f64),
+        (directions, direction): (&Directions, usize),
+        (before, state): (&TangentState<AlphaState>, &mut TangentState<AlphaState>),
+    ) -> Result<(), StepError> {
+        let AlphaState { y, z, phi, .. } = &before.motion;
+        let (n, ratio) = (y.len(), ratio(&before.motion, h));
+        let along = &mut self.along;
+        along.clear();
+        along.push(before.t[direction]);
+        let stretch = directions.stretch[direction];
+        along.push(h * stretch);
+        along.extend_from_slice(before.y.row(direction));
+        along.extend_from_slice(before.z.row(direction));
+        let (da, rest) = before.carried.row(direction).split_at(n);
+        let (dphi, last) = rest.split_at(n);
+        along.extend(da.iter().zip(dphi).map(|(a, phi)| phi + ratio * (a - phi)));
+        // the ratio changes where one size does and the other not
+        let apart = of_sizes(&before.motion, h) * (stretch - last[0]);
+        add_scaled(&mut along[2 + 2 * n..], apart, &before.motion.a);
+        add_scaled(&mut along[2 + 2 * n..], -apart, phi);
+        along.extend_from_slice(dphi);
+        along.extend_from_slice(&directions.tau.row(direction)[1..]);
+        let [_, of_equations, of_end] = &mut self.registers;
+        let (t0, h0, a, u): (&[f64], &[f64], &[f64], &[f64]) =
+            (&[t], &[h], &alpha.solver.a, &self.unknowns);
+        let args = [t0, h0, y, z, a, phi, u, along];
+        let rates = self.slopes.equations.eval(of_equations, args);
+        self.right.fill(0.0);
+        add_scaled(&mut self.right, -1.0, rates);
+        self.matrix.solve(&mut self.right);
+        let args = [t0, h0, y, z, a, phi, u, along, &self.right];
+        let ends = self.slopes.end.eval(of_end, args);
+        finite(ends, Quantity::Derivative, t)?;
+        copy(state.y.row_mut(direction), &ends[..n]);
+        copy(state.z.row_mut(direction), &ends[n..2 * n]);
+        let (a, rest) = state.carried.row_mut(direction).split_at_mut(n);
+        copy(a, &ends[2 * n..]);
+        copy(&mut rest[..n], &self.right[..n]);
+        rest[n] = stretch;
+        state.t[direction] = before.t[direction] + h * stretch;
         Ok(())
+    }
+
+    /// δa0 and the tangents of the unknowns, of the last direction.
+    pub(super) fn moves(&self, n: usize) -> [&[f64]; 2] {
+        [&self.along[2 + 2 * n..2 + 3 * n], &self.right]
     }
 }
 
@@ -219,7 +279,7 @@ pub(super) fn append_unknowns(alpha: &Alpha, state: &AlphaState, out: &mut Vec<f
 #[derive(Clone, Debug)]
 pub struct AlphaStartTangents {
     alpha: Alpha,
-    acceleration: AccelerationTangents,
+    pub(super) acceleration: AccelerationTangents,
     tape: Tape,
     registers: Registers<f64>,
 }
@@ -317,15 +377,23 @@ impl Stepper for AlphaTangents {
         if begins_again(&state.motion, h) {
             self.alpha.leave_cut(t, h, &mut state.motion)?;
             self.starts.begin(t, &mut self.directions, state)?;
+            self.errors.iter_mut().for_each(TangentErrors::forget);
         }
         self.before.clone_from(state);
+        for errors in &mut self.errors {
+            errors.begin(t, &state.motion)?;
+        }
         self.alpha.step(t, h, &mut state.motion)?;
         let followed = self.follow(t, h, state);
-        followed.inspect_err(|_| state.clone_from(&self.before))
+        followed.inspect_err(|_| {
+            state.clone_from(&self.before);
+            self.errors.iter_mut().for_each(TangentErrors::undo);
+        })
     }
 
     fn forget(&mut self) {
         self.alpha.forget();
+        self.errors.iter_mut().for_each(TangentErrors::forget);
     }
 
     fn stats(&self) -> Stats {
@@ -335,7 +403,8 @@ impl Stepper for AlphaTangents {
 
 impl Estimating for AlphaTangents {
     fn error(&self) -> f64 {
-        self.alpha.error()
+        let of_tangents = self.errors.iter().map(TangentErrors::largest);
+        of_tangents.fold(self.alpha.error(), f64::max)
     }
 
     fn error_order(&self) -> f64 {
@@ -343,6 +412,9 @@ impl Estimating for AlphaTangents {
     }
 
     fn undo(&mut self, state: &mut TangentState<AlphaState>) {
+        for errors in &mut self.errors {
+            errors.undo();
+        }
         self.alpha.undo(&mut state.motion);
         state.clone_from(&self.before);
     }
@@ -357,4 +429,4 @@ impl Estimating for AlphaTangents {
 }
 
 // Tangents are saved with the state; other memory is rewritten in each step.
-liouville_base::checkpoint!(AlphaTangents { alpha });
+liouville_base::checkpoint!(AlphaTangents { alpha, errors });

@@ -105,10 +105,10 @@ pub trait Stepper: Checkpoint {
 pub trait Symmetric: Stepper {}
 
 /// The absolute tolerance by default, in units of the relative one.
-const SMALL: f64 = 1e-3;
+pub const SMALL: f64 = 1e-3;
 
 /// A tolerance is not below so many roundings of a coordinate: solutions of stage equations are off by hundreds.
-const LEAST_ROUNDINGS: f64 = 1024.0;
+pub const LEAST_ROUNDINGS: f64 = 1024.0;
 
 /// Errors of coordinates are measured by `atol + rtol |y|`, but no less than a thousand roundings, in the mean over
 /// them.

@@ -11,7 +11,7 @@ use liouville_problem::{Dynamics, Estimate, StepVelocities};
 /// The estimate, and f at the start of the step, V_1..V_s, and f at its end.
 #[derive(Clone, Debug)]
 pub(super) struct EndVelocities {
-    estimate: Estimate<SemiExplicitState>,
+    pub(super) estimate: Estimate<SemiExplicitState>,
     velocities: Matrix,
 }
 

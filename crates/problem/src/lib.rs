@@ -24,6 +24,7 @@ mod observe;
 mod observe_point;
 mod points;
 mod projection;
+mod random_tangents;
 mod rate_tangents;
 mod redundant;
 mod restart;
@@ -33,6 +34,7 @@ mod second_order;
 mod sensitivity;
 mod separable;
 mod step_map;
+mod tangent_sizes;
 mod tangents;
 mod watch;
 
@@ -53,6 +55,7 @@ pub use observe::{Carried, Observer, Observers};
 pub use observe_point::ObservePoint;
 pub use points::{Points, Times};
 pub use projection::{Projection, project, project_linear};
+pub use random_tangents::{MechanicalStart, RandomTangents, TangentLed, random_numbers};
 pub use rate_tangents::{MotionPoint, MotionTangents, RateTangents, Side, rates_beside};
 pub use redundant::Redundant;
 pub use restart::{Impact, Impulse, Jump, Refused, Restart, Sizes};
@@ -63,6 +66,7 @@ pub use second_order::{SecondOrder, SecondOrderModel, SecondOrderPatterns};
 pub use sensitivity::{Sensitivity, SensitivityModel, SensitivityPatterns};
 pub use separable::{Separable, SeparableModel};
 pub use step_map::{StateSegments, StepMap};
+pub use tangent_sizes::{TangentSizes, TangentStep};
 pub use tangents::{
     AccelerationTangents, BeginTangents, Directions, MomentumTangents, TangentObserver,
     TangentRestart, TangentState, TangentView,

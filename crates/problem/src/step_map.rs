@@ -56,6 +56,11 @@ impl StepMap {
         }
     }
 
+    /// The numbers of a segment, as the map has last left them.
+    pub fn read(&self, segment: Segment) -> &[f64] {
+        &self.memory[segment.range()]
+    }
+
     /// Writes the tangent after the step in one direction.
     ///
     /// # Errors

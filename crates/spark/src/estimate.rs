@@ -56,7 +56,7 @@ impl Spark {
         let (of_velocity, order) = if kinks.are_known() {
             let both = |end, k| {
                 let of_v = estimate.defect(StepVelocities { rows, noise }, end, k);
-                [of_v, kinks.defect(rows, h, end, k)]
+                [of_v, kinks.defects[end][k]]
             };
             let y = ends.map(|state| &state.y[..]);
             self.velocity_error.measure(rows, h, (y, tolerance), both)

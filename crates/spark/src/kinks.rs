@@ -11,6 +11,7 @@
 
 use super::predictor::Predictor;
 use liouville_base::checkpoint;
+use liouville_base::error::StepError;
 use liouville_base::linalg::{Matrix, copy, max_norm};
 use liouville_base::tableau;
 use liouville_problem::{Estimate, Model, State, StepVelocities};
@@ -36,7 +37,10 @@ pub(super) struct Kinks {
     ends: [Vec<f64>; 2],
     lam: Vec<f64>,
     rate: Vec<f64>,
-    /// Which end of the last step the next one begins at, one of those below; e, D and h of the last step.
+    /// D at both ends of the last step.
+    pub(super) defects: [Vec<f64>; 2],
+    /// Which end of the last step the next one begins at, one of those below; e and D of the last step in
+    /// units of a tolerance times the unit, and h.
     memory: Vec<f64>,
     /// e, D and h of the step before that, to undo the last one; and whether they were replaced.
     before: [f64; 3],
@@ -64,6 +68,7 @@ impl Kinks {
             slopes: [0, nodes.len() - 1].map(|end| slopes(&nodes, end)),
             part: *first,
             ends: [zeros.clone(), zeros.clone()],
+            defects: [zeros.clone(), zeros.clone()],
             lam: vec![0.0; model.problem.multipliers()],
             rate: zeros,
             memory: vec![NONE; 4],
@@ -99,37 +104,59 @@ impl Kinks {
         [before, after]: [&State; 2],
         (estimate, noise): (&Estimate, &[f64]),
     ) -> f64 {
-        let Some(held) = self.memory.first().copied() else {
-            return 0.0;
-        };
-        let [first, last] = &mut self.ends;
-        let mut at = |t, state, out: &mut Vec<f64>| {
-            let memory = (&mut self.lam, &mut self.rate[..]);
-            predictor.rate(model, (t, state), memory, out)
-        };
-        let is_known = if held == END {
-            copy(first, last);
-            true
-        } else {
-            held == START || at(t, before, first).is_ok()
-        };
-        self.memory[0] = NONE;
-        if !is_known || at(t + h, after, last).is_err() {
+        let (mut lam, mut rate) = (
+            std::mem::take(&mut self.lam),
+            std::mem::take(&mut self.rate),
+        );
+        let are_met = self.meet(|end, out| {
+            let at = [(t, before), (t + h, after)][end];
+            predictor.rate(model, at, (&mut lam, &mut rate), out)
+        });
+        (self.lam, self.rate) = (lam, rate);
+        if !are_met {
             return 0.0;
         }
-        (self.memory[0], self.is_judged) = (END, true);
         let velocities = StepVelocities {
             rows: predictor.velocities(),
             noise,
         };
-        self.judge(velocities, h, [&before.y, &after.y], estimate)
+        self.set_defects(velocities.rows, h);
+        self.judge(velocities, h, [&before.y, &after.y], (estimate, 1.0))
     }
 
-    /// Defect of the accelerations at the start, 0, or at the end, 1, of the last measured step, times h.
-    pub(super) fn defect(&self, velocities: &Matrix, h: f64, end: usize, k: usize) -> f64 {
-        let weights = self.slopes[end].iter().enumerate();
-        let slope: f64 = weights.map(|(i, weight)| weight * velocities[(i, k)]).sum();
-        slope - h * self.ends[end][k]
+    /// Finds the accelerations at the start, 0, and at the end, 1, of a step by `at`, where they are not known from the
+    /// step before; says whether both are known.
+    pub(super) fn meet(
+        &mut self,
+        mut at: impl FnMut(usize, &mut [f64]) -> Result<(), StepError>,
+    ) -> bool {
+        let Some(held) = self.memory.first().copied() else {
+            return false;
+        };
+        let [first, last] = &mut self.ends;
+        let is_known = if held == END {
+            copy(first, last);
+            true
+        } else {
+            held == START || at(0, first).is_ok()
+        };
+        self.memory[0] = NONE;
+        if !is_known || at(1, last).is_err() {
+            return false;
+        }
+        (self.memory[0], self.is_judged) = (END, true);
+        true
+    }
+
+    /// Writes what the accelerations at both ends of the step last met are off, times h.
+    pub(super) fn set_defects(&mut self, velocities: &Matrix, h: f64) {
+        for (end, defects) in self.defects.iter_mut().enumerate() {
+            for (k, defect) in defects.iter_mut().enumerate() {
+                let weights = self.slopes[end].iter().enumerate();
+                let slope: f64 = weights.map(|(i, weight)| weight * velocities[(i, k)]).sum();
+                *defect = slope - h * self.ends[end][k];
+            }
+        }
     }
 
     /// Whether the accelerations at both ends of the last step are known.
@@ -137,24 +164,22 @@ impl Kinks {
         self.memory.first() == Some(&END)
     }
 
-    /// The error from what the accelerations are off.
-    fn judge(
+    /// The error from what the accelerations are off; `unit` is that of the tolerance, which may differ from step to step.
+    pub(super) fn judge(
         &mut self,
         velocities: StepVelocities,
         h: f64,
         y: [&[f64]; 2],
-        estimate: &Estimate,
+        (estimate, unit): (&Estimate, f64),
     ) -> f64 {
         let (off, tolerance) = (estimate.off(), &estimate.tolerance);
         let (rows, n) = (velocities.rows.rows(), velocities.rows.cols());
-        let defect = |end: usize| {
-            let of = |k: usize| self.defect(velocities.rows, h, end, k);
-            tolerance.weigh(y, (0..n).map(of))
-        };
+        let defect = |end: usize| tolerance.weigh(y, self.defects[end].iter().copied());
         let defect = defect(0).max(defect(1));
         let [_, e, d, length] = self.memory[..] else {
             return 0.0;
         };
+        let [e, d] = [e / unit, d / unit];
         let order = (rows - 2) as f64;
         let expected = |ratio: f64| (e * ratio.powf(order)).max(d * ratio.powf(order + 1.0));
         // of the first step there is none before
@@ -163,7 +188,7 @@ impl Kinks {
         // a bend that was met does not allow more in a longer step
         let is_smooth = !is_sudden && defect <= SMOOTH * off.max(expected(ratio.min(1.0)));
         self.before.copy_from_slice(&self.memory[1..]);
-        self.memory[1..].copy_from_slice(&[off, defect, h.abs()]);
+        self.memory[1..].copy_from_slice(&[off * unit, defect * unit, h.abs()]);
         if is_smooth {
             return 0.0;
         }
@@ -177,7 +202,7 @@ impl Kinks {
         let misses = [0, 1].map(|end| {
             let of_e = above(ROUNDINGS, &|k| estimate.defect(velocities, end, k));
             let most = ROUNDINGS * order.powi(2);
-            of_e.max(above(most, &|k| self.defect(velocities.rows, h, end, k)))
+            of_e.max(above(most, &|k| self.defects[end][k]))
         });
         let missed = misses[0].max(misses[1]);
         self.part * missed * time_scale.clamp(h.abs(), LONGEST * h.abs())

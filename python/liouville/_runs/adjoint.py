@@ -60,7 +60,7 @@ class Adjoint(ABC):
     def shapes(self, solution: Solution) -> dict[str, tuple[int, ...]]:
         """Return the shapes of what has cotangents, by the names of the states."""
 
-    def check(self, steps: int) -> None:
+    def check(self, steps: float) -> None:
         """Refuse a pullback of so many steps if one of them has no derivative."""
         kink = self.kinks.first if self.kinks is not None and self.refuses_kinks else None
         if kink is not None and kink.step < steps:

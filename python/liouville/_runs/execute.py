@@ -54,8 +54,9 @@ class Checkpoints:
         self._most = math.inf if steps is not None else 4
         self.next = 0
         self._saved: list[np.ndarray] = []
-        #: What records the steps, once.
+        #: What records the steps, once; and whether it can be followed back.
         self._recorders: list[_core.Pullback] = []
+        self._is_followed = True
 
     def start(self, runner: Runner) -> _core.Run | dict[str, Any]:
         """Start the run of a runner, or return the error of its start."""
@@ -63,6 +64,7 @@ class Checkpoints:
         if recorder is None or isinstance(recorder, dict):
             return runner.start() if recorder is None else recorder
         self._recorders.append(recorder)
+        self._is_followed = not runner.parts_steps
         return recorder.run
 
     def recorded(self) -> tuple[_core.Pullback | None, int]:
@@ -71,7 +73,7 @@ class Checkpoints:
             recorder = self._recorders.pop()
         except IndexError:
             recorder = None
-        return recorder, (len(self._saved) - 1) * self.stride
+        return recorder if self._is_followed else None, (len(self._saved) - 1) * self.stride
 
     def take(self, run: _core.Run) -> None:
         """Save a run that has come to where it is to be saved."""

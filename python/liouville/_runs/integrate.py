@@ -114,10 +114,11 @@ def integrate(
         of the shape of that, or d of them stacked, of shape (d, n). ``solution.tangents`` has the
         derivatives of the discrete solution, to roundoff; see :doc:`/theory/adjoint`. A direction
         that leaves the constraints, such as that of a length in them, is moved onto them by the
-        tangent of ``system.consistent``. Controlled steps are held. Of mechanical systems by
-        ``Spark``, ``LobattoPair`` and compositions of them and by those of the alpha family,
-        of semi-explicit systems by ``"y"``, of fields without divergence by ``"x"``, parameters and
-        ends, and of Schrödinger equations by ``"psi"``, parameters and samples, as for :func:`vjp`.
+        tangent of ``system.consistent``. Controlled steps are held, and follow errors of tangents
+        too. Of mechanical systems by ``Spark``, ``LobattoPair`` and compositions of them and by
+        those of the alpha family, of semi-explicit systems by ``"y"``, of fields without divergence
+        by ``"x"``, parameters and ends, and of Schrödinger equations by ``"psi"``, parameters and
+        samples, as for :func:`vjp`.
     progress : bool or callable, optional
         True shows a bar, on a terminal or in a notebook. A function is called about twenty times a
         second, ``progress(done, total)``, with numbers of steps, or times where steps are

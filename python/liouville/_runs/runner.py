@@ -172,6 +172,11 @@ class Runner(ABC):
         own: Any = self  # of a system on constraints or of a field
         check_tangents(own, request, solution)
 
+    @property
+    def parts_steps(self) -> bool:
+        """Whether events or given times part steps, which a pullback then repeats."""
+        return False
+
     def recorder(self) -> _core.Pullback | dict[str, Any] | None:
         """Return the recorder of the run's steps, or the error of its start.
 

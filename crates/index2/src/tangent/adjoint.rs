@@ -2,18 +2,25 @@
 
 use super::super::Index2;
 use super::super::stages::{CollocationStages, CollocationStep};
+use super::Index2Tangents;
 use super::linear_step::LinearCollocation;
 use crate::semi_explicit::{SemiExplicitSensitivityModel, SemiExplicitState};
 use liouville_base::error::StepError;
 use liouville_base::linalg::copy;
 use liouville_base::recorder::{Recordable, StepRecord};
-use liouville_problem::Cotangents;
+use liouville_problem::{Cotangents, TangentState};
 
 impl Recordable for Index2 {
     fn write_unknowns(&self, _: &SemiExplicitState, out: &mut Vec<f64>) {
         out.clear();
         out.extend_from_slice(self.stages.v.flat());
         out.extend_from_slice(self.stages.z.flat());
+    }
+}
+
+impl Recordable for Index2Tangents {
+    fn write_unknowns(&self, state: &TangentState<SemiExplicitState>, out: &mut Vec<f64>) {
+        self.index2.write_unknowns(&state.motion, out);
     }
 }
 

@@ -102,6 +102,15 @@ impl LinearCollocation {
         }
     }
 
+    /// dV_i, where the map was last applied.
+    pub(super) fn field_moves(&self) -> &[f64] {
+        let (s, n) = (
+            self.points.range().len() / self.model.problem.n - 1,
+            self.model.problem.n,
+        );
+        self.map.read(self.right.cut(0, s * n))
+    }
+
     /// Lists a step at its stages, which solve its equations; with dz1 where its `end` is given.
     pub(super) fn make(
         &mut self,

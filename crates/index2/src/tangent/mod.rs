@@ -1,13 +1,16 @@
 //! Steps of an index-2 method with their tangents, and their adjoints.
 
 mod adjoint;
+mod errors;
 mod linear_step;
 mod observer;
+mod start;
 
 use super::Index2;
 use super::stages::CollocationStep;
 use crate::semi_explicit::{SemiExplicitSensitivityModel, SemiExplicitState};
 pub use adjoint::Index2Adjoint;
+use errors::TangentErrors;
 use linear_step::LinearCollocation;
 use liouville_base::error::StepError;
 use liouville_base::linalg::Matrix;
@@ -24,6 +27,8 @@ pub struct Index2Tangents {
     linear: LinearCollocation,
     directions: Directions,
     before: TangentState<SemiExplicitState>,
+    /// Of tangents in random directions: one where errors control the steps.
+    errors: Vec<TangentErrors>,
 }
 
 impl Index2Tangents {
@@ -35,7 +40,7 @@ impl Index2Tangents {
         index2: Index2,
         sensitivity: SemiExplicitSensitivityModel,
         mut directions: Directions,
-        (t, motion): (f64, SemiExplicitState),
+        (t, motion, params): (f64, SemiExplicitState, &[f64]),
         y: Matrix,
     ) -> Result<(Self, TangentState<SemiExplicitState>), StepError> {
         let mut linear = LinearCollocation::new(&index2, sensitivity);
@@ -56,8 +61,11 @@ impl Index2Tangents {
             z,
             t: dt,
         };
+        let own = &linear.solvers.sensitivity;
+        let errors = TangentErrors::new(&index2, own, (&state.motion, params));
         let stepper = Self {
             before: state.clone(),
+            errors: errors.into_iter().collect(),
             index2,
             linear,
             directions,
@@ -79,12 +87,26 @@ impl Index2Tangents {
             state: &before.motion,
         };
         self.linear.make(stages, step, Some(&state.motion))?;
-        let LinearCollocation { map, solvers, .. } = &mut self.linear;
+        for errors in &mut self.errors {
+            errors.follow(&mut self.linear, (t, h), &state.motion);
+        }
         for direction in 0..self.directions.count() {
             let along = (&self.directions, direction);
+            let LinearCollocation { map, solvers, .. } = &mut self.linear;
             let Ok(()) = map.push(solvers, along, (before, state));
         }
         Ok(())
+    }
+}
+
+impl Index2Tangents {
+    /// The same for parts of steps, whose errors are not asked for.
+    #[must_use]
+    pub fn alone(&self) -> Self {
+        Self {
+            errors: Vec::new(),
+            ..self.clone()
+        }
     }
 }
 
@@ -98,16 +120,21 @@ impl Stepper for Index2Tangents {
         state: &mut TangentState<SemiExplicitState>,
     ) -> Result<(), StepError> {
         self.before.clone_from(state);
+        for errors in &mut self.errors {
+            errors.begin(t, &state.motion)?;
+        }
         self.index2.step(t, h, &mut state.motion)?;
         let made = self.follow(t, h, state);
         made.inspect_err(|_| {
             state.clone_from(&self.before);
+            self.errors.iter_mut().for_each(TangentErrors::undo);
             self.index2.predictor.undo();
         })
     }
 
     fn forget(&mut self) {
         self.index2.forget();
+        self.errors.iter_mut().for_each(TangentErrors::forget);
     }
 
     fn stats(&self) -> Stats {
@@ -119,7 +146,8 @@ impl Symmetric for Index2Tangents {}
 
 impl Estimating for Index2Tangents {
     fn error(&self) -> f64 {
-        self.index2.error()
+        let of_tangents = self.errors.iter().map(TangentErrors::largest);
+        of_tangents.fold(self.index2.error(), f64::max)
     }
 
     fn error_order(&self) -> f64 {
@@ -127,10 +155,13 @@ impl Estimating for Index2Tangents {
     }
 
     fn undo(&mut self, state: &mut TangentState<SemiExplicitState>) {
+        for errors in &mut self.errors {
+            errors.undo();
+        }
         self.index2.undo(&mut state.motion);
         state.clone_from(&self.before);
     }
 }
 
 // Tangents are saved with the state; other memory is rewritten in each step.
-liouville_base::checkpoint!(Index2Tangents { index2 });
+liouville_base::checkpoint!(Index2Tangents { index2, errors });

@@ -1,13 +1,13 @@
 //! Pullbacks of the α family.
 
 use super::pullback::{Pullback, StepAdjoint};
-use super::recording::{RecordedSteps, Recording};
+use super::recording::{RecordedSteps, Recording, no_directions};
 use super::{Job, Method, Problem, Starter, System};
-use liouville_alpha::{AlphaAdjoint, AlphaSlopes, AlphaState, AlphaTransposed};
+use liouville_alpha::{AlphaAdjoint, AlphaSlopes, AlphaState, AlphaTangents, AlphaTransposed};
 use liouville_base::error::StepError;
 use liouville_base::recorder::{Recorder, SharedRecords, StepRecord};
 use liouville_base::run::StartError;
-use liouville_problem::{Cotangents, PointAdjoint, Sensitivity};
+use liouville_problem::{Cotangents, PointAdjoint, Sensitivity, SensitivityModel, TangentLed};
 use std::sync::Arc;
 
 impl StepAdjoint for AlphaAdjoint {
@@ -68,13 +68,32 @@ impl Pullback<AlphaAdjoint> {
         }
         let (stepper, start, sizes) = starter.alpha_at((problem, *weights, *reactions, None), 0)?;
         let params = starter.params(0);
+        let of_led = slopes.clone();
         let adjoint = AlphaAdjoint::new((slopes, transposed), *reactions, params, n);
         let (whole, partial) = (SharedRecords::default(), SharedRecords::default());
         let member = starter.alpha_member(0, &stepper);
         let copy = starter.copy(&Recorder::new(stepper.clone(), partial.clone()));
-        let trial = Box::new(stepper.clone());
-        let recorder = Recorder::new(stepper, whole.clone());
-        let control = starter.alpha_control((recorder, trial), sizes, 0, &start);
+        let control = if sizes.is_some() {
+            let at = (
+                starter.job.span.t0,
+                start.clone(),
+                starter.has_accelerations(),
+            );
+            let (directions, [y, z]) = no_directions(n, sensitivity.width());
+            let derivatives = SensitivityModel::new(sensitivity.clone(), params);
+            let (of, along) = ((of_led, params), (derivatives, directions));
+            let led = TangentLed::new(AlphaTangents::new(stepper, of, along, at, (y, z))?);
+            let trial = Box::new(led.clone());
+            starter.alpha_control((Recorder::new(led, whole.clone()), trial), sizes, 0, &start)
+        } else {
+            let trial = Box::new(stepper.clone());
+            starter.alpha_control(
+                (Recorder::new(stepper, whole.clone()), trial),
+                sizes,
+                0,
+                &start,
+            )
+        };
         let (point, reset, sizes) = starter.mechanical_adjoints(sensitivity);
         let method = Recording {
             point,

@@ -1,17 +1,17 @@
 //! Pullbacks of the index-2 methods.
 
 use super::pullback::{Pullback, StepAdjoint};
-use super::recording::Recording;
+use super::recording::{Recording, no_directions};
 use super::{Job, Method, Problem, Starter, System};
 use crate::events::SemiExplicitReset;
 use liouville_base::error::StepError;
 use liouville_base::recorder::StepRecord;
 use liouville_base::run::StartError;
-use liouville_index2::Index2Adjoint;
 use liouville_index2::semi_explicit::{
     SemiExplicitPoint, SemiExplicitSensitivity, SemiExplicitSensitivityModel, SemiExplicitState,
 };
-use liouville_problem::Cotangents;
+use liouville_index2::{Index2Adjoint, Index2Tangents};
+use liouville_problem::{Cotangents, TangentLed};
 use std::sync::Arc;
 
 impl StepAdjoint for Index2Adjoint {
@@ -75,7 +75,18 @@ impl Pullback<Index2Adjoint> {
         let member = starter.semi_explicit_member(problem, 0);
         let model = member.model.clone();
         let monitor = starter.traced(0, || model.clone());
-        let steps = starter.recorded_steps((stepper, stages.as_deref()), sizes, monitor, &start);
+        let stages = stages.as_deref();
+        let steps = if sizes.is_some() {
+            let at = (starter.job.span.t0, start.clone(), starter.params(0));
+            let (directions, [y, _]) = no_directions(problem.n, sensitivity.width());
+            let part = stepper.clone();
+            let of = Index2Tangents::new(stepper, derivatives.clone(), directions, at, y)?;
+            let led = TangentLed::new(of);
+            starter.recorded_steps((led, part, stages), sizes, monitor, &start)
+        } else {
+            let part = stepper.clone();
+            starter.recorded_steps((stepper, part, stages), sizes, monitor, &start)
+        };
         let method = Recording {
             point: SemiExplicitPoint::new(model.clone(), derivatives.clone()),
             reset: Box::new(SemiExplicitReset::new(model, derivatives)),

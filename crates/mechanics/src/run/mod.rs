@@ -274,7 +274,7 @@ impl Starter {
         let (stepper, state, sizes) = self.spark_at(method, member)?;
         if let Some(tangents) = &self.job.tangents {
             let (stepper, state) = self.with_tangents(stepper.keep(), tangents, state, member)?;
-            let copy = self.composed_copy((&stepper, stages));
+            let copy = self.composed_copy((&stepper.alone(), stages));
             let control = match sizes {
                 None => self.symmetric_control((stepper, stages), self.monitor(member), &state),
                 Some(sizes) => self.adaptive_control(stepper, sizes),

@@ -5,10 +5,11 @@ use super::member::{BoxedStepper, Member, MonitoredSteps};
 use super::pullback::StepAdjoint;
 use crate::events::LinearReset;
 use liouville_base::checkpoint::Checkpoint;
+use liouville_base::linalg::Matrix;
 use liouville_base::method::{Estimating, Symmetric};
 use liouville_base::recorder::{Recordable, Recorded, Recorder, SharedRecords};
 use liouville_base::run::StepControl;
-use liouville_problem::ObservePoint;
+use liouville_problem::{Directions, ObservePoint};
 
 /// Steps that are recorded as they are made.
 pub(super) struct RecordedSteps<State: Checkpoint> {
@@ -38,12 +39,21 @@ pub(super) struct Recording<A: StepAdjoint> {
     pub(super) is_given: bool,
 }
 
+/// No directions of a run, beside those that its steps follow, and no changes of y and z at its start.
+pub(super) fn no_directions(n: usize, width: usize) -> (Directions, [Matrix; 2]) {
+    let directions = Directions {
+        tau: Matrix::zeros(0, width),
+        stretch: Vec::new(),
+    };
+    (directions, [0, 0].map(|rows| Matrix::zeros(rows, n)))
+}
+
 impl Starter {
     /// The recorded steps of a method, alone or composed, from a start: controlled by its errors, or by a monitor if
-    /// there is one, or equal.
-    pub(super) fn recorded_steps<M>(
+    /// there is one, or equal. `part` makes parts of steps.
+    pub(super) fn recorded_steps<M, P>(
         &self,
-        (stepper, stages): (M, Option<&[f64]>),
+        (stepper, part, stages): (M, P, Option<&[f64]>),
         sizes: Option<(f64, f64)>,
         monitor: MonitoredSteps<M::State>,
         start: &M::State,
@@ -51,9 +61,10 @@ impl Starter {
     where
         M: Recordable + Estimating + Symmetric + Clone + 'static,
         M::State: Recorded + Clone + Send,
+        P: Recordable<State = M::State> + Symmetric + Clone + 'static,
     {
         let (whole, partial) = (SharedRecords::default(), SharedRecords::default());
-        let part = Recorder::new(stepper.clone(), partial.clone());
+        let part = Recorder::new(part, partial.clone());
         let recorder = Recorder::new(stepper, whole.clone());
         RecordedSteps {
             copy: self.composed_copy((&part, stages)),

@@ -1,14 +1,16 @@
 //! Pullbacks of SPARK methods.
 
 use super::pullback::{Pullback, StepAdjoint};
-use super::recording::Recording;
+use super::recording::{Recording, no_directions};
 use super::{Job, Method, Problem, Starter, System};
 use crate::events::{LinearImpulse, LinearReset};
 use liouville_base::error::StepError;
 use liouville_base::recorder::StepRecord;
 use liouville_base::run::StartError;
-use liouville_problem::{Cotangents, PointAdjoint, Sensitivity, SensitivityModel, State};
-use liouville_spark::SparkAdjoint;
+use liouville_problem::{
+    Cotangents, PointAdjoint, Sensitivity, SensitivityModel, State, TangentLed,
+};
+use liouville_spark::{SparkAdjoint, SparkTangents};
 use std::sync::Arc;
 
 impl StepAdjoint for SparkAdjoint {
@@ -84,9 +86,19 @@ impl Pullback<SparkAdjoint> {
         let (stepper, start, sizes) = starter.spark_at((problem, pools, spark), 0)?;
         let stepper = stepper.keep();
         let derivatives = SensitivityModel::new(sensitivity.clone(), starter.params(0));
-        let adjoint = SparkAdjoint::new(&stepper, derivatives);
-        let monitor = starter.monitor(0);
-        let steps = starter.recorded_steps((stepper, stages.as_deref()), sizes, monitor, &start);
+        let adjoint = SparkAdjoint::new(&stepper, derivatives.clone());
+        let (monitor, stages) = (starter.monitor(0), stages.as_deref());
+        let steps = if sizes.is_some() {
+            let at = (starter.job.span.t0, start.clone(), starter.params(0));
+            let (directions, [y, z]) = no_directions(problem.n, sensitivity.width());
+            let rows = (y, z, Vec::new());
+            let of = SparkTangents::new(stepper.clone(), derivatives, directions, at, rows)?;
+            let led = TangentLed::new(of);
+            starter.recorded_steps((led, stepper, stages), sizes, monitor, &start)
+        } else {
+            let part = stepper.clone();
+            starter.recorded_steps((stepper, part, stages), sizes, monitor, &start)
+        };
         let (point, reset, sizes) = starter.mechanical_adjoints(sensitivity);
         let method = Recording {
             point,

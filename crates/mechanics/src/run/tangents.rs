@@ -78,7 +78,7 @@ impl Starter {
             .map(|i| directions.tau[(i, 0)])
             .collect();
         let sensitivity = self.sensitivity(tangents, member);
-        let start = (self.job.span.t0, state);
+        let start = (self.job.span.t0, state, self.params(member));
         SparkTangents::new(stepper, sensitivity, directions, start, (y, z, dt))
     }
 
@@ -99,7 +99,7 @@ impl Starter {
         let of = (sensitivity, directions);
         let (stepper, state) =
             AlphaTangents::new(stepper, (slopes, params), of, start, rows.into())?;
-        let (copy, trial) = (self.copy(&stepper), Box::new(stepper.clone()));
+        let (copy, trial) = (self.copy(&stepper.alone()), Box::new(stepper.clone()));
         let control = self.alpha_control((stepper, trial), sizes, number, &state);
         let of = (Box::new(carried) as _, restart);
         self.mechanical_tangents((control, copy), tangents, of, state, number)
@@ -119,10 +119,10 @@ impl Starter {
         };
         let params = self.params(of.number);
         let sensitivity = SemiExplicitSensitivityModel::new(sensitivity.clone(), params);
-        let (start, derivatives) = ((self.job.span.t0, state), sensitivity.clone());
+        let (start, derivatives) = ((self.job.span.t0, state, params), sensitivity.clone());
         let (stepper, state) = Index2Tangents::new(stepper, derivatives, directions, start, y)?;
         let monitor = self.traced(of.number, || of.model.clone());
-        let copy = self.composed_copy((&stepper, stages));
+        let copy = self.composed_copy((&stepper.alone(), stages));
         let control = match sizes {
             None => self.symmetric_control((stepper, stages), monitor, &state),
             Some(sizes) => self.adaptive_control(stepper, sizes),

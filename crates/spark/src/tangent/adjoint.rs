@@ -4,17 +4,26 @@ use super::super::Spark;
 use super::super::full_newton::FullMatrix;
 use super::super::lanes::SparkBatch;
 use super::super::stages::Stages;
+use super::SparkTangents;
 use super::backward::Backward;
 use super::equations::{LinearEquations, StepMatrix, is_small};
 use super::linear_step::LinearStep;
 use liouville_base::error::StepError;
 use liouville_base::real::Real;
 use liouville_base::recorder::{Recordable, StepRecord};
-use liouville_problem::{Cotangents, MemberLanes, Model, SensitivityModel, State, Step};
+use liouville_problem::{
+    Cotangents, MemberLanes, Model, SensitivityModel, State, Step, TangentState,
+};
 
 impl Recordable for Spark {
     fn write_unknowns(&self, _: &State, out: &mut Vec<f64>) {
         self.predictor.append_solution(out);
+    }
+}
+
+impl Recordable for SparkTangents {
+    fn write_unknowns(&self, state: &TangentState, out: &mut Vec<f64>) {
+        self.spark.write_unknowns(&state.motion, out);
     }
 }
 

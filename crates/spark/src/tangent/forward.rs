@@ -99,6 +99,11 @@ impl Forward {
         Ok(())
     }
 
+    /// δZ_i and δV_i of the last direction, and what is behind them.
+    pub(super) fn unknowns(&self, linear: &LinearStep) -> [&[f64]; 2] {
+        [&self.right, &self.right[linear.places().0.v..]]
+    }
+
     /// Writes e(Y_i), e(Ŷ_j), and e(h b_j f_j), e(h b̂_j r_j).
     fn vary(
         &mut self,

@@ -3,6 +3,7 @@
 mod adjoint;
 mod backward;
 mod equations;
+mod errors;
 mod forward;
 mod linear_step;
 mod operator;
@@ -11,6 +12,7 @@ use super::Spark;
 use super::stages::Stages;
 pub use adjoint::{BatchAdjoint, SparkAdjoint};
 use equations::LinearEquations;
+use errors::TangentErrors;
 use forward::{Forward, StepAlong};
 use linear_step::LinearStep;
 use liouville_base::error::StepError;
@@ -35,6 +37,8 @@ pub struct SparkTangents {
     directions: Directions,
     /// The state before the step.
     before: TangentState,
+    /// Of tangents in random directions: one where errors control the steps.
+    errors: Vec<TangentErrors>,
 }
 
 impl Spark {
@@ -48,7 +52,7 @@ impl Spark {
 
 impl SparkTangents {
     /// The method with tangents of a motion from `motion` at `t`: changes of its coordinates and of its z, a row for
-    /// each direction, and of `t`.
+    /// each direction, and of `t`. Where errors control the steps these follow those of other tangents too.
     ///
     /// # Errors
     /// A derivative at the start that is not finite.
@@ -56,7 +60,7 @@ impl SparkTangents {
         mut spark: Spark,
         sensitivity: SensitivityModel,
         mut directions: Directions,
-        (t, motion): (f64, State),
+        (t, motion, params): (f64, State, &[f64]),
         (y, z, dt): (Matrix, Matrix, Vec<f64>),
     ) -> Result<(Self, TangentState), StepError> {
         let mut state = TangentState {
@@ -74,9 +78,15 @@ impl SparkTangents {
         let sensitivity = momenta.sensitivity;
         let stages = spark.own_stages();
         let linear = LinearStep::new((&spark.model, &spark.tableau), sensitivity);
-        let equations = LinearEquations::new((&spark, &stages), directions.count());
+        let errors = TangentErrors::new(&spark, &linear.sensitivity, (&state.motion, params));
+        // the steps are to have the same bits whatever they are differentiated by
+        let count = errors
+            .as_ref()
+            .map_or(directions.count(), TangentErrors::count);
+        let equations = LinearEquations::new((&spark, &stages), count);
         let order = linear.places().1;
         let stepper = Self {
+            errors: errors.into_iter().collect(),
             forward: Forward::new(&spark.model.problem, &spark.tableau, order),
             stages,
             before: state.clone(),
@@ -102,6 +112,10 @@ impl SparkTangents {
         (spark.predictor).write_solution(&mut stages.unknowns);
         let equations = &mut self.equations;
         (self.linear).make((model, stages), (step, &state.motion), equations)?;
+        for errors in &mut self.errors {
+            let by = (&mut self.forward, &mut *equations);
+            errors.follow(by, (&mut self.linear, model, stages), (step, &state.motion))?;
+        }
         for direction in 0..self.directions.count() {
             let along = StepAlong {
                 step,
@@ -111,10 +125,26 @@ impl SparkTangents {
             };
             let directions = &mut self.directions;
             let at = (&*model, &*stages);
-            let of = (&mut self.linear, &mut self.equations);
+            let of = (&mut self.linear, &mut *equations);
             (self.forward).follow(of, at, directions, along, state)?;
         }
         Ok(())
+    }
+
+    /// The same for parts of steps, whose errors are not asked for.
+    #[must_use]
+    pub fn alone(&self) -> Self {
+        Self {
+            errors: Vec::new(),
+            ..self.clone()
+        }
+    }
+
+    /// The larger error, of the motion or of a tangent, and its order.
+    fn largest(&self) -> (f64, f64) {
+        let own = (self.spark.error(), self.spark.error_order());
+        let of_tangents = self.errors.iter().map(TangentErrors::largest);
+        of_tangents.fold(own, |a, b| if b.0 > a.0 { b } else { a })
     }
 }
 
@@ -123,16 +153,23 @@ impl Stepper for SparkTangents {
 
     fn step(&mut self, t: f64, h: f64, state: &mut TangentState) -> Result<(), StepError> {
         self.before.clone_from(state);
+        for errors in &mut self.errors {
+            errors.begin(t, &state.motion)?;
+        }
         self.spark.step(t, h, &mut state.motion)?;
         let made = self.follow(t, h, state);
         made.inspect_err(|_| {
             state.clone_from(&self.before);
+            self.errors.iter_mut().for_each(TangentErrors::undo);
             self.spark.predictor.undo();
         })
     }
 
     fn forget(&mut self) {
         self.spark.forget();
+        for errors in &mut self.errors {
+            errors.forget();
+        }
     }
 
     fn stats(&self) -> Stats {
@@ -144,14 +181,17 @@ impl Symmetric for SparkTangents {}
 
 impl Estimating for SparkTangents {
     fn error(&self) -> f64 {
-        self.spark.error()
+        self.largest().0
     }
 
     fn error_order(&self) -> f64 {
-        self.spark.error_order()
+        self.largest().1
     }
 
     fn undo(&mut self, state: &mut TangentState) {
+        for errors in &mut self.errors {
+            errors.undo();
+        }
         self.spark.undo(&mut state.motion);
         state.clone_from(&self.before);
     }
@@ -166,4 +206,8 @@ impl Estimating for SparkTangents {
 }
 
 // Tangents are saved with the state; other memory is rewritten in each step.
-liouville_base::checkpoint!(SparkTangents { spark, equations });
+liouville_base::checkpoint!(SparkTangents {
+    spark,
+    equations,
+    errors
+});

@@ -127,7 +127,7 @@ fn tangents(functions: &Functions, params: &[f64], y: &[f64], solver: Solver) ->
     };
     let zeros = || Matrix::zeros(2, n);
     let start = (zeros(), zeros(), vec![0.0; 2]);
-    let made = SparkTangents::new(spark, sensitivity, directions, (0.0, state), start);
+    let made = SparkTangents::new(spark, sensitivity, directions, (0.0, state, &[]), start);
     let (mut stepper, mut state) = made.expect("derivatives are finite");
     let mut n_steps = 0;
     let mut forward = |count: usize| {

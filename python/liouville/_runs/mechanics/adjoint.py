@@ -78,7 +78,7 @@ class ConstrainedAdjoint(Adjoint):
         core.give_events(self._rows_of_events(solution, cotangents))
         kept = np.minimum(np.arange(len(rows)) * runner.every, steps)
         steps = self._last(solution, cotangents, kept)
-        self.check(steps)
+        self.check(steps if runner.steps.control is None else self._seen(steps, solution, kept))
         if runner.times is not None:
             # between steps, from where the core takes them to the starts of these
             over = runner.times.size - len(rows)  # behind the end of a run that an event ended
@@ -100,6 +100,14 @@ class ConstrainedAdjoint(Adjoint):
             of_tau = of_tau + more
         moved = runner.pulled_start((of_y, of_z, of_tau))
         return gradients_of(runner.system, runner.steps, moved, stretch + longer, self.wrt)
+
+    def _seen(self, steps: int, solution: Solution, kept: np.ndarray) -> float:
+        """Return how many steps are looked at for kinks by a run whose controlled steps differ."""
+        kink = None if self.kinks is None else self.kinks.first
+        if kink is None or steps == solution.stats["steps"]:
+            return math.inf
+        t0, t = self.runner.steps.t0, solution.t[np.searchsorted(kept, steps)]
+        return math.inf if abs(kink.t - t0) < abs(t - t0) else 0
 
     def _last(
         self, solution: Solution, cotangents: Mapping[str, np.ndarray], kept: np.ndarray

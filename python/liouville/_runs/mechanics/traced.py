@@ -176,8 +176,17 @@ class TracedRunner(Runner):
         return ConstrainedAdjoint(self, request, wrt)
 
     def recorder(self) -> _core.Pullback | dict[str, Any] | None:
-        """Return the pullback that records the run, unless events or given times part steps."""
-        return self.pullback(self.every) if self._watched is None else None
+        """Return the pullback that records the run, unless events or given times part equal steps.
+
+        Controlled ones follow the errors of tangents, which the run of a pullback alone has.
+        """
+        is_plain = self.parts_steps and self._control != "error"
+        return None if is_plain else self.pullback(self.every)
+
+    @property
+    def parts_steps(self) -> bool:
+        """Whether events or given times part steps, which a pullback then repeats."""
+        return self._watched is not None
 
     def pullback(self, every: int = MOST_STEPS) -> _core.Pullback | dict[str, Any]:
         """Return the pullback of the run in the core, or the error of its start.
