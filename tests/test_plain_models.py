@@ -35,6 +35,9 @@ SYMMETRIC = (
 )
 RADAU = (lv.Spark(2, points="radau"), lv.Spark(3, points="radau"))
 ALPHA = (lv.HHT(-0.1), lv.GeneralizedAlpha(0.9), lv.ArnoldBruls(0.9))
+ALL = SYMMETRIC + RADAU + ALPHA
+#: The methods without a bound of h by the frequency, and those that take stiff forces.
+IMPLICIT = SYMMETRIC[:5] + RADAU + ALPHA
 
 
 @dataclass
@@ -46,14 +49,16 @@ class Model:
     end: Callable[[float], Any]
     # Structures and assemblies have no parameter g, and elsewhere the start may depend on it
     by_g: bool = True
-    methods: tuple = SYMMETRIC + RADAU + ALPHA
+    methods: tuple = ALL
 
 
 def half(v):
     return ca.sumsqr(v) / 2
 
 
-def model(potential, constraint, q, v=None, end=None, kinetic=half, by_g=True, **more):
+def model(
+    potential, constraint, q, v=None, end=None, kinetic=half, by_g=True, methods=None, **more
+):
     """Return a model with a Lagrangian; `potential(q, g)`, `constraint(t, q)`, `end(g)`."""
     q = np.atleast_1d(np.asarray(q, float))
     v = np.zeros(len(q)) if v is None else np.atleast_1d(np.asarray(v, float))
@@ -65,7 +70,7 @@ def model(potential, constraint, q, v=None, end=None, kinetic=half, by_g=True, *
         params={"g": G},
         **more,
     )
-    return Model(system, {"q": q, "v": v}, end or (lambda g: q), by_g)
+    return Model(system, {"q": q, "v": v}, end or (lambda g: q), by_g, methods or ALL)
 
 
 def weighs(k):
@@ -154,6 +159,29 @@ def lagrangians():
         model(nothing, None, [0, 0], kinetic=lambda q, v: (1 + q[0] ** 2) * v[0] ** 2 + half(v)),
     )
 
+    for k in (1e2, 1e3, 1e5):
+        hanging = [0, -0.3 - G / k]
+        yield (
+            f"weight of a spring of {k:g}, whose forces round",
+            model(
+                lambda q, g, k=k: k / 2 * (ca.norm_2(q) - 0.3) ** 2 + g * q[1],
+                None,
+                hanging,
+                by_g=False,
+                methods=IMPLICIT,
+            ),
+        )
+        yield (
+            f"weight of a spring of {k:g} along a line",
+            model(
+                lambda q, g, k=k: k / 2 * (q[0] - 0.7) ** 2 + g * q[0],
+                None,
+                [0.7 - G / k],
+                by_g=False,
+                methods=IMPLICIT,
+            ),
+        )
+
     floor = lambda t, q: q[1]  # noqa: E731
     yield "block on the ground at 0", model(weighs(1), floor, [0, 0])
     yield "block on the ground at 1", model(weighs(1), lambda t, q: q[1] - 1, [0, 1])
@@ -225,6 +253,7 @@ def lagrangians():
     yield "pendulum without weight", model(nothing, circle, [0.6, 0.8])
     yield "pendulum hangs at the origin", beads([1.0])
     yield "pendulum of a rod that rounds", beads([0.3])
+    yield "pendulum of a rod of 0.7", beads([0.7])
     yield "pendulum of three rods", beads([1.0, 1.0, 1.0])
     yield "pendulum of three rods that round", beads([0.1, 0.3, 0.7])
     yield (
@@ -370,7 +399,7 @@ def others():
 def assemblies():
     """Return models of bodies, planar and spatial."""
 
-    def of(m, methods=SYMMETRIC + RADAU + ALPHA):
+    def of(m, methods=ALL):
         start = m.start()
         return Model(m.system(), start, lambda g: start["q"], by_g=False, methods=methods)
 

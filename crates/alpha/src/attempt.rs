@@ -5,7 +5,7 @@ use super::reaction::Reaction;
 use super::solve::{AlphaSolver, AlphaStep};
 use liouville_base::error::StepError;
 use liouville_base::linalg::{furthest, max_norm};
-use liouville_base::newton::{Attempts, Backoff, BranchAttempts, Slot, Start};
+use liouville_base::newton::{Attempts, Backoff, BranchAttempts, Slot, Solved, Start};
 
 /// A step whose equations are attempted.
 pub(super) struct AlphaAttempt<'a> {
@@ -48,7 +48,8 @@ impl Attempts for AlphaAttempt<'_> {
     }
 
     fn iterate(&mut self, h: f64) -> Result<bool, StepError> {
-        self.alpha.iterate(AlphaStep { h, ..self.step }, false)
+        let solved = self.alpha.iterate(AlphaStep { h, ..self.step }, false)?;
+        Ok(solved.is_near)
     }
 
     fn count_cold_start(&mut self) {
@@ -57,7 +58,7 @@ impl Attempts for AlphaAttempt<'_> {
 }
 
 impl BranchAttempts for AlphaAttempt<'_> {
-    fn iterate_full(&mut self, h: f64) -> Result<bool, StepError> {
+    fn iterate_full(&mut self, h: f64) -> Result<Solved, StepError> {
         self.alpha.iterate(AlphaStep { h, ..self.step }, true)
     }
 

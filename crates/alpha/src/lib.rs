@@ -25,6 +25,7 @@ mod probe;
 mod project;
 mod reaction;
 mod restart;
+mod sizes;
 mod solve;
 mod state;
 mod tangent;
@@ -35,7 +36,7 @@ use attempt::{AlphaAttempt, KeptAlpha};
 use liouville_base::error::StepError;
 use liouville_base::linalg::{Matrix, add_scaled, copy};
 use liouville_base::method::{Estimating, Stats, Stepper, Tolerance};
-use liouville_base::newton::{self, Backoff};
+use liouville_base::newton::{self, Backoff, Solved};
 use liouville_base::tableau;
 use liouville_problem::{Acceleration, Saddle, SecondOrderModel};
 use newton_matrix::AlphaMatrix;
@@ -255,8 +256,8 @@ impl Alpha {
     }
 
     /// The iteration, with factors made where it starts unless there are reusable ones, or with factors for each
-    /// correction if it `is_full`; says whether the solution is near.
-    fn iterate(&mut self, step: AlphaStep, is_full: bool) -> Result<bool, StepError> {
+    /// correction if it `is_full`.
+    fn iterate(&mut self, step: AlphaStep, is_full: bool) -> Result<Solved, StepError> {
         if !is_full && !self.matrix.reuse.is_reusable(step.h) {
             self.stats.factorizations += 1;
             self.matrix
@@ -274,7 +275,7 @@ impl Alpha {
         self.stats.iterations += solved.iterations;
         self.stats.evaluations += solved.iterations;
         self.matrix.reuse.record(solved.iterations);
-        Ok(solved.is_near)
+        Ok(solved)
     }
 
     /// The state after the step, in `other`.

@@ -62,14 +62,14 @@ pub(super) struct AlphaSolver {
 pub(super) struct AlphaEquations<'a> {
     pub(super) solver: &'a mut AlphaSolver,
     model: &'a mut SecondOrderModel,
-    matrix: &'a mut AlphaMatrix,
+    pub(super) matrix: &'a mut AlphaMatrix,
     pub(super) step: AlphaStep<'a>,
     /// The size of the coordinates plus that of h times the velocity, at the start; 0 where none is needed.
     pub(super) yardstick: f64,
     /// The largest acceleration that forces and reactions take from one another.
     pub(super) borne: f64,
     /// How far the last correction has moved y1.
-    moved_y: f64,
+    pub(super) moved_y: f64,
     /// Whether the next correction has factors of its own.
     is_refreshed: bool,
     pub(super) factorizations: usize,
@@ -309,46 +309,6 @@ impl AlphaEquations<'_> {
             at.zeta[k] = phi[1] * p + 0.5 * (a0 + a1);
         }
     }
-
-    /// The corrections h² η and h ζ, in units of the position and of the velocity; without A, the
-    /// velocity goes with the position, whose roundoff it has in units of 1/h.
-    pub(super) fn size(&mut self) -> f64 {
-        let [eta, zeta] = self.moved_by();
-        self.moved_y = eta;
-        let (at, h) = (&*self.solver, self.step.h.abs());
-        let (y, z) = (max_norm(&at.y), max_norm(&at.z));
-        let phi = max_norm(&at.phi).max(self.borne);
-        let of_y = relative(eta, y.max(h * z).max(h * h * phi));
-        match at.reactions_by {
-            Reactions::Position => of_y,
-            Reactions::Extended { .. } => of_y.max(relative(zeta, z.max(h * phi))),
-        }
-    }
-
-    /// How far the correction has moved y1 and z1.
-    fn moved_by(&self) -> [f64; 2] {
-        let (at, h) = (&*self.solver, self.step.h.abs());
-        let eta = &at.x[..at.y.len()];
-        [h * h * max_norm(eta), h * max_norm(&at.zeta)]
-    }
-
-    /// Whether the correction just made was the only one needed: the equations are linear, the factors
-    /// theirs, and its own roundoff is none of y1 and z1, since it was not larger than they are.
-    fn is_exact(&mut self) -> bool {
-        let (at, h) = (&mut *self.solver, self.step.h);
-        if !(at.is_affine && self.matrix.reuse.is_for(h)) {
-            return false;
-        }
-        at.place(h);
-        let (y, z) = (max_norm(&at.y), max_norm(&at.z));
-        let [by_y, by_z] = self.moved_by();
-        by_y <= y && by_z <= z
-    }
-}
-
-/// `d` in units of `x`, at most 1.
-fn relative(d: f64, x: f64) -> f64 {
-    if d == 0.0 { 0.0 } else { d / x.max(d) }
 }
 
 impl Equations for AlphaEquations<'_> {

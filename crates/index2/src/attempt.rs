@@ -4,7 +4,9 @@ use super::stages::{CollocationStages, CollocationStep};
 use super::{Index2, predictor};
 use liouville_base::error::StepError;
 use liouville_base::linalg::{Matrix, copy, furthest, max_norm};
-use liouville_base::newton::{Attempts, Backoff, BranchAttempts, Continuation, Slot, Start};
+use liouville_base::newton::{
+    Attempts, Backoff, BranchAttempts, Continuation, Slot, Solved, Start,
+};
 
 /// A step whose stage equations are attempted.
 pub(super) struct CollocationAttempt<'a> {
@@ -43,8 +45,8 @@ impl Attempts for CollocationAttempt<'_> {
     }
 
     fn iterate(&mut self, h: f64) -> Result<bool, StepError> {
-        self.index2
-            .iterate(CollocationStep { h, ..self.step }, false)
+        let solved = (self.index2).iterate(CollocationStep { h, ..self.step }, false)?;
+        Ok(solved.is_near)
     }
 
     fn count_cold_start(&mut self) {
@@ -78,7 +80,7 @@ impl Index2 {
 }
 
 impl BranchAttempts for CollocationAttempt<'_> {
-    fn iterate_full(&mut self, h: f64) -> Result<bool, StepError> {
+    fn iterate_full(&mut self, h: f64) -> Result<Solved, StepError> {
         self.index2
             .iterate(CollocationStep { h, ..self.step }, true)
     }

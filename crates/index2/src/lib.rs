@@ -29,7 +29,7 @@ use estimate::EndVelocities;
 use liouville_base::error::StepError;
 use liouville_base::linalg::{add_scaled, copy, max_norm, sum_compensated};
 use liouville_base::method::{Stats, Stepper, Symmetric};
-use liouville_base::newton::{self, Backoff, Continuation, Equations, Predictor};
+use liouville_base::newton::{self, Backoff, Continuation, Equations, Predictor, Solved};
 use liouville_base::tableau::Spark;
 use liouville_problem::finite_state;
 use newton_matrix::CollocationMatrix;
@@ -140,9 +140,8 @@ impl Index2 {
         }
     }
 
-    /// The iteration; from far away, or if it `is_full`, each correction has its own matrix. Says whether the
-    /// solution is near.
-    fn iterate(&mut self, step: CollocationStep, is_full: bool) -> Result<bool, StepError> {
+    /// The iteration; from far away, or if it `is_full`, each correction has its own matrix.
+    fn iterate(&mut self, step: CollocationStep, is_full: bool) -> Result<Solved, StepError> {
         let mut equations = CollocationEquations {
             stages: &mut self.stages,
             matrix: &mut self.matrix,
@@ -162,7 +161,7 @@ impl Index2 {
             Ok(solved) => {
                 self.matrix.reuse.record(solved.iterations);
                 self.stats.iterations += solved.iterations;
-                Ok(solved.is_near)
+                Ok(solved)
             }
             Err(error) => {
                 self.matrix.reuse.discard();

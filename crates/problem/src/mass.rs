@@ -85,6 +85,11 @@ impl<R: Real> Mass<R> {
         Ok(())
     }
 
+    /// Whether its determinant is negative, of the first of several members; `None` where that is not known.
+    pub fn is_negative(&self) -> Option<bool> {
+        self.factor.is_negative()
+    }
+
     /// `x = p_z⁻¹ x`
     #[inline(always)]
     pub fn solve(&mut self, x: &mut [R]) {

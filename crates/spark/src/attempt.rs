@@ -5,7 +5,9 @@ use super::general::General;
 use super::stages::Unknowns;
 use liouville_base::error::StepError;
 use liouville_base::linalg::copy;
-use liouville_base::newton::{Attempts, Backoff, BranchAttempts, Continuation, Slot, Start};
+use liouville_base::newton::{
+    Attempts, Backoff, BranchAttempts, Continuation, Slot, Solved, Start,
+};
 use liouville_problem::Step;
 
 /// A solution kept beside the present one.
@@ -43,7 +45,8 @@ impl Attempts for SparkAttempt<'_> {
 
     fn iterate(&mut self, h: f64) -> Result<bool, StepError> {
         let step = Step { h, ..self.step };
-        self.general.iterate(self.spark, step)
+        let solved = self.general.iterate(self.spark, step)?;
+        Ok(solved.is_near)
     }
 
     fn count_cold_start(&mut self) {
@@ -85,7 +88,7 @@ impl SparkAttempt<'_> {
 }
 
 impl BranchAttempts for SparkAttempt<'_> {
-    fn iterate_full(&mut self, h: f64) -> Result<bool, StepError> {
+    fn iterate_full(&mut self, h: f64) -> Result<Solved, StepError> {
         let step = Step { h, ..self.step };
         self.general.iterate_full(self.spark, step)
     }
@@ -126,6 +129,11 @@ impl BranchAttempts for SparkAttempt<'_> {
         let kept = self.general.kept[slot as usize].as_ref();
         let stages = &self.general.stages;
         kept.map_or((0.0, 0), |kept| stages.distance(&kept.unknowns))
+    }
+
+    fn tells_branches(&self) -> bool {
+        let problem = &self.spark.model.problem;
+        problem.m + problem.l() == 0
     }
 
     fn is_refused(&self) -> bool {

@@ -43,6 +43,16 @@ pub(super) trait CorrectStages<R: Real> {
     /// A value is not finite, or a matrix is singular.
     fn correct_unknowns(&mut self) -> Result<R, StepError>;
 
+    /// Whether the determinant of the last matrix has another sign than that of a small step, if that is known.
+    fn has_reversed(&mut self) -> bool {
+        false
+    }
+
+    /// Whether the last correction does negative work, where that tells of a fold.
+    fn corrects_against(&self) -> bool {
+        false
+    }
+
     /// Keeps the unknowns of members that take no further corrections.
     fn keep_members(&mut self, _members: R) {}
 
@@ -66,6 +76,14 @@ where
     #[inline(always)]
     fn deviation(&self) -> R {
         self.stages.deviation(self.step)
+    }
+
+    fn is_reversed(&mut self) -> bool {
+        self.stages.yardstick.member(0) != 0.0 && self.has_reversed()
+    }
+
+    fn is_against(&self) -> bool {
+        self.corrects_against()
     }
 
     fn refresh(&mut self) {

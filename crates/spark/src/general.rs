@@ -78,8 +78,8 @@ impl General {
         Ok(())
     }
 
-    /// The modified iteration, by node Schur or by the matrix of full Newton; returns whether the solution is near.
-    pub(super) fn iterate(&mut self, spark: &mut Spark, step: Step) -> Result<bool, StepError> {
+    /// The modified iteration, by node Schur or by the matrix of full Newton.
+    pub(super) fn iterate(&mut self, spark: &mut Spark, step: Step) -> Result<Solved, StepError> {
         self.is_by_schur = false;
         let solved = if self.wants_newton(spark) {
             self.iterate_newton(spark, step, false)?
@@ -100,7 +100,7 @@ impl General {
             }
         };
         spark.stats.iterations += solved.iterations;
-        Ok(solved.is_near)
+        Ok(solved)
     }
 
     /// Full Newton, or where only node Schur is allowed the modified iteration again.
@@ -108,14 +108,14 @@ impl General {
         &mut self,
         spark: &mut Spark,
         step: Step,
-    ) -> Result<bool, StepError> {
+    ) -> Result<Solved, StepError> {
         if self.is_schur_only(spark) {
             return self.iterate(spark, step);
         }
         self.is_by_schur = false;
         let solved = self.iterate_newton(spark, step, true)?;
         spark.stats.iterations += solved.iterations;
-        Ok(solved.is_near)
+        Ok(solved)
     }
 
     /// Whether node Schur is the only solver.

@@ -25,6 +25,8 @@ pub struct BlockPlan {
 pub struct Blocks<R = f64> {
     plan: Arc<BlockPlan>,
     inverse: Vec<R>,
+    /// Whether the determinant is negative, of the first of several members.
+    is_negative: bool,
     /// By its order, the memory that a block is inverted in.
     lu: Vec<Lu<R>>,
 }
@@ -83,6 +85,7 @@ impl<R: Real> Blocks<R> {
         let largest = plan.orders.iter().copied().max().unwrap_or(0);
         Self {
             inverse: vec![R::splat(0.0); plan.pattern.len()],
+            is_negative: false,
             lu: (0..=largest).map(Lu::new).collect(),
             plan,
         }
@@ -96,6 +99,11 @@ impl<R: Real> Blocks<R> {
     /// The inverse, in the order of its pattern.
     pub fn values(&self) -> &[R] {
         &self.inverse
+    }
+
+    /// Whether the determinant of the matrix is negative, of the first of several members.
+    pub(super) fn is_negative(&self) -> bool {
+        self.is_negative
     }
 
     /// Inverts the matrix with these values on its pattern.
@@ -113,6 +121,7 @@ impl<R: Real> Blocks<R> {
     #[inline(always)]
     fn invert_each(&mut self, values: &[R]) -> Result<(), Singular> {
         self.inverse.fill(R::splat(0.0));
+        self.is_negative = false;
         for (slot, value) in self.plan.slots.iter().zip(values) {
             self.inverse[*slot as usize] += *value;
         }
@@ -120,7 +129,8 @@ impl<R: Real> Blocks<R> {
         for order in &self.plan.orders {
             let (block, others) = rest.split_at_mut(order * order);
             let (own, next) = unknowns.split_at(*order);
-            invert(&mut self.lu[*order], block).map_err(|singular| Singular {
+            let inverted = invert(&mut self.lu[*order], block);
+            self.is_negative ^= inverted.map_err(|singular| Singular {
                 column: own[singular.column] as usize,
             })?;
             (rest, unknowns) = (others, next);
@@ -207,15 +217,15 @@ fn multiply_members<R: Real>(inverse: &[R], unknowns: &[u32], b: &mut [R]) {
     }
 }
 
-/// A block becomes its inverse.
+/// A block becomes its inverse; returns whether its determinant is negative, of the first of several members.
 #[inline(always)]
-fn invert<R: Real>(lu: &mut Lu<R>, block: &mut [R]) -> Result<(), Singular> {
+fn invert<R: Real>(lu: &mut Lu<R>, block: &mut [R]) -> Result<bool, Singular> {
     let order = lu.order();
     if let [value] = block {
         *value = R::splat(1.0) / *value;
         let is_fine = value.all(|x| x != 0.0 && x.is_finite());
         return if is_fine {
-            Ok(())
+            Ok(value.member(0) < 0.0)
         } else {
             Err(Singular { column: 0 })
         };
@@ -229,7 +239,7 @@ fn invert<R: Real>(lu: &mut Lu<R>, block: &mut [R]) -> Result<(), Singular> {
         column[k] = R::splat(1.0);
         lu.solve(column);
     }
-    Ok(())
+    Ok(lu.is_negative())
 }
 
 /// For each unknown the first of those it is connected with.

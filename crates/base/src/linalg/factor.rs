@@ -215,6 +215,18 @@ impl<R: Real> Lu<R> {
     }
 }
 
+impl<R: Real> Lu<R> {
+    /// Whether the determinant of the matrix is negative, of the first of several members.
+    #[inline(always)]
+    pub fn is_negative(&self) -> bool {
+        let mut is_negative = false;
+        for (k, swaps) in self.swaps.chunks_exact(R::MEMBERS).enumerate() {
+            is_negative ^= (swaps[0] != k) ^ (self.factors[(k, k)].member(0) < 0.0);
+        }
+        is_negative
+    }
+}
+
 impl Lu {
     /// The determinant of the matrix.
     pub fn determinant(&self) -> f64 {
@@ -352,6 +364,19 @@ impl<R: Real> Factor<R> {
             Self::Blocks(blocks) => blocks.solve(b),
             Self::Dense(lu) => lu.solve(b),
             Self::Sparse(lu) => lu.solve(b),
+        }
+    }
+
+    /// Whether the determinant of the matrix is negative, of the first of several members; `None` where that is not known.
+    pub fn is_negative(&self) -> Option<bool> {
+        match self {
+            Self::Diagonal(inverse) => {
+                let negative = inverse.iter().filter(|x| x.member(0) < 0.0);
+                Some(negative.count() % 2 == 1)
+            }
+            Self::Blocks(blocks) => Some(blocks.is_negative()),
+            Self::Dense(lu) => Some(lu.is_negative()),
+            Self::Sparse(_) => None,
         }
     }
 

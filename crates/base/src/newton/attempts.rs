@@ -8,7 +8,7 @@
 //! shortened at less cost.
 //! Source: docs/theory/newton.md.
 
-use super::Backoff;
+use super::{Backoff, Solved};
 use crate::cancel;
 use crate::error::StepError;
 
@@ -67,11 +67,11 @@ pub trait Attempts {
 
 /// The equations of a step whose solutions can be followed along their branch.
 pub trait BranchAttempts: Attempts {
-    /// Solves a step of `h` by full Newton; returns whether the solution is near its start.
+    /// Solves a step of `h` by full Newton from the present unknowns.
     ///
     /// # Errors
-    /// The equations are not solved.
-    fn iterate_full(&mut self, h: f64) -> Result<bool, StepError>;
+    /// The equations are not solved, or not on the branch of the present state.
+    fn iterate_full(&mut self, h: f64) -> Result<Solved, StepError>;
 
     /// Keeps the present unknowns, of a step of `h`.
     fn keep(&mut self, h: f64, slot: Slot);
@@ -82,6 +82,11 @@ pub trait BranchAttempts: Attempts {
     /// The largest distance between coordinates of the kept unknowns and of the present ones, of a step of `h`,
     /// relative to their size, and in which coordinate.
     fn distance(&mut self, h: f64, slot: Slot) -> (f64, usize);
+
+    /// Whether the matrix at a solution may show that this is on another branch.
+    fn tells_branches(&self) -> bool {
+        false
+    }
 
     /// Whether a step is refused, and made shorter, where the modified iteration fails.
     fn is_refused(&self) -> bool {
@@ -99,8 +104,9 @@ pub trait BranchAttempts: Attempts {
 
 /// Solutions at a smaller distance are the same.
 const SAME_SOLUTION: f64 = 1e-6;
-/// Continuation begins with this fraction of the step, or where that fails with its square.
+/// Continuation begins with this fraction of the step, or where the solution is far with a power of it, to this one.
 const FIRST_PART: f64 = 0.125;
+const SMALLEST_PART: i32 = 6;
 /// Largest ratio of successive parts; it is lowered where a solution is off the extrapolation of the last one.
 const MAX_GROWTH: f64 = 2.0;
 /// The branch ends where no part longer by this ratio can be solved.
@@ -112,8 +118,9 @@ const MOST_REDUCTIONS: i32 = 3;
 const OFF_BRANCH: f64 = 0.01;
 /// The same of its distance from the last solution itself.
 const OFF_LAST: f64 = 0.1;
-/// The most parts of a continuation.
-const MOST_PARTS: usize = 60;
+/// The most parts of a continuation, where all steps are straight, and where they need not be.
+const MOST_PARTS: usize = 100;
+const MOST_CURVED_PARTS: usize = 60;
 
 /// Solves the equations of a step of `h` by modified Newton, from the extrapolated start, then from the cold one;
 /// returns whether the solution is near its start.
@@ -176,7 +183,10 @@ fn confirm_branch(step: &mut impl BranchAttempts, h: f64) -> Result<(), StepErro
     if is_on_branch(step, h)? {
         return Ok(());
     }
-    if full_from_uniform(step, h)? != Ok(true) {
+    if !matches!(
+        full_from_uniform(step, h)?,
+        Ok(Solved { is_near: true, .. })
+    ) {
         by_parts(step, h)?;
     }
     if step.distance(h, Slot::Candidate).0 <= SAME_SOLUTION {
@@ -189,8 +199,8 @@ fn confirm_branch(step: &mut impl BranchAttempts, h: f64) -> Result<(), StepErro
 #[cold]
 fn from_uniform(step: &mut impl BranchAttempts, h: f64) -> Result<(), StepError> {
     match full_from_uniform(step, h)? {
-        Ok(true) => Ok(()),
-        Ok(false) if is_on_branch(step, h)? => Ok(()),
+        Ok(Solved { is_near: true, .. }) => Ok(()),
+        Ok(_) if is_on_branch(step, h)? => Ok(()),
         _ => by_parts(step, h),
     }
 }
@@ -203,11 +213,11 @@ fn go_on() -> Result<(), StepError> {
     Ok(())
 }
 
-/// The outcome of full Newton from the uniform start: whether the solution is near.
+/// The outcome of full Newton from the uniform start.
 fn full_from_uniform(
     step: &mut impl BranchAttempts,
     h: f64,
-) -> Result<Result<bool, StepError>, StepError> {
+) -> Result<Result<Solved, StepError>, StepError> {
     go_on()?;
     step.discard();
     step.start(h, Start::Uniform)?;
@@ -224,19 +234,39 @@ fn by_parts(step: &mut impl BranchAttempts, h: f64) -> Result<(), StepError> {
             solved,
         });
     }
+    let smallest = if step.tells_branches() {
+        SMALLEST_PART
+    } else {
+        0
+    };
+    for power in 1..=smallest {
+        let part = FIRST_PART.powi(power);
+        let is_first = |solved: &Solved| solved.is_near && solved.is_straight;
+        if full_from_uniform(step, part * h)?
+            .as_ref()
+            .is_ok_and(is_first)
+        {
+            match continuation(step, h, (part, true)) {
+                Err(StepError::StepTooLarge { .. }) => break,
+                outcome => return outcome,
+            }
+        }
+    }
+    // a stiff force that is released is far from linear, however short the part
     if full_from_uniform(step, FIRST_PART * h)?.is_ok() {
-        return continuation(step, h, FIRST_PART);
+        return continuation(step, h, (FIRST_PART, false));
     }
     let part = FIRST_PART * FIRST_PART;
     full_from_uniform(step, part * h)??;
-    continuation(step, h, part)
+    continuation(step, h, (part, false))
 }
 
 /// Whether the present solution is on the branch of the present state, by following it to shorter steps; it is kept to
 /// the bit.
 fn is_on_branch(step: &mut impl BranchAttempts, h: f64) -> Result<bool, StepError> {
     step.keep(h, Slot::Candidate);
-    let is_on_branch = follows_down(step, h)?;
+    let is_other = step.tells_branches() && is_reversed(step, h);
+    let is_on_branch = !is_other && follows_down(step, h)?;
     step.discard();
     if is_on_branch {
         step.put_back(h, Slot::Candidate);
@@ -244,12 +274,21 @@ fn is_on_branch(step: &mut impl BranchAttempts, h: f64) -> Result<bool, StepErro
     Ok(is_on_branch)
 }
 
+/// Whether the matrix at the present solution shows that it is on another branch.
+fn is_reversed(step: &mut impl BranchAttempts, h: f64) -> bool {
+    step.discard();
+    let is_reversed = step.iterate_full(h).is_err();
+    step.put_back(h, Slot::Candidate);
+    is_reversed
+}
+
 /// Follows the present solution, of a step of `h`, to shorter steps; returns whether one near its start is reached.
 fn follows_down(step: &mut impl BranchAttempts, h: f64) -> Result<bool, StepError> {
     step.keep(h, Slot::Part);
     for reductions in 1..=MOST_REDUCTIONS {
         let part = h * REDUCTION.powi(reductions);
-        match follow(step, part, Start::Continued)? {
+        let is_straight = step.tells_branches();
+        match follow(step, part, (Start::Continued, is_straight))? {
             Followed::Near => return Ok(true),
             Followed::Far => step.keep(part, Slot::Part),
             Followed::Lost { .. } => break,
@@ -268,8 +307,13 @@ enum Followed {
     Lost { coordinate: usize },
 }
 
-/// Solves for a step of `h` from the solution of the last part, or from its extrapolation.
-fn follow(step: &mut impl BranchAttempts, h: f64, start: Start) -> Result<Followed, StepError> {
+/// Solves for a step of `h` from the solution of the last part, or from its extrapolation, perhaps so near that the equations
+/// are nearly linear in between.
+fn follow(
+    step: &mut impl BranchAttempts,
+    h: f64,
+    (start, is_straight): (Start, bool),
+) -> Result<Followed, StepError> {
     go_on()?;
     step.discard();
     step.start(h, start)?;
@@ -282,21 +326,35 @@ fn follow(step: &mut impl BranchAttempts, h: f64, start: Start) -> Result<Follow
         OFF_BRANCH
     };
     Ok(match found {
-        Ok(true) if off <= bound => Followed::Near,
-        Ok(false) if off <= bound => Followed::Far,
+        Ok(solved) if off <= bound && (solved.is_straight || !is_straight) => {
+            if solved.is_near {
+                Followed::Near
+            } else {
+                Followed::Far
+            }
+        }
         _ => Followed::Lost { coordinate },
     })
 }
 
 /// Solves for longer and longer parts of the step, each from the extrapolation of the one before, or from that one;
 /// `part` of it is solved already.
-fn continuation(step: &mut impl BranchAttempts, h: f64, part: f64) -> Result<(), StepError> {
+fn continuation(
+    step: &mut impl BranchAttempts,
+    h: f64,
+    (part, is_straight): (f64, bool),
+) -> Result<(), StepError> {
+    let most = if is_straight {
+        MOST_PARTS
+    } else {
+        MOST_CURVED_PARTS
+    };
     let (mut solved, mut growth, mut furthest) = (part, MAX_GROWTH, 0);
     let mut start = Start::Continued;
     step.keep(solved * h, Slot::Part);
-    for _ in 0..MOST_PARTS {
+    for _ in 0..most {
         let part = (solved * growth).min(1.0);
-        match follow(step, part * h, start)? {
+        match follow(step, part * h, (start, is_straight))? {
             Followed::Near | Followed::Far if part == 1.0 => return Ok(()),
             Followed::Near | Followed::Far => {
                 step.keep(part * h, Slot::Part);

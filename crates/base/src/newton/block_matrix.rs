@@ -116,6 +116,13 @@ impl<R: Real> BlockFactors<R> {
         }
     }
 
+    fn is_negative(&self) -> Option<bool> {
+        match self {
+            Self::Direct(factor) => factor.is_negative(),
+            Self::Condensed(condensed) => condensed.is_negative(),
+        }
+    }
+
     /// Solves in place with the matrix of these values, which was factored.
     fn solve(&mut self, values: &[R], b: &mut [R]) {
         match self {
@@ -206,6 +213,12 @@ impl<R: Real> BlockMatrix<R> {
     /// Whether its factors are those of the matrix in other units, of all members if of one.
     pub fn has_units(&self) -> bool {
         self.has_units
+    }
+
+    /// Whether its determinant is negative, of the first of several members; `None` where that is not known, as of
+    /// sparse factors. Units are positive, and change no sign.
+    pub fn is_negative(&self) -> Option<bool> {
+        self.factors.is_negative()
     }
 
     /// Whether its factors are sparse.

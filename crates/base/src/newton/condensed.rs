@@ -111,6 +111,11 @@ impl<R: Real> Condensed<R> {
         self.lu.factor()
     }
 
+    /// Whether the determinant of the matrix is negative, det D det(A − B W); `None` where that is not known.
+    pub(super) fn is_negative(&self) -> Option<bool> {
+        Some(self.d_factor.is_negative()? ^ self.lu.is_negative())
+    }
+
     /// W = D⁻¹ C
     fn eliminate(&mut self, values: &[R]) {
         if let Factor::Diagonal(inverse) = &self.d_factor {

@@ -18,6 +18,7 @@ mod backoff;
 mod block_matrix;
 mod broyden;
 mod condensed;
+mod full;
 mod predictor;
 mod progress;
 mod reuse;
@@ -28,6 +29,7 @@ pub use attempts::{Attempts, BranchAttempts, Slot, Start, attempt, attempt_modif
 pub use backoff::Backoff;
 pub use block_matrix::{BlockGrid, BlockHandle, BlockLayout, BlockMatrix};
 pub use broyden::Broyden;
+pub use full::solve_full;
 pub use predictor::{Continuation, Polynomial, Predictor};
 pub use reuse::{Renewal, Reuse};
 pub use stop::{Projection, Stop, own_yardstick, scaled_size};
@@ -58,6 +60,18 @@ pub trait Equations<R: Real = f64> {
     /// Distance of the coordinates at the last evaluation from uniform motion, in the yardstick of the step.
     fn deviation(&self) -> R {
         R::splat(0.0)
+    }
+
+    /// Whether the determinant of the last matrix has another sign than that of a small step, if that is known. It is
+    /// then not made on the branch of the present state, unless that has folded.
+    fn is_reversed(&mut self) -> bool {
+        false
+    }
+
+    /// Whether the last correction, of equations without constraints, is against its residual: it does negative work, as
+    /// none does with the symmetric matrix of a step before its branch may fold.
+    fn is_against(&self) -> bool {
+        false
     }
 
     /// Discards the matrix: the next correction makes its own.
@@ -96,13 +110,11 @@ const DOUBTFUL: f64 = 1e-3;
 const SMALL_CORRECTION: f64 = 1e-6;
 /// Corrections below this many floors are roundoff, where they no longer shrink.
 const MOST_FLOORS: f64 = 8.0;
-/// The most matrices that full Newton makes, and the most corrections.
-const MOST_MATRICES: usize = 12;
-const MOST_FULL: usize = 40;
-/// Newton's method converges to a double root with ratio 1/2: ratios in this range, so many in a row, are refused.
-const DOUBLE_ROOT: std::ops::Range<f64> = 0.4..0.6;
-const MOST_HALVINGS: usize = 4;
-
+/// Solutions that are nearer than this to uniform motion, and found by smaller corrections, are not judged by their matrix:
+/// a state of equilibrium is a solution for every h.
+const UNMOVED: f64 = 1e-6;
+/// Corrections below this part of the yardstick move no coordinate but by roundings.
+const UNSEEN: f64 = 64.0 * f64::EPSILON;
 /// Perturbation of the unknowns, in ε, that measures the roundoff of residuals.
 pub const PERTURBATION: f64 = 4.0;
 /// Ratio up to which a residual is roundoff by that measure.
@@ -125,12 +137,16 @@ pub struct Solved {
     pub iterations: usize,
     /// Whether all corrections were small, and the solution is near uniform motion.
     pub is_near: bool,
+    /// Whether the equations are nearly linear from the start to the solution, by the ratio of the first corrections.
+    pub is_straight: bool,
 }
 
 /// The path length of an iteration, of each member.
 #[derive(Clone, Copy, Debug)]
 struct PathLength<R> {
     largest: R,
+    /// Whether a correction of a single trajectory was against its residual.
+    is_against: bool,
     /// A bound of the distance from uniform motion.
     deviation: R,
 }
@@ -138,7 +154,11 @@ struct PathLength<R> {
 impl<R: Real> PathLength<R> {
     fn new() -> Self {
         let (largest, deviation) = (R::splat(0.0), R::splat(0.0));
-        Self { largest, deviation }
+        Self {
+            largest,
+            is_against: false,
+            deviation,
+        }
     }
 
     /// Adds a correction; the first one has evaluated the start.
@@ -149,6 +169,9 @@ impl<R: Real> PathLength<R> {
             self.deviation = equations.deviation();
         }
         self.largest = self.largest.zip(scaled, f64::max);
+        if R::IS_SINGLE && scaled.member(0) > UNMOVED {
+            self.is_against |= equations.is_against();
+        }
         self.deviation += scaled;
     }
 
@@ -164,6 +187,11 @@ impl<R: Real> PathLength<R> {
                 ))
             },
         )
+    }
+
+    /// Whether the first member has left uniform motion.
+    fn is_moved(&self) -> bool {
+        self.largest.member(0).max(self.deviation.member(0)) > UNMOVED
     }
 
     /// 1 where a single ratio of corrections is not sufficient.
@@ -203,10 +231,12 @@ pub fn solve(equations: &mut impl Equations, most: usize) -> Result<Solved, Step
                 return Err(failed);
             }
         }
-        let is_near = path.is_near() != 0.0;
+        let is_other = path.is_against || path.is_moved() && equations.is_reversed();
+        let is_near = path.is_near() != 0.0 && !is_other;
         return Ok(Solved {
             iterations,
             is_near,
+            is_straight: true,
         });
     }
     Err(StepError::NotConverged {
@@ -215,46 +245,18 @@ pub fn solve(equations: &mut impl Equations, most: usize) -> Result<Solved, Step
     })
 }
 
-/// Whether corrections that no longer shrink are at their roundoff floor.
+/// Whether corrections that no longer shrink are at their roundoff floor: small ones, or others that move no coordinate,
+/// as in an equilibrium of forces whose sum is roundoff of them.
 #[cold]
 fn is_at_floor(equations: &mut impl Equations, size: f64) -> Result<bool, StepError> {
-    Ok(size < SMALL_CORRECTION
-        && size <= MOST_FLOORS * equations.roundoff_floor()?.min(SMALL_CORRECTION))
-}
-
-/// Full Newton: corrects with a matrix for each correction, until the residual is roundoff. Corrections may grow in
-/// between: the first one releases the tension of a stretched spring, and the next tangent is softer.
-///
-/// # Errors
-/// [`StepError::NotConverged`] after too many corrections, or at a double root, where branches meet.
-pub fn solve_full(equations: &mut impl Equations) -> Result<Solved, StepError> {
-    let (mut largest, mut size, mut halvings) = (0.0_f64, f64::INFINITY, 0);
-    for iterations in 1..=MOST_FULL {
-        let is_fresh = iterations <= MOST_MATRICES;
-        if is_fresh {
-            equations.refresh();
-        }
-        let last = size;
-        size = equations.correct()?;
-        let is_halved = is_fresh && DOUBLE_ROOT.contains(&(size / last));
-        halvings = if is_halved { halvings + 1 } else { 0 };
-        if !size.is_finite() || halvings == MOST_HALVINGS {
-            return Err(StepError::NotConverged { iterations, size });
-        }
-        let scaled = equations.scaled_size(size);
-        largest = largest.max(scaled);
-        if size.max(scaled) <= SMALL_CORRECTION && equations.is_residual_roundoff()? {
-            let is_near = largest <= LARGE_CORRECTION && equations.deviation() <= LARGE_DEVIATION;
-            return Ok(Solved {
-                iterations,
-                is_near,
-            });
-        }
-    }
-    Err(StepError::NotConverged {
-        iterations: MOST_FULL,
-        size,
-    })
+    let scaled = equations.scaled_size(size);
+    let is_unseen = 0.0 < scaled && scaled < UNSEEN;
+    let largest = if is_unseen {
+        f64::INFINITY
+    } else {
+        SMALL_CORRECTION
+    };
+    Ok(size < largest && size <= MOST_FLOORS * equations.roundoff_floor()?.min(largest))
 }
 
 /// The state of a member in the iteration of several.

@@ -21,7 +21,7 @@ impl FullEquations<'_> {
     }
 
     /// The mass at the end of the step where that is solved for, else in its middle.
-    fn update_mass(&mut self) -> Result<(), StepError> {
+    pub(super) fn update_mass(&mut self) -> Result<(), StepError> {
         let (solver, stages) = (&mut *self.solver.newton, &*self.stages);
         let (t, y, z) = if solver.of.blocks.own.is_some() {
             let k = stages.tableau.intervals;

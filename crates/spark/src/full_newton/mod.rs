@@ -26,7 +26,7 @@ use super::stages::Stages;
 pub(super) use blocks::Offsets;
 use blocks::SparkBlocks;
 use liouville_base::error::{Quantity, StepError};
-use liouville_base::linalg::{Singular, add_scaled, copy, copy_scaled, max_norm};
+use liouville_base::linalg::{Singular, add_scaled, copy, copy_scaled, dot, max_norm};
 use liouville_base::newton::BlockMatrix;
 use liouville_base::real::Real;
 use liouville_base::tableau;
@@ -216,5 +216,27 @@ impl CorrectStages<f64> for FullEquations<'_> {
         newton.of.solve(&mut newton.unknowns);
         let size = self.add_corrections().max(self.multiplier_size());
         Ok(self.stages.relative(size, self.step))
+    }
+
+    /// The matrix of a single stage is symmetric, if the forces have a potential.
+    fn corrects_against(&self) -> bool {
+        let (problem, stages) = (&self.model.problem, &*self.stages);
+        if stages.tableau.stages > 1 || problem.m + problem.l() > 0 || !stages.velocity_is_z {
+            return false;
+        }
+        let residual = stages.momentum_residual.flat();
+        dot(residual, &self.solver.newton.unknowns[..residual.len()]) > 0.0
+    }
+
+    /// Without constraints the matrix is p_z of the stages as h → 0.
+    fn has_reversed(&mut self) -> bool {
+        let (problem, matrix) = (&self.model.problem, &self.solver.newton.of.matrix);
+        if problem.m + problem.l() > 0 || matrix.is_negative() != Some(true) {
+            return false;
+        }
+        // of an even number of stages the sign of the mass itself does not matter
+        let is_even = self.stages.tableau.stages.is_multiple_of(2);
+        is_even
+            || self.update_mass().is_ok() && self.solver.newton.mass.is_negative() == Some(false)
     }
 }

@@ -1,0 +1,181 @@
+"""Steps that are large for a force that turns: the solution is the one that begins at h = 0.
+
+The reference follows the equations of a method from h = 0 in numpy, by parts so short that
+Newton's method is nearly linear in each and its matrix keeps the sign of its determinant: there is
+no fold, and one branch.
+"""
+
+import casadi as ca
+import numpy as np
+import pytest
+
+import liouville as lv
+from liouville import _core
+
+POTENTIALS = {
+    "waves": lambda q, k: q[1] + k * ca.cos(10 * q[0]) * ca.cos(7 * q[1]),
+    "ripples": lambda q, k: (
+        q[1] + 1.5 * ca.sumsqr(q) + 1e-3 * k * ca.cos(40 * q[1]) * ca.cos(31 * q[0])
+    ),
+    "spring": lambda q, k: q[1] + k / 2 * (ca.norm_2(q) - 1) ** 2,
+    "quartic": lambda q, k: k / 4 * (ca.sumsqr(q) - 1) ** 2 + q[1],
+    "atoms": lambda q, k: k * (ca.sumsqr(q) ** -6 - 2 * ca.sumsqr(q) ** -3),
+    "morse": lambda q, k: k * (1 - ca.exp(-3 * (ca.norm_2(q) - 1))) ** 2,
+    "wall": lambda q, k: k * ca.exp(-5 * q[1]) + 9.8 * q[1] + q[0] ** 2 / 2,
+}
+#: Roots of the largest stiffness, in those of k.
+FREQUENCIES = {"waves": 10, "ripples": 1.3, "atoms": 6, "morse": 6}
+
+
+def system(name):
+    """Return a mass in a potential, and its force and stiffness as a function of (q, k)."""
+    potential = POTENTIALS[name]
+    moves = lv.Lagrangian(
+        lambda t, q, v, p: ca.sumsqr(v) / 2 - potential(q, p.k), q=2, params={"k": 1.0}
+    )
+    q, k = ca.SX.sym("q", 2), ca.SX.sym("k")
+    force = -ca.gradient(potential(q, k), q)
+    found = ca.Function("force", [q, k], [force, ca.jacobian(force, q)])
+    return moves, lambda q, k: [np.asarray(value).squeeze() for value in found(q, k)]
+
+
+class Stages:
+    """The stage equations of a SPARK method, in the velocities of the stages."""
+
+    def __init__(self, count):
+        at = _core.spark_tableau(count, "gauss")
+        self.a_v, self.a_f, self.b = at["a_v"], at["a_f"], at["b"]
+
+    def start(self, q, v):
+        return np.tile(v, len(self.b))
+
+    def end(self, x, q, v, h):
+        return q + h * self.b @ x.reshape(-1, 2)
+
+    def residual(self, force, x, q, v, h):
+        z = x.reshape(-1, 2)
+        at = [force(y) for y in q + h * self.a_v @ z]
+        values = (z - v - h * self.a_f @ [f for f, _ in at]).ravel()
+        matrix = np.eye(len(x))
+        for (_, slope), into, of in zip(at, self.a_f.T, self.a_v, strict=True):
+            matrix -= h**2 * np.kron(np.outer(into, of), slope)
+        return values, matrix
+
+
+METHODS = {"midpoint": (lv.Spark(1), Stages(1)), "gauss": (lv.Spark(2), Stages(2))}
+
+
+def newton(residual, x, h):
+    """Return the solution from x, or None where corrections are not as those of a straight path."""
+    first = last = None
+    for _ in range(8):
+        value, matrix = residual(x, h)
+        try:
+            d = np.linalg.solve(matrix, -value)
+        except np.linalg.LinAlgError:
+            return None
+        x, size, unit = x + d, np.abs(d).max(), max(np.abs(x).max(), 1e-3)
+        if last is None:
+            first = size
+        elif last is first and first > 1e-8 * unit and size > 0.05 * first:
+            return None
+        stalls = last is not None and last is not first and size >= 0.3 * last
+        if size <= 1e-13 * unit or (stalls and size < 1e-8 * unit):
+            return x if np.linalg.det(residual(x, h)[1]) > 0 else None
+        last = size
+    return None
+
+
+def followed(residual, x, h):
+    """Return the solution on the branch that begins at x for h = 0, or None where it folds."""
+    done, part, before = 0.0, h / 64, None
+    while done < h:
+        there = min(done + part, h)
+        ahead = 0.0 if before is None else (x - before[0]) * (there - done) / (done - before[1])
+        found = newton(residual, x + ahead, there)
+        if found is not None and before is not None:
+            off, moved = np.abs(found - x - ahead).max(), np.abs(found - x).max()
+            found = found if off <= 0.3 * moved + 1e-7 * np.abs(found).max() else None
+        if found is None:
+            part = (there - done) / 2
+            if part < 1e-9 * h:
+                return None
+            continue
+        before, x, done, part = (x, done), found, there, 1.4 * part
+    return x
+
+
+def steps(name, seed, count):
+    """Return k, h, q and v of random large steps."""
+    rng = np.random.default_rng([seed, *map(ord, name)])
+    for _ in range(count):
+        k = 10 ** rng.uniform(0, 7)
+        h = 10 ** rng.uniform(-0.3, 1.0) / (FREQUENCIES.get(name, 1.5) * np.sqrt(k))
+        angle, r = rng.uniform(0, 2 * np.pi), 1 + rng.choice([-1, 1]) * 10 ** rng.uniform(-4, -0.7)
+        q = rng.uniform(-1, 1, 2) if name in ("waves", "ripples") else r * np.r_[
+            np.cos(angle), np.sin(angle)]  # fmt: skip
+        yield k, h, q, rng.normal(size=2) * 10 ** rng.uniform(-3, 0.7)
+
+
+def judged(name, of, cases):
+    """Return how many solutions are on the branch, and where one is not or none was found."""
+    moves, force = system(name)
+    method, equations = METHODS[of]
+    same, other, refused = 0, [], []
+    for k, h, q, v in cases:
+        run = {"t": (0, h), "steps": 1, "q": q, "v": v, "params": {"k": k}}
+        try:
+            found = lv.integrate(moves, method, **run).q[-1]
+        except lv.IntegrationError:
+            found = None
+
+        def residual(x, h, k=k, q=q, v=v):
+            return equations.residual(lambda y: force(y, k), x, q, v, h)
+
+        right = followed(residual, equations.start(q, v), h)
+        if right is None:
+            continue
+        if found is None:
+            refused.append((k, h, q, v))
+            continue
+        off = np.abs(found - equations.end(right, q, v, h)).max()
+        if off > 1e-7 * (np.abs(q).max() + h * np.abs(v).max()):
+            other.append((k, h, q, v, off))
+        else:
+            same += 1
+    return same, other, refused
+
+
+#: Numbers of steps in `steps(name, 1, 40)` that had solutions on other branches.
+HARD = [
+    ("ripples", "midpoint", (7, 22, 25, 34)),
+    ("ripples", "gauss", (13,)),
+]
+#: Two steps of the midpoint rule in waves; other branches have the determinants -0.13 and -1.3e3.
+REPORTED = [
+    (9313.24507015566, 0.0027147211264470943, [0.04366511975183162, 0.9991151283832678],
+     [-0.0054326856027615686, 0.011908419693770978]),
+    (5.319023129366249, 0.622026324674323, [0.04185746473289128, 1.0460707963333593],
+     [0.3856041312388212, -3.4812681363512747]),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("name", "of", "which"), HARD)
+def test_a_force_that_turns_leads_to_no_other_branch(name, of, which):
+    cases = list(steps(name, 1, 40))
+    same, other, refused = judged(name, of, [cases[k] for k in which])
+    assert not other
+    assert same == len(which), refused
+
+
+def test_the_reported_steps_are_on_their_branch():
+    cases = [(k, h, np.array(q), np.array(v)) for k, h, q, v in REPORTED]
+    same, other, _ = judged("waves", "midpoint", cases)
+    assert (same, other) == (2, [])
+
+
+@pytest.mark.parametrize("of", METHODS)
+@pytest.mark.parametrize("name", ["waves", "spring", "atoms"])
+def test_a_large_step_is_solved_on_its_branch(name, of):
+    same, other, refused = judged(name, of, steps(name, 2, 10))
+    assert (same > 0, other, refused) == (True, [], [])
