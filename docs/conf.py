@@ -133,7 +133,7 @@ def write_view(app, error):
         )
         folder = Path(app.outdir) / "_static"
         plot.view(motion, path=folder / "mechanism.html", trace="plate")
-        runpy.run_path(str(Path(app.srcdir).parent / "tools" / "sweeps.py"))["main"](folder)
+        runpy.run_path(str(Path(app.confdir).parent / "tools" / "sweeps.py"))["main"](folder)
 
 
 def setup(app):

@@ -288,7 +288,7 @@ def test_limits_of_control_groups_count(tmp_path, monkeypatch):
     [
         (
             lambda: lv.SpinChain(30),
-            r"a chain of 30 spins, with a state takes 60 GiB, and 4 GiB may",
+            r"a chain of 30 spins, with a state takes 60 GiB, with 4 GiB available",
         ),
         (lambda: lv.Grid(0, 1, (4096, 8192)), r"a grid of 33554432 points takes 4 GiB.*\nhint: "),
         (
@@ -306,7 +306,7 @@ def test_what_would_fill_the_memory_while_it_is_made_is_refused_before(make, wor
 @pytest.mark.parametrize(
     ("make", "words"),
     [
-        (lambda: lv.Grid(0, 1, 10**300), r"^a grid of 1e\+300 points takes 1.19e\+293 GiB, and"),
+        (lambda: lv.Grid(0, 1, 10**300), r"^a grid of 1e\+300 points takes 1.19e\+293 GiB, with"),
         (lambda: lv.Lattice(10**300), r"^a lattice with its 3e\+300 entries takes 2.01e\+293 GiB"),
         (
             lambda: lv.integrate(
@@ -326,7 +326,8 @@ def test_a_matrix_that_cannot_be_read_is_refused_before(monkeypatch):
     sparse = pytest.importorskip("scipy.sparse")
     matrix = sparse.diags_array([np.ones(20_000)], offsets=[0]).tocsr()
     monkeypatch.setattr(_arguments, "memory", lambda: 1.8e6)
-    with pytest.raises(MemoryError, match=r"H with its 20000 entries takes 1.91 MiB, and 1.72 MiB"):
+    sentence = "H with its 20000 entries takes 1.91 MiB, with 1.72 MiB available"
+    with pytest.raises(MemoryError, match=sentence):
         lv.Schrodinger(matrix)
 
 
@@ -354,9 +355,9 @@ def test_a_series_that_does_not_fit_is_refused_and_not_needed_beside_a_splitting
 def test_too_many_outputs_are_refused_before_they_are_planned(monkeypatch):
     from liouville._runs.waves import wave
 
-    monkeypatch.setattr(wave, "plan_wave", None)
+    monkeypatch.setattr(wave, "plan_run", None)
     call = {"psi": np.ones(10**6), "t": np.linspace(0.0, 1.0, 100_001)}
-    with pytest.raises(MemoryError, match=r"keeping 100001 states takes 149\d GiB, and"):
+    with pytest.raises(MemoryError, match=r"keeping 100001 states takes 149\d GiB, with"):
         lv.integrate(lv.Schrodinger(lv.Lattice(10**6)), "auto", **call)
 
 

@@ -431,10 +431,8 @@ def test_a_complex_potential_is_told_without_its_numbers():
     assert len(str(caught.value)) < 100
 
 
-@pytest.mark.parametrize("name", ["parity", "momentum"])
-def test_symmetries_that_only_spins_have_are_refused_by_a_sentence(name):
+def test_a_momentum_of_fermions_is_refused_by_a_sentence():
     hop = [("+- + h.c.", -1.0)]
-    with pytest.raises(TypeError, match=f"FermionSystem takes no {name}=\nhint: SpinSystem has"):
-        lv.FermionSystem(6, hop, **{name: 0})
-    with pytest.raises(TypeError, match=f"BosonSystem takes no {name}="):
-        lv.BosonSystem(4, hop, particles=2, **{name: 0})
+    sentence = "FermionSystem takes no momentum=\nhint: moved fermions have signs"
+    with pytest.raises(TypeError, match=sentence):
+        lv.FermionSystem(6, hop, momentum=0)
