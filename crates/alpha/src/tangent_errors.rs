@@ -125,12 +125,16 @@ fn error(
     let [constant, of_reactions] = alpha.error_weights();
     let mut local: Vec<f64> = ends[1][2][..n].to_vec();
     add_scaled(&mut local, -1.0, da);
-    local.iter_mut().for_each(|x| *x *= constant);
+    for x in &mut local {
+        *x *= constant;
+    }
     if alpha.solver.is_paired() {
         add_scaled(&mut local, -of_reactions, &unknowns[n..2 * n]);
         add_scaled(&mut local, of_reactions, &unknowns[2 * n..3 * n]);
     }
-    local.iter_mut().for_each(|x| *x *= h * h);
+    for x in &mut local {
+        *x *= h * h;
+    }
     alpha.matrix.project(&alpha.model, &mut local);
     let error = tolerance.weigh(y, local.iter().copied());
     if error.is_nan() { f64::INFINITY } else { error }

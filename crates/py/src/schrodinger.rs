@@ -156,6 +156,13 @@ fn term_bounds((groups, parts, given, axes, corners, run): Parts) -> TermBounds 
     }
 }
 
+/// Energies, and eigenvectors as rows of real and imaginary parts.
+fn eigenpairs(parts: [Values<'_>; 3]) -> PyResult<Eigenpairs> {
+    let [energies, real, imaginary] = parts.map(|part| part.as_slice().map(<[f64]>::to_vec));
+    let levels = Eigenpairs::new(energies?, real?, imaginary?);
+    levels.ok_or_else(|| refused("each level has an energy and a vector as long"))
+}
+
 impl WaveMethod<'_> {
     /// The method, for runs of this Hamiltonian.
     fn read(self, hamiltonian: &Hamiltonian) -> PyResult<Method> {
@@ -185,16 +192,10 @@ impl WaveMethod<'_> {
                 real,
                 imaginary,
                 norm_tol: tolerance,
-            } => {
-                let [energies, real, imaginary] =
-                    [energies, real, imaginary].map(|part| part.as_slice().map(<[f64]>::to_vec));
-                let levels = Eigenpairs::new(energies?, real?, imaginary?);
-                let unfit = || refused("each level has an energy and a vector as long");
-                Method::Diagonal {
-                    levels: Arc::new(levels.ok_or_else(unfit)?),
-                    tolerance,
-                }
-            }
+            } => Method::Diagonal {
+                levels: Arc::new(eigenpairs([energies, real, imaginary])?),
+                tolerance,
+            },
             Self::Lanczos {
                 dimension,
                 rate,

@@ -377,9 +377,8 @@ fn wave_functions_go_on() {
     };
     let windows = || {
         let times = (1..=33).map(|k| 0.03 * f64::from(k)).collect();
-        Windows::new(vec![10, 1, 20, 2])
-            .of(times)
-            .expect("windows of all outputs")
+        let windows = Windows::new(vec![10, 1, 20, 2]).of(times);
+        windows.expect("windows of all outputs")
     };
     let steppers: [Stepped<'_>; 9] = [
         (
