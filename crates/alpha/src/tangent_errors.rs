@@ -26,7 +26,7 @@ pub(super) struct TangentErrors {
 }
 
 impl TangentErrors {
-    /// Those of a method that estimates errors, for a motion with these parameters.
+    /// The errors of a method that estimates its own, for a motion with these parameters.
     pub(super) fn new(
         alpha: &Alpha,
         starts: AlphaStartTangents,

@@ -55,7 +55,7 @@ pub struct RandomTangents<B, S> {
 }
 
 impl<B: BeginTangents<S>, S: Clone> RandomTangents<B, S> {
-    /// Those of a motion with these parameters, of so many numbers of y, z and what is carried.
+    /// Tangents of a motion with these parameters; `sizes` are the lengths of y, z and of what a state carries.
     pub fn new(starts: B, motion: &S, sizes: [usize; 3], params: &[f64]) -> Self {
         let directions = random_directions(params);
         let [y, z, carried] = sizes.map(|size| Matrix::zeros(directions.count(), size));
@@ -116,7 +116,7 @@ pub struct MechanicalStart<B> {
 }
 
 impl<B> MechanicalStart<B> {
-    /// Those of a system with these derivatives.
+    /// The start of tangents of a system with these derivatives.
     pub fn new(model: Model, sensitivity: SensitivityModel, carried: B) -> Self {
         Self {
             solver: Acceleration::new(&model),

@@ -36,14 +36,14 @@ pub struct TangentStep<'a> {
     pub h: f64,
     /// The tangents of coordinates.
     pub y: [&'a [f64]; 2],
-    /// Those of velocities.
+    /// The tangents of velocities.
     pub v: [&'a [f64]; 2],
     /// ‖u‖ and ‖a‖.
     pub parts: [f64; 2],
 }
 
 impl TangentSizes {
-    /// Those beside the tolerance of a motion.
+    /// Sizes of tangents, given the tolerance of their motion.
     pub fn new(tolerance: &Tolerance) -> Self {
         let atol = &tolerance.atol;
         let largest = atol.iter().copied().fold(0.0, f64::max);

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise, product
@@ -23,7 +24,7 @@ TURNS = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class Shape:
+class Shape(ABC):
     """A shape that touches: all points within a radius of a core, the hull of some points.
 
     Attributes
@@ -39,16 +40,16 @@ class Shape:
         """The radius around its core."""
         return getattr(self, "radius", np.zeros(()))
 
+    @abstractmethod
     def points(self, body: Body) -> Sequence[Value]:
         """Return the points of its core in the world as drawn; of a plane, one of them."""
-        raise NotImplementedError
 
+    @abstractmethod
     def distance(self, point: ca.SX, core: ca.SX, body: Body, axes: ca.SX) -> ca.SX:
         """Return how far a point is from the core, negative inside.
 
         `core` has its points in columns, and `axes` are those of the body, in the world.
         """
-        raise NotImplementedError
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,7 +13,7 @@ pub(super) struct SemiExplicitStart {
 }
 
 impl SemiExplicitStart {
-    /// Those of a system with these derivatives.
+    /// The start of tangents of a system with these derivatives.
     pub(super) fn new(model: SemiExplicitModel, sensitivity: SemiExplicitSensitivityModel) -> Self {
         Self { model, sensitivity }
     }

@@ -36,7 +36,7 @@ pub(super) struct TangentErrors {
 struct DirectionErrors {
     estimate: Estimate,
     kinks: Kinks,
-    /// What errors are measured by; zero where there is no tangent.
+    /// The unit of errors; zero where there is no tangent.
     unit: f64,
     /// δv0, δV_1..δV_s, δv1; and the same of z, where v is not z.
     velocities: Matrix,
@@ -56,7 +56,7 @@ struct EndAccelerations {
 type At<'a> = (f64, &'a TangentState);
 
 impl TangentErrors {
-    /// Those of a method that estimates errors, for a motion with these parameters.
+    /// The errors of a method that estimates its own, for a motion with these parameters.
     pub(super) fn new(
         spark: &Spark,
         sensitivity: &SensitivityModel,
