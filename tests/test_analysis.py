@@ -330,6 +330,19 @@ def springs(free=False, **more):
     return lv.Structure(np.ones(LARGE), sp.diags([row, ends, row], [-1, 0, 1]), **more)
 
 
+def test_a_structure_that_rests_undeformed_needs_no_start():
+    frame = lv.Structure([2.0, 1.0], [[30.0, -10.0], [-10.0, 10.0]])
+    found = lv.analysis.modes(frame)
+    assert np.allclose(
+        found.angular_frequencies**2, sorted(np.linalg.eigvals([[15, -5], [-10, 10]]))
+    )
+    assert np.array_equal(lv.analysis.equilibrium(frame).start["q"], [0, 0])
+    assert lv.analysis.linearize(frame).stiffness.shape == (2, 2)
+    loaded = lv.Structure([2.0, 1.0], [[30.0, -10.0], [-10.0, 10.0]], force=np.array([1.0, 0.0]))
+    with pytest.raises(ValueError, match="no equilibrium"):
+        lv.analysis.modes(loaded)
+
+
 def test_large_structures_take_sparse_matrices():
     rest, k = np.zeros(LARGE), np.arange(1, 5)
     wanted = 2 * np.sin(k * np.pi / (2 * LARGE + 2))

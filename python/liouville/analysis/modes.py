@@ -180,7 +180,7 @@ def modes(
         Parameters that differ from their defaults.
     start, **values : mapping, or array_like by name
         The equilibrium by the system's names, each of shape (n,): ``**equilibrium(...).start``; at
-        rest where the second is left out.
+        rest where the second is left out. A Structure needs none where it rests undeformed.
 
     Returns
     -------
@@ -201,7 +201,7 @@ def modes(
     Examples
     --------
     >>> import liouville as lv
-    >>> lv.analysis.modes(lv.Structure([1.0, 1.0], [[2.0, -1.0], [-1.0, 2.0]]), q=[0, 0])
+    >>> lv.analysis.modes(lv.Structure([1.0, 1.0], [[2.0, -1.0], [-1.0, 2.0]]))
     <Modes: 2, none unstable
      0: 0.159155 Hz 1 rad damping 0
      1: 0.275664 Hz 1.73205 rad damping 0>

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from liouville._basics.errors import hinted
 from liouville._basics.scipy import scipy
-from liouville._systems import Mechanics
+from liouville._systems import Mechanics, Structure
 from liouville._systems.mechanics.motion import linearized
 from liouville._systems.mechanics.singular import dense, unit
 from liouville._systems.mechanics.traced import FLOOR, ROUNDINGS, finite_time
@@ -104,12 +104,18 @@ class Point:
         t: float,
         params: Mapping[str, ArrayLike] | None,
     ) -> Point:
-        """Take the state of a user's, at rest unless its second half is given."""
+        """Take the state of a user's, at rest unless its second half is given.
+
+        A structure is undeformed unless its first half is.
+        """
         t, values = finite_time(t), system.values(params)
-        second = system.states[1]
+        first, second = system.states
+        zero = np.zeros(len(system.coordinates))
         is_still = start.get(second) is None
-        still = {second: np.zeros(len(system.coordinates))} if is_still else {}
-        y, z = system.start({**start, **still})
+        own = {second: zero} if is_still else {}
+        if isinstance(system, Structure) and start.get(first) is None:
+            own[first] = zero
+        y, z = system.start({**start, **own})
         point = cls(system, t, y, z, values, len(y) > LARGE)
         return point.at_rest() if is_still else point
 
