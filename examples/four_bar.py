@@ -19,10 +19,8 @@ BARS = {"crank": "AB", "coupler": "BC", "rocker": "DC"}
 
 m = lv.bodies.Assembly(gravity=(0, -9.81, 0))
 for name, (first, second) in BARS.items():
-    along = np.subtract(POINTS[second], POINTS[first])
-    length, angle = np.hypot(*along), np.arctan2(along[1], along[0])
-    middle = np.add(POINTS[first], POINTS[second]) / 2
-    m.planar_body(name, mass=2 * length, inertia=length**3 / 6, at=middle, angle=angle)
+    length = np.hypot(*np.subtract(POINTS[second], POINTS[first]))
+    m.bar(name, POINTS[first], POINTS[second], mass=2 * length)
 
 # %%
 # The joints; the crank turns at 4 rad/s.
@@ -34,7 +32,7 @@ for name, (a, b) in {
     "D": ("ground", "rocker"),
 }.items():
     motion = (lambda t, params: params.speed * t) if name == "A" else None
-    m.revolute(name, a, b, at=(*POINTS[name], 0), axis=(0, 0, 1), motion=motion)
+    m.revolute(name, a, b, at=POINTS[name], motion=motion)
 
 system = m.system(params={"speed": 4.0})
 system

@@ -85,12 +85,12 @@ BAD = {
     "inertia of body 'b' is that of no body": lambda m: m.body(
         "b", mass=1, inertia=(1, 1, 2.1), at=(0, 0, 0)
     ),
-    "principal moment 0": lambda m: m.body("b", mass=1, inertia=(1, 1, 0), at=(0, 0, 0)),
-    "mass of body 'b' is -1": lambda m: m.point_mass("b", mass=-1, at=(0, 0, 0)),
+    "principal moments, not 0": lambda m: m.body("b", mass=1, inertia=(1, 1, 0), at=(0, 0, 0)),
+    "mass of body 'b' must be positive, not -1": lambda m: m.point_mass("b", mass=-1, at=(0, 0, 0)),
     "rotation of body 'b' has length zero": lambda m: m.body(
         "b", mass=1, inertia=CUBE, at=(0, 0, 0), rotation=(0, 0, 0, 0)
     ),
-    "damping= of joint 'A' is -1": lambda m: m.revolute(
+    "damping= of joint 'A' must be zero or positive, not -1": lambda m: m.revolute(
         "A", m.ground, "rod", **AT, axis=Z, damping=-1
     ),
     "damping= of joint 'A' is one value for each": lambda m: m.cylindrical(
@@ -106,7 +106,7 @@ BAD = {
         m.revolute("A", m.ground, "rod", **AT, axis=Z),
         m.gear("G", {"A": 20, ("A", "angle"): 31}),
     ),
-    "factor of joint 'A' in gear 'G' is 0, and wants not to be zero": lambda m: (
+    "factor of joint 'A' in gear 'G' must not be zero": lambda m: (
         m.cylindrical("A", m.ground, "rod", **AT, axis=Z),
         m.gear("G", {"A": 0, ("A", "slide"): 31}),
     ),
@@ -131,13 +131,13 @@ BAD = {
     "joint 'A' of 'ground' and 'p' does not fit how these bodies move\nhint: planar": lambda m: (
         m.rolling("A", m.ground, m.planar_body("p", mass=1, inertia=1, at=(0, 0)), radius=1)
     ),
-    "damping= of spring 'K' is -1, and wants not to be negative": lambda m: m.damper(
+    "damping= of spring 'K' must be zero or positive, not -1": lambda m: m.damper(
         "K", m.ground, "rod", at=((0, 0, 0), (1, 0, 0)), damping=-1
     ),
-    "rest= of spring 'K' is -1, and wants not to be negative": lambda m: m.spring(
+    "rest= of spring 'K' must be zero or positive, not -1": lambda m: m.spring(
         "K", m.ground, "rod", at=((0, 0, 0), (1, 0, 0)), stiffness=1, rest=-1
     ),
-    "damping= of bushing 'K' has the eigenvalue -1, and wants none to be": lambda m: m.bushing(
+    "damping= of bushing 'K' must have no negative eigenvalue, and has -1": lambda m: m.bushing(
         "K", m.ground, "rod", **AT, stiffness=np.ones(6), damping=(1, 1, 1, 1, 1, -1)
     ),
     "stiffness= of bushing 'K' is not symmetric": lambda m: m.bushing(
@@ -159,7 +159,7 @@ BAD = {
         m.bushing("K", m.ground, "rod", **AT, stiffness=lambda p: [p.k] * 3),
         m.system(params={"k": 1.0}),
     ),
-    "damping of beam 'K' has the eigenvalue -15.2, and wants none to be": lambda m: (
+    "damping of beam 'K' must have no negative eigenvalue, and has -15.2": lambda m: (
         m.beam(
             "K",
             m.ground,
@@ -172,10 +172,10 @@ BAD = {
         ),
         m.system(params={"c": -1.0}),
     ),
-    "bending= of beam 'K' is -1, and wants not to be negative": lambda m: m.beam(
+    "bending= of beam 'K' must be zero or positive, not -1": lambda m: m.beam(
         "K", m.ground, "rod", at=((0, 0, 0), (1, 0, 0)), axial=1, bending=(1, -1), torsion=1
     ),
-    "damping of joint 'A' is -1, and wants not to be negative": lambda m: (
+    "damping of joint 'A' must be zero or positive, not -1": lambda m: (
         m.revolute("A", m.ground, "rod", **AT, axis=Z, damping=lambda p: p.c),
         m.system(params={"c": -1.0}),
     ),
@@ -220,7 +220,7 @@ def test_runs_refuse_parameters_that_make_no_body():
     m.spherical("A", m.ground, "a", at=(0, 0, 0))
     system = m.system(params={"m": 1.0, "J": 1.0})
     call = {"t": (0, 1), "h": 0.1, **m.start()}
-    with pytest.raises(ValueError, match="mass of body 'a' is -1, and wants to be positive"):
+    with pytest.raises(ValueError, match="mass of body 'a' must be positive, not -1"):
         lv.integrate(system, lv.Spark(2), params={"m": -1.0}, **call)
     with pytest.raises(ValueError, match="member 1: inertia of body 'a' is that of no body"):
         lv.ensemble(system, lv.Spark(2), params={"J": [1.0, 3.0]}, **call)
@@ -239,35 +239,35 @@ def lopsided(x):
 
 #: How a joint or a spring takes its size from the parameters, and what is said of a wrong one.
 SIZES = {
-    "damping of joint 'A' is -1, and wants not to be negative": lambda m, x: m.revolute(
+    "damping of joint 'A' must be zero or positive, not -1": lambda m, x: m.revolute(
         "A", m.ground, "rod", **AT, axis=Z, damping=x
     ),
-    "armature of joint 'A' is -1, and wants not to be negative": lambda m, x: m.compound(
+    "armature of joint 'A' must be zero or positive, not -1": lambda m, x: m.compound(
         "A", m.ground, "rod", [("turn", Z, (0, 0, 0))], armature=(x,)
     ),
-    "length of joint 'A' is -1, and wants to be positive": lambda m, x: m.distance(
+    "length of joint 'A' must be positive, not -1": lambda m, x: m.distance(
         "A", m.ground, "rod", at=((0, 0, 0), (0, 0, -1)), length=x
     ),
-    "radius of joint 'A' is -1, and wants to be positive": lambda m, x: m.rolling(
+    "radius of joint 'A' must be positive, not -1": lambda m, x: m.rolling(
         "A", m.ground, "rod", radius=x, at=(0, 0, -2)
     ),
-    "mu of friction of joint 'A' is -1, and wants not to be negative": lambda m, x: m.prismatic(
+    "mu of friction of joint 'A' must be zero or positive, not -1": lambda m, x: m.prismatic(
         "A", m.ground, "rod", axis=Z, friction=lv.bodies.Coulomb(mu=x, v_s=0.1)
     ),
-    "v_s of friction of joint 'A' is -1, and wants to be positive": lambda m, x: m.prismatic(
+    "v_s of friction of joint 'A' must be positive, not -1": lambda m, x: m.prismatic(
         "A", m.ground, "rod", axis=Z, friction=lv.bodies.Coulomb(mu=0.1, v_s=x)
     ),
-    "radius of friction of joint 'A' is -1, and wants to be positive": lambda m, x: m.revolute(
+    "radius of friction of joint 'A' must be positive, not -1": lambda m, x: m.revolute(
         "A", m.ground, "rod", **AT, axis=Z,
         friction=lv.bodies.Coulomb(mu=0.1, v_s=0.1, radius=x),
     ),
-    "mu_static - mu of friction of joint 'A' is -1, and wants not to be": lambda m, x: m.revolute(
+    "mu_static - mu of friction of joint 'A' must be zero or pos": lambda m, x: m.revolute(
         "A", m.ground, "rod", **AT, axis=Z,
         friction=lv.bodies.Stribeck(
             mu=1, mu_static=lambda p: (x(p) + 1) / 2, v_stribeck=1, v_s=0.1, radius=0.1
         ),
     ),
-    "damping of bushing 'K' has the eigenvalue -1, and wants none to be": lambda m, x: (
+    "damping of bushing 'K' must have no negative eigenvalue, and has -1": lambda m, x: (
         m.free("A", "rod"),
         m.bushing("K", m.ground, "rod", **AT, stiffness=(1,) * 6, damping=lambda p: [x(p)] * 6),
     ),
@@ -275,19 +275,19 @@ SIZES = {
         m.free("A", "rod"),
         m.bushing("K", m.ground, "rod", **AT, stiffness=lambda p: lopsided(x(p))),
     ),
-    "stiffness of beam 'K' has the eigenvalue -1, and wants none to be negative": lambda m, x: (
+    "stiffness of beam 'K' must have no negative eigenvalue, and has -1": lambda m, x: (
         m.free("A", "rod"),
         m.beam("K", m.ground, "rod", at=LINE, axial=x, bending=1, torsion=1),
     ),
-    "damping of beam 'K' has the eigenvalue -15.2, and wants none to be": lambda m, x: (
+    "damping of beam 'K' must have no negative eigenvalue, and has -15.2": lambda m, x: (
         m.free("A", "rod"),
         m.beam("K", m.ground, "rod", at=LINE, axial=12, bending=1, torsion=1, damping=x),
     ),
-    "damping of spring 'K' is -1, and wants not to be negative": lambda m, x: (
+    "damping of spring 'K' must be zero or positive, not -1": lambda m, x: (
         m.free("A", "rod"),
         m.spring("K", m.ground, "rod", at=((0, 0, 1), (0, 0, -1)), stiffness=1, damping=x),
     ),
-    "rest length of spring 'K' is -1, and wants not to be negative": lambda m, x: (
+    "rest length of spring 'K' must be zero or positive, not -1": lambda m, x: (
         m.free("A", "rod"),
         m.spring("K", m.ground, "rod", at=((0, 0, 1), (0, 0, -1)), stiffness=1, rest=x),
     ),
@@ -339,15 +339,17 @@ def test_starts_refuse_what_has_no_value_as_drawn(sentence):
 
 SPRING = {"at": ((0, 0, 0), (0, 0, -1))}
 WRONG_LAWS = {
-    "force 'F' returns 2 values": lambda m: m.force("F", "rod", lambda t, x, v, p: [0, 0]),
-    "torque 'F' returns 1 values": lambda m: m.torque("F", "rod", lambda t, w, p: 1.0),
+    "force 'F' must return 3 values, not 2": lambda m: m.force(
+        "F", "rod", lambda t, x, v, p: [0, 0]
+    ),
+    "torque 'F' must return 3 values, not 1": lambda m: m.torque("F", "rod", lambda t, w, p: 1.0),
     r"torque of joint 'F' is called with \(t, angle, rate, p": lambda m: m.revolute(
         "F", m.ground, "rod", **AT, axis=Z, torque=lambda t, params: 1.0
     ),
     r"force of joint 'F' is called with \(t, slide, rate, p": lambda m: m.prismatic(
         "F", m.ground, "rod", axis=Z, force=lambda t, params: 1.0
     ),
-    "motion of joint 'F' returns 2 values": lambda m: m.revolute(
+    "motion of joint 'F' must return 1 value, not 2": lambda m: m.revolute(
         "F", m.ground, "rod", **AT, axis=Z, motion=lambda t, p: [t, t]
     ),
     "equations of joint 'F' are 3": lambda m: m.guide("F", m.ground, "rod", lambda x, p: x),
@@ -374,7 +376,7 @@ def test_a_law_of_parameters_is_looked_at_once_they_have_values_and_taken_out_ag
     m.free("flight", "rod")
     m.force("F", "rod", lambda t, x, v, p: p.F)  # three numbers or not
     assert m.system({"F": [0.0, 0.0, 1.0]})
-    with pytest.raises(ValueError, match="force 'F' returns 1 values, wanted 3"):
+    with pytest.raises(ValueError, match="force 'F' must return 3 values, not 1"):
         m.system({"F": 1.0})
     with pytest.raises(ValueError, match=r"there is an element called 'F' already\nhint: m.remove"):
         m.force("F", "rod", lambda t, x, v, p: [p.F, 0, 0])

@@ -53,7 +53,7 @@ COMPOUND = {
     "names= of joint 'J' must be 1 different names": lambda m: m.compound(
         "J", "a", "b", [("slide", (0, 0, 1))], names=("x", "x")
     ),
-    "armature of 'slide' of joint 'J' is -1, and wants not to be negative": lambda m: m.compound(
+    "armature of 'slide' of joint 'J' must be zero or positive, not -1": lambda m: m.compound(
         "J", "a", "b", [("slide", (0, 0, 1))], armature=-1.0
     ),
     "'p' is point": lambda m: m.compound("J", "a", "p", [("slide", (0, 0, 1))]),

@@ -161,7 +161,7 @@ def test_a_surface_has_no_period():
 @pytest.mark.parametrize(("more", "sentence"), [
     ({"plane": lambda t, x: x[0]}, "takes \\(t, x\\)"),
     ({"plane": lambda t, x, params: None}, "'plane' returns None"),
-    ({"plane": lambda t, x, params: [x[0], x[1]]}, "'plane' returns 2 values"),
+    ({"plane": lambda t, x, params: [x[0], x[1]]}, "'plane' must return a scalar, not 2"),
     ({"plane": lambda t, x, params: ca.log(x[0] - 9)}, "'plane' is not finite at t = 0"),
     ({"plane": level(0.0)}, "hint: an Event's function"),
     ({"plane": "x", "x": X}, "hint: give a row for each member"),

@@ -208,15 +208,15 @@ BAD = {
     "slides, and has no radius": lambda: block(
         "prismatic", (1, 1, 1), Coulomb(mu=0.1, v_s=0.1, radius=1), axis=SLOPE
     ),
-    "mu= of friction is -1, and wants not to be negative": lambda: Coulomb(mu=-1, v_s=0.1),
+    "mu= of friction must be zero or positive, not -1": lambda: Coulomb(mu=-1, v_s=0.1),
     "one value for each of its coordinates: turn 1, slide 2": lambda: block(
         "compound", (1, 1, 1), BOTH[0], axes=AXES
     ),
     "friction= of 'slide 2' of joint 'J': the joint slides, and has no radius": lambda: block(
         "compound", (1, 1, 1), BOTH, axes=AXES
     ),
-    "v_s= of friction is 0, and wants to be positive": lambda: Coulomb(mu=1, v_s=0),
-    "mu_static - mu of friction is -0.2, and wants not to be negative": lambda: Stribeck(
+    "v_s= of friction must be positive, not 0": lambda: Coulomb(mu=1, v_s=0),
+    "mu_static - mu of friction must be zero or positive, not -0.2": lambda: Stribeck(
         mu=0.3, mu_static=0.1, v_stribeck=0.1, v_s=1e-3
     ),
 }

@@ -294,7 +294,7 @@ REFUSED = {
     "in a constraint": ({"controls": ("l",)}, ValueError, "'l' is in a constraint"),
     "in no force": ({"controls": ("F", "idle")}, ValueError, "'idle' is in no force"),
     "no cost": ({"cost": None}, TypeError, "needs cost or final_cost"),
-    "a cost of two": ({"cost": lambda t, q, v, params: [1, 2]}, ValueError, "wanted a scalar"),
+    "a cost of two": ({"cost": lambda t, q, v, params: [1, 2]}, ValueError, "must return a scalar"),
     "a control at the end": ({"final_cost": effort}, ValueError, "final_cost depends on control"),
     "off the start": ({"q": [0, 0, -1.1]}, ValueError, "start violates the constraint 'rod'"),
     "off the end": ({"final": {"q": [0, 0, 1.1]}}, ValueError, "final state violates"),

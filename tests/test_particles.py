@@ -293,7 +293,7 @@ def test_potentials_are_the_fields_that_they_make():
         ({"B": (0, 0, 1), "A": lambda t, x, params: x}, "B is given, and A too"),
         ({"E": (0, 0, 1), "phi": lambda t, x, params: x[0]}, "E is given, and phi too"),
         ({"B": (0, 1)}, "B must be a function or three finite numbers, not (0, 1)"),
-        ({"E": lambda t, x, params: x[0]}, "E returns 1 values, wanted 3"),
+        ({"E": lambda t, x, params: x[0]}, "E must return 3 values, not 1"),
         ({"mass": 0.0}, "the mass must be positive, not 0"),
         ({"c": -1.0}, "the speed of light c must be positive, not -1"),
         ({"charge": [1.0, 2.0]}, "charge must be a number, not [1.0, 2.0]"),

@@ -271,7 +271,7 @@ def test_sprott_a_and_nose_hoover_are_refused():
 
 
 def test_the_number_of_components_is_checked():
-    with pytest.raises(ValueError, match="field returns 2 values, wanted 3"):
+    with pytest.raises(ValueError, match="field must return 3 values, not 2"):
         PolynomialField(lambda t, x, params: [x[1], x[0]], x=XYZ)
 
 
@@ -520,5 +520,5 @@ def test_functions_and_matrices_are_recorded():
 def test_an_invariant_of_the_wrong_size_is_refused():
     with pytest.raises(ValueError, match=r"invariant 'e' is a matrix of order 2, wanted 3"):
         given_terms(*TERMS, invariants={"e": np.ones(2)})
-    with pytest.raises(ValueError, match=r"invariant 'e' returns 3 values, wanted a scalar"):
+    with pytest.raises(ValueError, match=r"invariant 'e' must return a scalar, not 3 values"):
         given_terms(*TERMS, invariants={"e": lambda t, x, params: x})

@@ -312,12 +312,12 @@ def test_a_pickle_runs_alike():
         (
             lambda: lv.PotentialField(lambda t, x, params: [x[0], x[1]], x=("x", "y", "z")),
             ValueError,
-            "potential returns 2 values, wanted 3",
+            "potential must return 3 values, not 2",
         ),
         (
             lambda: lv.PotentialField(lambda t, x, params: [x[0], x[1]], x=("x", "y")),
             ValueError,
-            "potential returns 2 values, wanted a scalar",
+            "potential must return a scalar, not 2 values",
         ),
         (
             lambda: lv.PotentialField(lambda t, x, params: {"w": x[0]}, x=("x", "y", "z")),

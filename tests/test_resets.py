@@ -356,7 +356,7 @@ def test_wrong_resets_are_refused():
         (3, "reset must be an Impact or a function, not 3"),
         (
             lambda t, q, v, lam, params: [1, 2],
-            "the reset of event 'e' 'v' returns 2 values, wanted 1",
+            "the reset of event 'e' 'v' must return 1 value, not 2",
         ),
         (
             lambda t, q, v, lam, params: {"w": v},

@@ -237,9 +237,13 @@ BAD = {
     "pair": (
         {"force": lambda t, q, v, params: {"q1": q}},
         ValueError,
-        "force 'q1' returns 6 values, wanted a scalar",
+        "force 'q1' must return a scalar, not 6 values",
     ),
-    "short": ({"force": lambda t, q, v, params: q[:2]}, ValueError, "force returns 2 values, want"),
+    "short": (
+        {"force": lambda t, q, v, params: q[:2]},
+        ValueError,
+        "force must return 6 values, not 2",
+    ),
     "fixed": (
         {"constraint": lambda t, q, params: {"wall": ca.sin(t)}},
         ValueError,

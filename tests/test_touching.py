@@ -224,7 +224,7 @@ def test_sizes_of_shapes_may_depend_on_parameters():
     system = m.system(params={"r": 0.5, "floor": 1.0})
     found = system.contacts.at(0.0, np.array([0, 3.0, 0]), np.zeros(3), system.values(None), 0.1)
     np.testing.assert_allclose(found.gap, [1.5, 7])
-    with pytest.raises(ValueError, match="radius of contact 'floor' is -1, and wants to be posi"):
+    with pytest.raises(ValueError, match="radius of contact 'floor' must be positive, not -1"):
         system.values({"r": -1.0})
 
 
@@ -271,13 +271,13 @@ REFUSED = {
     "restitution must be from 0 to 1, not 3": lambda: touching(
         Sphere("p", 1), Plane("ground"), restitution=3
     ),
-    "radius= of a sphere is -1, and wants not to be negative": lambda: Sphere("p", -1),
-    "an edge of a box is 0, and wants to be positive": lambda: Box("p", (1, 0, 1)),
+    "radius= of a sphere must be zero or positive, not -1": lambda: Sphere("p", -1),
+    "an edge of a box must be positive, not 0": lambda: Box("p", (1, 0, 1)),
     "ends= of a capsule must be": lambda: Capsule("p", (1, 0, 1), 1),
     "normal= of a plane has length zero": lambda: Plane("p", normal=(0, 0, 0)),
     "no convex one": lambda: Polygon("p", [(0, 0), (1, 0), (0.2, 0.2), (0, 1)]),
     "those of no convex": lambda: Polygon("p", [(0, 0), (1, 0)]),
-    "length= of rope 'r' is 0, and wants to be positive": lambda: roped(((0, 0, 0), (0, 0, 0))),
+    "length= of rope 'r' must be positive, not 0": lambda: roped(((0, 0, 0), (0, 0, 0))),
 }
 
 

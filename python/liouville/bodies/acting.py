@@ -15,7 +15,7 @@ from liouville.bodies.body import Value, check_size, column, given, numbers, uni
 from liouville.bodies.chaining import Which
 from liouville.bodies.elements import Element, beam_stiffness, check_matrix
 from liouville.bodies.joining import Joining
-from liouville.bodies.registry import Frames, apart, points_of, tried, two_points
+from liouville.bodies.registry import Frames, apart, is_flat, place_of, points_of, tried, two_points
 
 #: Sizes of what the function of a force or a torque is given, by name.
 FUNCTIONS = {
@@ -69,7 +69,7 @@ class Acting(Joining):
             An argument is wrong, or the name is there already.
         """
         of = f"spring '{name}'"
-        points = two_points(of, at)
+        points = two_points(of, at, is_flat(*self._sides(of, a, b)))
         length = apart(points)
         values = {
             "stiffness": given(f"stiffness= of {of}", stiffness, ()),
@@ -160,8 +160,10 @@ class Acting(Joining):
             values[what] = given(f"{what}= of {of}", value, shape)
             if not callable(values[what]):
                 check_matrix(f"{what}= of {of}", what, values[what])
-        frames = self._frames(of, *self._sides(of, a, b), axis=axis)
-        return self._act("bushing", name, (a, b), points_of(of, at), values, frames)
+        sides = self._sides(of, a, b)
+        frames = self._frames(of, *sides, axis=axis)
+        points = points_of(of, at, is_flat(*sides))
+        return self._act("bushing", name, sides, points, values, frames)
 
     def beam(
         self,
@@ -253,7 +255,7 @@ class Acting(Joining):
         force : callable
             ``force(t, position, velocity, params)`` returns three components in the world, of the
             position and velocity of the point there.
-        at : array_like, shape (3,), or callable, optional
+        at : array_like, shape (3,), of a planar body (2,), or callable, optional
             The point as drawn, the centre of mass by default.
 
         Returns
@@ -267,7 +269,8 @@ class Acting(Joining):
             An argument is wrong, or the name is there already.
         """
         own = self._body(body, f"force '{name}'")
-        place = own.at if at is None else given(f"at= of force '{name}'", at, (3,))
+        flat = own.kind == "planar"
+        place = own.at if at is None else place_of(f"at= of force '{name}'", at, flat)
         return self._act("force", name, (self.ground, own), (place, place), {}, function=force)
 
     def torque(self, name: str, body: Which, torque: Callable[..., Any]) -> Element:

@@ -11,22 +11,19 @@ from numpy.typing import ArrayLike, NDArray
 from liouville._basics.errors import hinted, quoted
 from liouville._systems.mechanics.contact import check_restitution
 from liouville._systems.tracing import trace as _trace
-from liouville.bodies import rotations as rot
 from liouville.bodies.acting import Acting
 from liouville.bodies.body import (
-    Body,
     Value,
     check_mass,
     check_size,
     evaluated,
     given,
-    numbers,
     unit,
 )
 from liouville.bodies.chaining import Which
 from liouville.bodies.elements import check_matrix, matrix_functions, parameter_functions
 from liouville.bodies.mechanism import Mechanism
-from liouville.bodies.registry import apart, two_points, with_height
+from liouville.bodies.registry import apart, is_flat, two_points
 from liouville.bodies.shapes import Shape
 from liouville.bodies.touching import Rope, Touch, touch_of
 
@@ -74,132 +71,6 @@ class Assembly(Acting):
 
     def _changed(self) -> None:
         self._system = None
-
-    def body(
-        self,
-        name: str,
-        *,
-        mass: Value,
-        inertia: Value,
-        at: Value = (0.0, 0.0, 0.0),
-        rotation: ArrayLike = (1.0, 0.0, 0.0, 0.0),
-    ) -> Body:
-        """Add a rigid body.
-
-        Parameters
-        ----------
-        name : str
-            Its name.
-        mass : float or callable
-            Its mass.
-        inertia : array_like, shape (3,) or (3, 3), or callable
-            Moments of inertia about the centre of mass in the body's own axes, the principal ones
-            or all.
-        at : array_like, shape (3,), or callable, default (0, 0, 0)
-            Its centre of mass as drawn.
-        rotation : array_like, shape (4,), default (1, 0, 0, 0)
-            Quaternion from its own axes to the world's as drawn, of any length.
-
-        Returns
-        -------
-        Body
-            For joints and elements.
-
-        Raises
-        ------
-        TypeError, ValueError
-            An argument is wrong, or the name is there already. A mass and an inertia that depend on
-            parameters are checked by :meth:`system`.
-        """
-        what = f"body '{name}'"
-        if not callable(inertia):
-            matrix = _trace.numbers(inertia)
-            shape = (3, 3) if matrix is not None and matrix.ndim == 2 else (3,)
-            inertia = numbers(f"inertia of {what}", inertia, shape)
-        return self._with(
-            Body(
-                self._new(name),
-                "spatial",
-                given(f"mass of {what}", mass, ()),
-                inertia,
-                given(f"at= of {what}", at, (3,)),
-                tuple(unit(f"rotation of {what}", rotation, 4).tolist()),
-            )
-        )
-
-    def point_mass(self, name: str, *, mass: Value, at: Value = (0.0, 0.0, 0.0)) -> Body:
-        """Add a body without extent, which cannot turn.
-
-        Parameters
-        ----------
-        name : str
-            Its name.
-        mass : float or callable
-            Its mass.
-        at : array_like, shape (3,), or callable, default (0, 0, 0)
-            Its place as drawn.
-
-        Returns
-        -------
-        Body
-            For joints and elements.
-
-        Raises
-        ------
-        TypeError, ValueError
-            An argument is wrong, or the name is there already.
-        """
-        what = f"body '{name}'"
-        mass, at = given(f"mass of {what}", mass, ()), given(f"at= of {what}", at, (3,))
-        return self._with(Body(self._new(name), "point", mass, None, at))
-
-    def planar_body(
-        self, name: str, *, mass: Value, inertia: Value, at: Value = (0.0, 0.0), angle: float = 0.0
-    ) -> Body:
-        """Add a body that moves in a plane across z.
-
-        Parameters
-        ----------
-        name : str
-            Its name.
-        mass : float or callable
-            Its mass.
-        inertia : float or callable
-            Its moment of inertia about z through the centre of mass.
-        at : array_like, shape (2,) or (3,), or callable, default (0, 0)
-            Its centre of mass as drawn; the third number is the height of its plane.
-        angle : float, default 0
-            That of its own x against the world's as drawn, in radians.
-
-        Returns
-        -------
-        Body
-            For joints and elements.
-
-        Raises
-        ------
-        TypeError, ValueError
-            An argument is wrong, or the name is there already.
-        """
-        what = f"body '{name}'"
-        place: Value
-        if callable(at):
-            place = with_height(at)
-        else:
-            flat = _trace.numbers(at)
-            size = 3 if flat is not None and flat.shape == (3,) else 2
-            place = np.append(numbers(f"at= of {what}", at, (size,)), np.zeros(3 - size))
-        half = float(numbers(f"angle of {what}", angle, ())) / 2
-        own = given(f"inertia of {what}", inertia, ())
-        rotation = tuple(float(x) for x in rot.turn((0.0, 0.0, 1.0), 2 * half))
-        mass = given(f"mass of {what}", mass, ())
-        return self._with(Body(self._new(name), "planar", mass, own, place, rotation))
-
-    def _with(self, body: Body) -> Body:
-        if not (callable(body.mass) or callable(body.inertia)):
-            check_mass(body, None)
-        self._bodies[body.name] = body
-        return body
 
     def contact(
         self,
@@ -293,7 +164,8 @@ class Assembly(Acting):
             An argument is wrong, or the name is there already.
         """
         of = f"rope '{name}'"
-        sides, points = self._sides(of, a, b), two_points(of, at)
+        sides = self._sides(of, a, b)
+        points = two_points(of, at, is_flat(*sides))
         length = apart(points) if length is None else given(f"length= of {of}", length, ())
         check_size(f"length= of {of}", "length", length)
         check_restitution(restitution)

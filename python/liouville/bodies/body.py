@@ -152,12 +152,12 @@ def check_size(what: str, name: str, value: Value) -> None:
         return
     number, of = float(value), name.partition(" of ")[0]
     for names, is_one, wanted in (
-        (POSITIVE, number > 0, "to be positive"),
-        (NOT_NEGATIVE, number >= 0, "not to be negative"),
-        (NOT_ZERO, number != 0, "not to be zero"),
+        (POSITIVE, number > 0, f"be positive, not {number:g}"),
+        (NOT_NEGATIVE, number >= 0, f"be zero or positive, not {number:g}"),
+        (NOT_ZERO, number != 0, "not be zero"),
     ):
         if of in names and not is_one:
-            raise ValueError(f"{what} is {number:g}, and wants {wanted}")
+            raise ValueError(f"{what} must {wanted}")
 
 
 def check_mass(body: Body, params: Any) -> None:
@@ -178,13 +178,13 @@ def check_mass(body: Body, params: Any) -> None:
 def check_numbers(name: str, kind: str, mass: float, entries: NDArray[np.float64]) -> None:
     """Refuse a mass, or entries of an inertia, that no body has; a planar one has its moment."""
     if not mass > 0:
-        raise ValueError(f"mass of body '{name}' is {mass:g}, and wants to be positive")
+        raise ValueError(f"mass of body '{name}' must be positive, not {mass:g}")
     if kind == "point":
         return
     what = f"inertia of body '{name}'"
     if kind == "planar":
         if not entries[0, 0] > 0:
-            raise ValueError(f"{what} is {entries[0, 0]:g}, and wants to be positive")
+            raise ValueError(f"{what} must be positive, not {entries[0, 0]:g}")
         return
     if not np.isfinite(entries).all():
         raise ValueError(f"{what} is not finite")
@@ -192,7 +192,7 @@ def check_numbers(name: str, kind: str, mass: float, entries: NDArray[np.float64
         raise ValueError(f"{what} is not symmetric")
     moments = np.linalg.eigvalsh(entries)
     if not moments[0] > 0:
-        sentence = f"{what} has the principal moment {moments[0]:.3g}, and wants positive ones"
+        sentence = f"{what} must have positive principal moments, not {moments[0]:.3g}"
         hint = "a thin rod takes 1e-8 of the others about its axis, a point m.point_mass"
         raise ValueError(hinted(sentence, hint))
     if moments[0] + moments[1] < moments[2] * (1 - TRIANGLE):

@@ -11,11 +11,12 @@ from numpy.typing import ArrayLike
 
 from liouville._basics.errors import hinted
 from liouville.bodies import rotations as rot
+from liouville.bodies.adding import Adding
 from liouville.bodies.body import Body, Value, check_size, given, numbers, unit
 from liouville.bodies.friction import frictions_of_axes
 from liouville.bodies.joints import RATES, Axis, Joint
 from liouville.bodies.limits import check_motion, limits_of
-from liouville.bodies.registry import Registry, check_damping, coordinate_values, functions_of
+from liouville.bodies.registry import check_damping, coordinate_values, functions_of
 
 Which = Body | str
 Effort = Callable[..., Any]
@@ -54,7 +55,7 @@ class Coupling:
         return {joint for joint, _ in self.joints}
 
 
-class Chaining(Registry):
+class Chaining(Adding):
     """Compound joints, gears and couplings of :class:`Assembly`."""
 
     def compound(
@@ -178,7 +179,7 @@ class Chaining(Registry):
         Parameters
         ----------
         name : str
-            Its name; ``solution.reaction(name)`` has its generalised force.
+            Its name; ``solution.reaction(name)`` has its force or torque on each coordinate.
         ratios : mapping of str to float or callable
             Factors by joint, two or more: ``{"A": 20, "B": 31}`` of wheels with these numbers of
             teeth, or their radii; of joints with more rates the first is meant. A rack takes its
@@ -201,7 +202,7 @@ class Chaining(Registry):
                 raise ValueError(f"{of} has two factors for '{own[1]}' of joint '{own[0]}'")
             found[own] = given(f"factor of {of}", factor, ())
             if not callable(factor) and factor == 0:
-                sentence = f"factor of joint '{own[0]}' in {of} is 0, and wants not to be zero"
+                sentence = f"factor of joint '{own[0]}' in {of} must not be zero"
                 raise ValueError(
                     hinted(sentence, "a joint that the gear does not turn is left out")
                 )

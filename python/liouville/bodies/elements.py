@@ -152,7 +152,7 @@ def check_matrix(what: str, name: str, entries: NDArray[np.float64]) -> None:
         raise ValueError(f"{what} is not symmetric")
     least = float(np.linalg.eigvalsh(matrix)[0])
     if name != "stiffness" and least < -1e-9 * largest:
-        raise ValueError(f"{what} has the eigenvalue {least:.3g}, and wants none to be negative")
+        raise ValueError(f"{what} must have no negative eigenvalue, and has {least:.3g}")
 
 
 def matrix_functions(elements: Sequence[Element]) -> Iterator[tuple[str, str, Value]]:

@@ -14,14 +14,15 @@ from liouville.bodies.chaining import Effort, Which
 from liouville.bodies.friction import Coulomb, frictions
 from liouville.bodies.joints import Joint
 from liouville.bodies.linking import Linking
-from liouville.bodies.registry import along, check_plane, pair_of, points_of
+from liouville.bodies.registry import along, check_plane, is_flat, pair_of, points_of
 
 
 class Joining(Linking):
     """The joints of :class:`Assembly` with an axis.
 
-    Everywhere, `at` is a point in the world as drawn, `(x, y, z)`, or two, one on each body, where
-    the drawing is open; a function of the parameters is taken too. `axis` is a direction of any
+    Everywhere, `at` is a point in the world as drawn, `(x, y, z)`, at a planar body `(x, y)` too,
+    or two points, one on each body, where the drawing is open; a function of the parameters does
+    as well. `axis` is a direction of any
     length, or two. An angle is that of b against a about the axis, a slide that of b along it,
     both zero as drawn. `damping` times the rate is a torque or force against it; `torque` and
     `force` are functions ``f(t, angle, rate, params)``; `spring` times the way from `rest` is one
@@ -389,4 +390,4 @@ class Joining(Linking):
         check_plane(of, kind, a, b, pair_of(of, axis)[0])
         free = along(of, kind, damping, effort, spring, rest, motion, limits)
         more = {"sizes": dict(sizes or {}), "friction": dry, **free}
-        return self._add(kind, name, sides, points_of(of, at), frames, **more)
+        return self._add(kind, name, sides, points_of(of, at, is_flat(a, b)), frames, **more)

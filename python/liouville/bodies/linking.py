@@ -13,7 +13,15 @@ from liouville.bodies.body import Value, check_rows, check_size, given, unit
 from liouville.bodies.chaining import Chaining, Which
 from liouville.bodies.friction import Coulomb, frictions
 from liouville.bodies.joints import Joint
-from liouville.bodies.registry import along, apart, check_plane, points_of, tried, two_points
+from liouville.bodies.registry import (
+    along,
+    apart,
+    check_plane,
+    is_flat,
+    points_of,
+    tried,
+    two_points,
+)
 
 #: Sizes of what the equations of a guide are given, by name.
 AT_PLACE = {"position": 3}
@@ -45,8 +53,8 @@ class Linking(Chaining):
             An argument is wrong, or the name is there already.
         """
         of = f"joint '{name}'"
-        _, body = self._sides(of, a, b)
-        points = (body.at, body.at) if at is None else points_of(of, at)
+        one, body = self._sides(of, a, b)
+        points = (body.at, body.at) if at is None else points_of(of, at, is_flat(one, body))
         return self._add("fixed", name, (a, b), points)
 
     def spherical(
@@ -94,7 +102,7 @@ class Linking(Chaining):
         stiffness = given(f"spring= of {of}", spring, ())
         if callable(stiffness) or stiffness != 0:
             more["sizes"] = {"stiffness": stiffness}
-        points = points_of(of, at)
+        points = points_of(of, at, is_flat(*self._sides(of, a, b)))
         return self._add("spherical", name, (a, b), points, **more)
 
     def distance(
@@ -124,7 +132,7 @@ class Linking(Chaining):
             An argument is wrong, or the name is there already.
         """
         of = f"joint '{name}'"
-        points = two_points(of, at)
+        points = two_points(of, at, is_flat(*self._sides(of, a, b)))
         length = apart(points) if length is None else given(f"length= of {of}", length, ())
         if not callable(length) and not length > 0:
             hint = "points that coincide take a spherical joint"

@@ -352,9 +352,11 @@ class Mechanism(Lagrangian):
             known = ", ".join(self._places) or "none"
             if name in self.constraints:
                 sentence = f"{name!r} is a constraint, and no joint"
-                raise ValueError(
-                    hinted(sentence, f"solution.reaction({name!r}) has its generalised force")
+                hint = (
+                    f"solution.reaction({name!r}) has its force on each of "
+                    "solution.names['coordinates']"
                 )
+                raise ValueError(hinted(sentence, hint))
             raise ValueError(hinted(f"there is no joint {name!r}", f"joints are {known}"))
         return self._places[name]
 

@@ -160,26 +160,47 @@ def pair_of(of: str, axis: Any) -> tuple[NDArray[np.float64], NDArray[np.float64
     return own, own
 
 
-def points_of(of: str, at: Any) -> tuple[Value, Value]:
-    """Return the points on both bodies, from one or two places in the world as drawn."""
+def is_flat(a: Body, b: Body) -> bool:
+    """Return whether two bodies meet in the plane: one is planar, and none is in space."""
+    return "planar" in (a.kind, b.kind) and "spatial" not in (a.kind, b.kind)
+
+
+def points_of(of: str, at: Any, flat: bool = False) -> tuple[Value, Value]:
+    """Return the points on both bodies, from one or two places in the world as drawn.
+
+    In a `flat` mechanism two numbers are a place too, of height zero.
+    """
     what = f"at= of {of}"
     if callable(at):
-        return at, at
-    flat = _trace.numbers(at)
-    if flat is not None and flat.shape == (2,):
-        hint = "give three coordinates, of planar bodies the last is 0, or two points, one on each"
+        return (with_height(at),) * 2 if flat else (at, at)
+    pair = _trace.numbers(at)
+    if pair is not None and pair.shape == (2,) and not flat:
+        hint = "give three coordinates, or two points, one on each body"
         raise ValueError(hinted(f"{what} is {at!r}", hint))
-    if isinstance(at, Sequence | np.ndarray) and len(at) == 2:
-        return given(what, at[0], (3,)), given(what, at[1], (3,))
-    own = numbers(what, at, (3,))
+    is_place = pair is not None and pair.ndim == 1
+    if not is_place and isinstance(at, Sequence | np.ndarray) and len(at) == 2:
+        return place_of(what, at[0], flat), place_of(what, at[1], flat)
+    own = place_of(what, at, flat)
     return own, own
 
 
-def two_points(of: str, at: Any) -> tuple[Value, Value]:
+def place_of(what: str, at: Any, flat: bool) -> Value:
+    """Return a place in space, from two numbers too if that is `flat`."""
+    if callable(at):
+        return with_height(given(what, at, ())) if flat else given(what, at, (3,))
+    pair = _trace.numbers(at)
+    if flat and pair is not None and pair.shape == (2,):
+        return np.append(numbers(what, at, (2,)), 0.0)
+    return numbers(what, at, (3,))
+
+
+def two_points(of: str, at: Any, flat: bool = False) -> tuple[Value, Value]:
     """Return two points that are given one by one."""
-    if not isinstance(at, Sequence | np.ndarray) or len(at) != 2:
+    numeric = _trace.numbers(at)
+    is_place = numeric is not None and numeric.ndim == 1
+    if is_place or not isinstance(at, Sequence | np.ndarray) or len(at) != 2:
         raise ValueError(f"at= of {of} must be two points, one on each body, not {at!r}")
-    return points_of(of, at)
+    return points_of(of, at, flat)
 
 
 def apart(points: tuple[Value, Value]) -> Value:

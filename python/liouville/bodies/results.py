@@ -59,6 +59,10 @@ class BodyMotion:
     velocity: Array
     angular_velocity: Array
 
+    def __repr__(self) -> str:
+        """Name the body and its records."""
+        return f"<motion of body {self.name!r}: {len(self.t)} records>"
+
     def point(self, at: ArrayLike) -> Array:
         """Return the path, shape (k, 3), of a point at rest in its axes, from its centre."""
         own = numbers(f"a point of body '{self.name}'", at, (3,))
@@ -108,6 +112,11 @@ class JointMotion:
     rates: dict[str, Array]
     efforts: dict[str, Array]
     _solution: Solution
+
+    def __repr__(self) -> str:
+        """Name the joint, its records, and its coordinates."""
+        free = ", ".join(self.rates) or "none"
+        return f"<motion of joint {self.name!r}: {len(self.t)} records, coordinates: {free}>"
 
     @cached_property
     def coordinates(self) -> dict[str, Array]:

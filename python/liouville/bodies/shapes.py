@@ -256,7 +256,7 @@ def _keep_radius(shape: Any, radius: Value, kind: str) -> None:
     what = f"radius= of a {kind}"
     own = given(what, radius, ())
     if not callable(own) and own < 0:
-        raise ValueError(f"{what} is {own:g}, and wants not to be negative")
+        raise ValueError(f"{what} must be zero or positive, not {own:g}")
     object.__setattr__(shape, "radius", own)
 
 

@@ -242,7 +242,8 @@ def column(what: str, function: Callable[..., Any], args: Args, size: int | None
 def _sized(what: str, expression: ca.SX, args: Args, size: int | None) -> ca.SX:
     count = expression.numel()
     if count == 0 or (size is not None and count != size):
-        raise ValueError(f"{what} returns {count} values, wanted {size or 'at least one'}")
+        least = f"{size} value{'s' * (size > 1)}" if size else "at least one value"
+        raise ValueError(f"{what} must return {least}, not {count}")
     return _checked(what, expression, args)
 
 
@@ -288,7 +289,8 @@ def named(what: str, function: Callable[..., Any], args: Args) -> tuple[tuple[st
     """Call a function and return names and expressions: of a mapping, a sequence, or a scalar."""
     value = _call(what, function, args)
     if isinstance(value, Mapping):
-        parts = [_scalar(f"{what} '{k}'", part) for k, part in mapping(what, value).items()]
+        hint = "give each value a name of its own, or return a list without names"
+        parts = [_scalar(f"{what} '{k}'", part, hint) for k, part in mapping(what, value).items()]
         return tuple(value), _checked(what, ca.vertcat(ca.SX(0, 1), *parts), args)
     expression = _checked(what, _column(what, value), args)
     count = expression.numel()
@@ -345,10 +347,11 @@ def _is_inner(error: Exception) -> bool:
     return any(x.filename == __file__ and x.name != "__getattr__" for x in inner)
 
 
-def _scalar(what: str, value: Any) -> ca.SX:
+def _scalar(what: str, value: Any, hint: str = "") -> ca.SX:
     expression = _column(what, value)
     if expression.numel() != 1:
-        raise ValueError(f"{what} returns {expression.numel()} values, wanted a scalar")
+        sentence = f"{what} must return a scalar, not {expression.numel()} values"
+        raise ValueError(hinted(sentence, hint) if hint else sentence)
     return expression
 
 
