@@ -1,6 +1,7 @@
 """Systems with contacts as others use them: pickles, parts of solutions, switches, messages."""
 
 import copy
+import json
 import pickle
 
 import casadi as ca
@@ -8,6 +9,7 @@ import numpy as np
 import pytest
 
 import liouville as lv
+from liouville._solution.export.datasets import from_xarray
 
 G = 9.81
 
@@ -86,12 +88,130 @@ def test_a_file_of_a_run_with_contacts_has_no_dense_output(tmp_path):
         again(0.5)
 
 
+SUFFIXES = ("nc", "zarr", "npz")
+
+
+def boxed():
+    """Return a box on two corners that share its weight, pushed until it slides."""
+    slip = {"friction": 0.4, "slip": lambda t, q, v, params: v[0]}
+    return lv.Lagrangian(
+        lambda t, q, v, params: ca.sumsqr(v) / 2 - G * q[1] + 2 * t * q[0],
+        q=("x", "y", "angle"),
+        contacts={
+            "left": lv.Contact(lambda t, q, params: q[1] - ca.sin(q[2]), **slip),
+            "right": lv.Contact(lambda t, q, params: q[1] + ca.sin(q[2]), **slip),
+        },
+    )
+
+
+def pushed(**more):
+    start = {"q": [0.0, 0.0, 0.0], "v": [0.0, 0.0, 0.0]}
+    return lv.integrate(boxed(), lv.Spark(2), t=(0, 3), h=0.1, **start, **more)
+
+
+def same(one, other):
+    """Whether contacts did the same, bit for bit."""
+    return (
+        list(one) == list(other)
+        and all(
+            getattr(one[name], what).tobytes() == getattr(other[name], what).tobytes()
+            for name in one
+            for what in ("gap", "normal", "friction", "slip")
+        )
+        and all(
+            list(one[name].mode) == list(other[name].mode)
+            and one[name].changes == other[name].changes
+            for name in one
+        )
+    )
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_files_keep_what_contacts_did(tmp_path, suffix):
+    for run in (thrown(ball()), pushed(), thrown(ball()).sel(time=slice(0, 0.05))):
+        run.save(tmp_path / f"run.{suffix}")
+        again = lv.load(tmp_path / f"run.{suffix}")
+        assert same(again.contacts, run.contacts)
+        assert same(pickle.loads(pickle.dumps(run)).contacts, run.contacts)
+        assert repr(again) == repr(run)
+    assert any(x.rest is not None for x in thrown(ball()).contacts["floor"].changes)
+
+
+def test_tables_and_datasets_have_what_contacts_did():
+    run = pushed()
+    table, data, right = run.to_dataframe(), run.to_xarray(), run.contacts["right"]
+    assert list(table["contact_gap[right]"]) == list(right.gap)
+    assert list(table["contact_mode[right]"]) == [int(mode) for mode in right.mode]
+    assert list(data.contact_normal.sel(contact="right").values) == list(right.normal)
+    assert data.contact_mode.attrs["flag_meanings"].split()[4] == "stick"
+    mine = data.change_t.values[data.change_contact.values == 1]
+    assert list(mine) == [change.t for change in right.changes]
+    assert "contact right" in run._repr_html_()
+
+
+def test_a_file_whose_contacts_are_none_is_refused(tmp_path):
+    run = thrown(ball())
+    for name, value, words in (
+        ("contact_mode", 7, "'contact_mode' of .* must be from 0 to 4"),
+        ("change_contact", 1, "'change_contact' of .* must be from 0 to 0"),
+        ("change_kind", -1, "'change_kind' of .* must be from 0 to 4"),
+    ):
+        data = run.to_xarray()
+        data[name] = data[name] * 0 + value
+        with pytest.raises(ValueError, match=words):
+            from_xarray(data, "file")
+    data = run.to_xarray()
+    order = [x for x in json.loads(data.attrs["order"]) if x != "change_rest"]
+    data = data.assign_attrs(order=json.dumps(order))
+    with pytest.raises(ValueError, match="has contacts and no 'change_rest'"):
+        from_xarray(data, "file")
+
+
+@pytest.mark.parametrize("call", [thrown, pushed])
+def test_given_times_change_no_verdict(call):
+    """Their states are those of solution(t), and modes and forces those of the mode then."""
+    system = {"system": ball()} if call is thrown else {}
+    run = call(**system)
+    change = run.contacts[next(iter(run.contacts))].changes[0].t
+    times = np.unique([0.0, 0.05, 0.1, change, 0.33, 0.77, 0.9, 1.0])
+    at = call(**system, t_eval=times)
+    assert (at.t == times).all()
+    points = run(times)
+    np.testing.assert_allclose(at.q, points.q, atol=1e-15)
+    np.testing.assert_allclose(at.v, points.v, atol=1e-14)
+    for name, record in at.contacts.items():
+        own = run.contacts[name]
+        assert record.changes == own.changes
+        before = np.searchsorted(run.t, times, side="right") - 1
+        assert [*record.mode] == [*own.mode[before]]
+        there = np.isin(times, run.t)
+        np.testing.assert_allclose(record.normal[there], own.normal[np.isin(run.t, times)])
+    assert at.invariants["energy"][0] == run.invariants["energy"][0]
+    late = call(**system, t_eval=[0.9])
+    assert late.initial["energy"] == run.invariants["energy"][0]
+    assert late.contacts[name].normal[0] == pytest.approx(record.normal[times == 0.9][0])
+
+
+@pytest.mark.parametrize("call", [thrown, pushed])
+def test_without_states_and_with_few_of_them_the_verdicts_are_the_same(call):
+    system = {"system": ball()} if call is thrown else {}
+    run, bare, few = call(**system), call(**system, states=False), call(**system, every=3)
+    assert not bare.states
+    assert (bare.t == run.t).all()
+    assert same(bare.contacts, run.contacts)
+    assert bare.invariants["energy"].tobytes() == run.invariants["energy"].tobytes()
+    kept = np.isin(run.t, few.t)
+    for name, record in few.contacts.items():
+        assert record.changes == run.contacts[name].changes
+        assert (record.normal == run.contacts[name].normal[kept]).all()
+
+
 def test_dense_output_that_there_is_not_is_refused_by_the_reason():
     for run in (thrown(ball(), every=2), pickle.loads(pickle.dumps(thrown(ball())))):
         with pytest.raises(ValueError, match="pickles and files of runs with contacts have none"):
             run(0.5)
-    with pytest.raises(TypeError, match=r"hint: solution\(t\) gives the states at any times"):
-        thrown(ball(), t_eval=[0.5])
+    with pytest.raises(ValueError, match="without t_eval"):
+        thrown(ball(), t_eval=[0.5])(0.5)
 
 
 def test_controlled_steps_end_at_switches_of_a_system_with_contacts_too():

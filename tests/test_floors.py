@@ -80,7 +80,7 @@ ROOM_FLOORS = {
     ),
     "_methods": (("control",), ("splitting",), ("planner",)),
     "_solution": (
-        ("drifts", "failure", "motions", "points", "tangents"),
+        ("contacts", "drifts", "failure", "motions", "points", "tangents"),
         ("parts", "states"),
         ("solution",),
         ("export",),

@@ -92,6 +92,7 @@ def of_solution(solution: Solution) -> Markup:
     words = {x: f"{kind} of {x}{solution.drift_words(x)}" for x, kind in kinds.items()}
     rows += [(words[name], "", f"at most {_most(x)}", "") for name, x in drifts.items()]
     rows += [(f"event {name}", f"{len(x)}", "", "") for name, x in solution.events.items()]
+    rows += [(f"contact {name}", x.counted, "", "") for name, x in solution.contacts.items()]
     rows += [("params", "", _listed(_params(solution)), "")] if solution.params else []
     rows += [("message", "", solution.message, "")] if solution.message else []
     rows += [("folder", "", solution.path, "")] if solution.path is not None else []

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 from numpy.typing import ArrayLike
 
 from liouville._basics.arguments import count
-from liouville._basics.errors import hinted
 from liouville._basics.options import by_name, started
 from liouville._basics.progress import Progress, reported
 from liouville._methods import Method
@@ -190,7 +189,7 @@ def integrate(
 
 
 #: Arguments of :func:`integrate` that runs with contacts do not take, with their defaults.
-WITHOUT_CONTACTS = {"t_eval": None, "tangents": None, "states": True, "is_stored": False}
+WITHOUT_CONTACTS = {"tangents": None, "is_stored": False}
 
 
 def _with_contacts(
@@ -203,9 +202,7 @@ def _with_contacts(
     for name, default in WITHOUT_CONTACTS.items():
         if getattr(request, name) is not default:
             what = "store" if name == "is_stored" else name
-            hint = "solution(t) gives the states at any times" if name == "t_eval" else ""
-            sentence = f"{what}= is not for systems with contacts"
-            raise TypeError(hinted(sentence, hint) if hint else sentence)
+            raise TypeError(f"{what}= is not for systems with contacts")
     for name, event in named(request.events).items():
         if event.reset is not None:
             raise TypeError(f"event '{name}' has a reset, which is not for systems with contacts")
@@ -217,17 +214,19 @@ def _with_contacts(
 
     with reported(progress, "of time") as report:
 
-        def stretch(own: Any, t: Any, h: float | None, events: Any, start: Any) -> Solution:
+        def stretch(
+            own: Any, t: Any, h: float | None, events: Any, start: Any, times: Any = None
+        ) -> Solution:
             control = request.control
             if control is not None and control.h_min is not None:
                 least = min(control.h_min, t[1] - t[0] if h is None else h)
                 control = replace(control, h_min=least)
             more = Request(
                 t=t, h=h, rtol=request.rtol, atol=request.atol, control=control, events=events,
-                observe=request.observe, params=request.params, start=start,
+                observe=request.observe, params=request.params, start=start, t_eval=times,
             )  # fmt: skip
             found = checked(runner_of(own, method, more), more, None)
-            if report is not None:
+            if report is not None and len(found.t):
                 report(found.t[-1] - steps.t0, steps.t1 - steps.t0)
             return found
 

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     import pandas
     import xarray
 
-    from liouville._runs.contacts.record import ContactRecord
+    from liouville._solution.contacts import ContactRecord
 
 Array = NDArray[Any]
 
@@ -348,7 +348,7 @@ class Solution(States, Drifts, Motions):
             )
             hint = "integrate with every=1, states=True and without t_eval"
             if self.contacts:
-                hint = "integrate with every=1; pickles and files of runs with contacts have none"
+                hint += "; pickles and files of runs with contacts have none"
             if "psi" in self.states:
                 hint = "of a wave give the times of all states to keep in t="
             elif "x" in self.states:

@@ -11,14 +11,15 @@ import numpy as np
 from liouville._basics.errors import IntegrationError, hinted
 from liouville._runs.contacts.complementarity import Array
 from liouville._runs.contacts.margin import Shared
-from liouville._runs.contacts.record import ContactRecord
 from liouville._runs.contacts.switching import AT_REST, Switching
 from liouville._runs.contacts.traced import Contacts, ModeSystem
+from liouville._solution.contacts import ContactRecord
 from liouville._solution.parts import GROUPS
 from liouville._solution.points import Points
 from liouville._systems.mechanics.contact import Mode
 
 if TYPE_CHECKING:
+    from liouville._runs.runner import Request
     from liouville._solution.solution import Solution
 
 #: A gap penetrates beyond this part of the sizes of its terms.
@@ -35,7 +36,7 @@ NOT_SUMMED: dict[str, Callable[[Any, Any], Any]] = {
 
 
 @dataclass(frozen=True)
-class Stretch:
+class Part:
     """A run in one mode, of which so many records count, and how contacts shared loads there."""
 
     run: Solution
@@ -44,74 +45,115 @@ class Stretch:
     shared: Sequence[Shared]
 
 
+@dataclass(frozen=True)
+class Stretch:
+    """A run in one mode, and its records at the times that were asked for, where they are given."""
+
+    whole: Part
+    given: Part | None = None
+
+    @property
+    def used(self) -> int:
+        """How many records are its own: the last is that of the next stretch."""
+        # but where forces gave way within a step
+        is_whole = self.whole.count == len(self.whole.run.t)
+        return max(self.whole.count - 1, 1) if is_whole else self.whole.count
+
+
+@dataclass(frozen=True)
+class Columns:
+    """Records of all stretches: times, groups of a solution, modes and forces of contacts."""
+
+    t: Array
+    groups: dict[str, dict[str, Array]]
+    mode: Array
+    normal: Array
+    friction: Array
+
+
 def joined(
-    stretches: Sequence[Stretch], switching: Switching, accelerated: float, every: int
+    stretches: Sequence[Stretch], switching: Switching, accelerated: float, request: Request
 ) -> Solution:
     """Join the records of stretches: at a change that after it is kept, and one in `every`.
 
     Accelerations without contact forces were up to `accelerated`.
     """
-    contacts = switching.contacts
-    first, second = contacts.system.states
-    groups: dict[str, dict[str, list[Array]]] = {group: {} for group in GROUPS}
-    times: list[Array] = []
-    modes: list[Array] = []
-    forces: list[tuple[Array, Array]] = []
-    keep: list[Array] = []
-    for number, stretch in enumerate(stretches):
-        run, system = stretch.run, stretch.system
-        is_last = number == len(stretches) - 1
-        # the last record is that of the next stretch, but where forces gave way within a step
-        is_whole = stretch.count == len(run.t)
-        used = max(stretch.count - 1, 1) if is_whole and not is_last else stretch.count
-        times.append(run.t[:used])
-        for group in GROUPS:
-            for name, values in getattr(run, group).items():
-                if group != "residuals" or name != "nonholonomic" or system.rows_of(name):
-                    own = _own(system, group, name, values[:used])
-                    groups[group].setdefault(name, []).append(own)
-        modes.append(np.tile(np.array(system.modes, dtype=object), (used, 1)))
-        forces.append(_forces(contacts, stretch, used))
-        keep.append(np.arange(used) % every == 0)
-        keep[-1][-1] |= is_last
-    kept = np.concatenate(keep)
-    last, stats = stretches[-1].run, _stats(stretches)
-    h = switching.h
+    contacts, every = switching.contacts, request.every
+    last = stretches[-1].whole.run
+    uses = [x.used for x in stretches[:-1]] + [stretches[-1].whole.count]
+    found = _columns(contacts, [x.whole for x in stretches], uses)
+    gap, slip = _checked(switching, accelerated, found)
+    stats, h = _stats(stretches), switching.h
     if "h_next" in stats:  # of controlled steps
-        h = float(times[-1][-1] - times[0][0]) / max(stats["steps"], 1)
-    whole: dict[str, Any] = {
-        group: {name: np.concatenate(parts) for name, parts in own.items()}
-        for group, own in groups.items()
-    }
-    t, mode = np.concatenate(times), np.concatenate(modes)
-    states = whole["states"][first], whole["states"][second]
-    gap, slip = _checked(switching, accelerated, mode, (t, *states))
-    normal, friction = (np.concatenate(parts) for parts in zip(*forces, strict=True))
-    columns = {"mode": mode, "gap": gap, "normal": normal, "friction": friction, "slip": slip}
-    columns = {what: x[kept] for what, x in columns.items()}
+        h = float(found.t[-1] - found.t[0]) / max(stats["steps"], 1)
+    kept = np.concatenate([np.arange(use) % every == 0 for use in uses])
+    kept[-1] = True
+    initial = last.initial
+    if request.t_eval is not None:
+        initial = {name: float(x[0]) for name, x in found.groups["invariants"].items()}
+        given = [x.given for x in stretches if x.given is not None]
+        ends = [x.whole.run.t[0] for x in stretches[1:]]
+        counts = [int(np.sum(x.run.t[: x.count] < t)) for x, t in zip(given, ends, strict=False)]
+        found = _columns(contacts, given, [*counts, given[-1].count])
+        gap, slip = _checked(switching, accelerated, found)
+        kept = np.ones(len(found.t), dtype=bool)
+    columns = {"mode": found.mode, "gap": gap, "normal": found.normal}
+    columns |= {"friction": found.friction, "slip": slip}
     records = {
         name: ContactRecord(
-            changes=tuple(switching.changes[k]), **{what: x[:, k] for what, x in columns.items()}
+            changes=tuple(switching.changes[k]),
+            **{what: x[kept, k] for what, x in columns.items()},
         )
         for k, name in enumerate(contacts.names)
     }
     arrays: dict[str, Any] = {
-        group: {name: x[kept] for name, x in own.items()} for group, own in whole.items()
+        group: {name: x[kept] for name, x in own.items()} for group, own in found.groups.items()
     }
+    is_dense = every == 1 and request.t_eval is None and request.states
     return replace(
         last,
-        **arrays,
-        t=t[kept],
+        **(arrays | ({} if request.states else {"states": {}})),
+        t=found.t[kept],
+        initial=initial,
         names={**last.names, "constraints": contacts.system.constraints},
         events=_events(stretches),
         stats=stats,
         message="; ".join(dict.fromkeys(switching.messages)),
-        dense_order=last.dense_order if every == 1 else 0,
-        stretches=tuple((x.run, x.system.own) for x in stretches) if every == 1 else (),
+        dense_order=last.dense_order if is_dense else 0,
+        stretches=tuple((x.whole.run, x.whole.system.own) for x in stretches) if is_dense else (),
         h=h,
         system=contacts.system,
         changing=tuple(x for x in ("energy",) if x in last.invariants),
         contacts=records,
+    )
+
+
+def _columns(contacts: Contacts, parts: Sequence[Part], uses: Sequence[int]) -> Columns:
+    """Return the first records of parts one after another, so many of each."""
+    groups: dict[str, dict[str, list[Array]]] = {group: {} for group in GROUPS}
+    forces: list[tuple[Array, Array]] = []
+    for part, used in zip(parts, uses, strict=True):
+        system = part.system
+        for group in GROUPS:
+            for name, values in getattr(part.run, group).items():
+                if group != "residuals" or name != "nonholonomic" or system.rows_of(name):
+                    own = _own(system, group, name, values[:used])
+                    groups[group].setdefault(name, []).append(own)
+        forces.append(_forces(contacts, part, used))
+    modes = [
+        np.tile(np.array(part.system.modes, dtype=object), (used, 1))
+        for part, used in zip(parts, uses, strict=True)
+    ]
+    normal, friction = (np.concatenate(own) for own in zip(*forces, strict=True))
+    return Columns(
+        np.concatenate([part.run.t[:used] for part, used in zip(parts, uses, strict=True)]),
+        {
+            group: {name: np.concatenate(own) for name, own in each.items()}
+            for group, each in groups.items()
+        },
+        np.concatenate(modes),
+        normal,
+        friction,
     )
 
 
@@ -124,19 +166,18 @@ def _own(system: ModeSystem, group: str, name: str, values: Array) -> Array:
     return values
 
 
-def _checked(
-    switching: Switching, accelerated: float, modes: Array, states: tuple[Array, Array, Array]
-) -> tuple[Array, Array]:
+def _checked(switching: Switching, accelerated: float, found: Columns) -> tuple[Array, Array]:
     """Return gaps and slips at records, which must not be those of penetration or of creep."""
-    contacts, t = switching.contacts, states[0]
-    gap, slip, size, fast = contacts.records(*states, switching.params, switching.h, accelerated)
+    contacts, t = switching.contacts, found.t
+    y, z = (found.groups["states"][name] for name in contacts.system.states)
+    gap, slip, size, fast = contacts.records(t, y, z, switching.params, switching.h, accelerated)
     through = np.argwhere(gap < -PENETRATES * size)
     if through.size:
         k, which = through[0]
         name = contacts.names[which]
         sentence = f"contact '{name}' penetrates by {-gap[k, which]:.2g} at t = {t[k]:g}"
         raise IntegrationError(sentence, t=float(t[k]), quantity=name)
-    back = np.argwhere(slip * _signs(modes) < -BACKWARDS * fast)
+    back = np.argwhere(slip * _signs(found.mode) < -BACKWARDS * fast)
     if back.size:
         k, which = back[0]
         name = contacts.names[which]
@@ -151,15 +192,15 @@ def _signs(modes: Array) -> Array:
     return found
 
 
-def _forces(contacts: Contacts, stretch: Stretch, used: int) -> tuple[Array, Array]:
-    """Return normal forces and friction at the first records of a stretch."""
-    system = stretch.system
+def _forces(contacts: Contacts, part: Part, used: int) -> tuple[Array, Array]:
+    """Return normal forces and friction at the first records of a part."""
+    system = part.system
     normal, friction = np.zeros((used, len(system.modes))), np.zeros((used, len(system.modes)))
     if system.is_shared:
-        for k, own in enumerate(stretch.shared[:used]):
+        for k, own in enumerate(part.shared[:used]):
             normal[k], friction[k] = own.normal, own.friction
         return normal, friction
-    lam = stretch.run.states["lam"][:used]
+    lam = part.run.states["lam"][:used]
     for k, place in system.normals.items():
         normal[:, k] = -lam[:, place]
         friction[:, k] = -system.modes[k].sign * contacts.friction[k] * normal[:, k]
@@ -172,8 +213,8 @@ def _events(stretches: Sequence[Stretch]) -> dict[str, Points]:
     """Join the events of the user."""
     found: dict[str, Points] = {}
     for stretch in stretches:
-        system = stretch.system
-        for name, points in stretch.run.events.items():
+        system = stretch.whole.system
+        for name, points in stretch.whole.run.events.items():
             if name in system.own_events:
                 continue
             states = dict(points.states)
@@ -191,7 +232,7 @@ def _stats(stretches: Sequence[Stretch]) -> Any:
     """Return the sums of all stretches, and how many there are."""
     stats: dict[str, Any] = {"stretches": len(stretches)}
     for stretch in stretches:
-        for name, value in stretch.run.stats.items():
+        for name, value in stretch.whole.run.stats.items():
             if isinstance(value, str):
                 stats[name] = value
             elif name in NOT_SUMMED:

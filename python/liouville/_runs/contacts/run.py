@@ -10,10 +10,11 @@ import numpy as np
 
 from liouville._basics.errors import IntegrationError, hinted, quoted
 from liouville._runs.contacts.complementarity import Array
-from liouville._runs.contacts.joined import PENETRATES, Stretch, joined
+from liouville._runs.contacts.joined import PENETRATES, Part, Stretch, joined
 from liouville._runs.contacts.margin import Shared, shared
 from liouville._runs.contacts.switching import EPS, ROUNDINGS, Switching
 from liouville._runs.contacts.traced import Contacts, Matrices, ModeSystem
+from liouville._runs.watch import given
 from liouville._systems.events import Event, named
 
 if TYPE_CHECKING:
@@ -22,18 +23,10 @@ if TYPE_CHECKING:
     from liouville._solution.solution import Solution
     from liouville._systems import Mechanics
 
-    #: Makes a stretch: of a system, from a time to another, with a step, events and a start; the
-    #: step is the first of controlled ones, None where the method chooses it.
-    Make = Callable[
-        [
-            ModeSystem,
-            tuple[float, float],
-            float | None,
-            Mapping[str, Event],
-            Mapping[str, Array],
-        ],
-        Solution,
-    ]
+    #: Makes a stretch: of a system, from a time to another, with a step, events, a start, and
+    #: perhaps the times of its records; the step is the first of controlled ones, None where the
+    #: method chooses it.
+    Make = Callable[..., Solution]
 
 TINY = float(np.finfo(float).tiny)
 
@@ -109,6 +102,8 @@ class Course:
         #: The largest acceleration without contact forces at the beginning of a stretch.
         self.accelerated = 0.0
         self.events = named(request.events)
+        #: The times of the records, where they are given.
+        self.times = given(request.t_eval, (start, self.end), request.every)
         self.stretches: list[Stretch] = []
         self.status, self.ending = "done", ""
 
@@ -134,22 +129,21 @@ class Course:
         start = self._moved(system, at, y, z)
         events = dict.fromkeys(system.own_events, ENDING)
         begin, (until, h) = now.t, self._limits(y, z)
+        asked = system, (now.t, until), h, {**events, **of_own(self.events, system)}, start
         try:
-            run = self.make(
-                system, (now.t, until), h, {**events, **of_own(self.events, system)}, start
-            )
+            run = self.make(*asked)
         except IntegrationError as error:
             if error.solution is not None and len(error.solution.t):
-                forces = self._shared(error.solution, system)
-                count = len(error.solution.t)
-                self.stretches.append(Stretch(error.solution, system, count, forces))
+                run = error.solution
+                now.t = float(run.t[-1])
+                self._keep(run, system, len(run.t), self._shared(run, system), asked)
             raise
         count, now.t = len(run.t), float(run.t[-1])
         y, z = run.states[first][-1].copy(), run.states[second][-1].copy()
         forces = self._shared(run, system)
         if len(forces) > 1 and forces[-1].gives_way:
             count, now.t, (y, z) = self._torn(run, len(forces) - 1)
-        self.stretches.append(Stretch(run, system, count, forces))
+        self._keep(run, system, count, forces, asked)
         self._go_on(run, begin, h)
         if run.status != "done":
             self.status, self.ending = run.status, run.message
@@ -163,9 +157,30 @@ class Course:
         }
         return y, z, stopped
 
+    def _keep(
+        self, run: Solution, system: ModeSystem, count: int, forces: list[Shared], asked: Any
+    ) -> None:
+        """Keep a stretch; where times are given, it is made again with records at these."""
+        whole = Part(run, system, count, forces)
+        if self.times is None:
+            self.stretches.append(Stretch(whole))
+            return
+        own = self.times[(asked[1][0] <= self.times) & (self.times <= self.now.t)]
+        kept = run
+        if own.size:
+            try:
+                kept = self.make(*asked, own)
+            except IntegrationError as error:  # as the run itself
+                if error.solution is None:
+                    raise
+                kept = error.solution
+        shares = self._shared(kept, system, is_whole=False) if own.size else ()
+        count = len(kept.t) if own.size else 0
+        self.stretches.append(Stretch(whole, Part(kept, system, count, shares)))
+
     def solution(self) -> Solution:
         """Join all stretches."""
-        found = joined(self.stretches, self.now, self.accelerated, self.request.every)
+        found = joined(self.stretches, self.now, self.accelerated, self.request)
         message = "; ".join(filter(None, [self.ending, found.message]))
         tolerances = self.steps.tolerances
         return replace(found, status=self.status, message=message, tolerances=tolerances)
@@ -205,14 +220,17 @@ class Course:
             own = max(sizes["h_next"], self.step or 0.0 if was_shortened else 0.0)
             self.step = now.h = min(own, self.longest)
 
-    def _shared(self, run: Solution, system: ModeSystem) -> list[Shared]:
-        """Return how contacts share their loads at the records, up to where the mode gives way."""
+    def _shared(self, run: Solution, system: ModeSystem, *, is_whole: bool = True) -> list[Shared]:
+        """Return how contacts share their loads at the records.
+
+        Of a whole stretch these are those up to where the mode gives way.
+        """
         first, second = system.states
         found: list[Shared] = []
         states = zip(run.t, run.states[first], run.states[second], strict=True)
         for k, (t, y, z) in enumerate(states if system.is_shared else ()):
             found.append(shared(self.contacts, self.now.at(float(t), y, z), system.modes))
-            if k and found[-1].gives_way:
+            if is_whole and k and found[-1].gives_way:
                 break
         return found
 

@@ -10,8 +10,8 @@ import numpy as np
 from liouville._basics.errors import IntegrationError, hinted, quoted
 from liouville._runs.contacts import law
 from liouville._runs.contacts.complementarity import Array
-from liouville._runs.contacts.record import Change
 from liouville._runs.contacts.traced import Contacts, Matrices
+from liouville._solution.contacts import Change
 from liouville._systems.mechanics.contact import Mode
 
 EPS = float(np.finfo(float).eps)

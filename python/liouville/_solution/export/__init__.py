@@ -6,11 +6,12 @@ ensemble, labelled by the names of the solution. Its
 variables are the states under their own letters, ``invariants``, ``residuals``, ``balance``,
 ``reactions`` of a mechanical system with constraints, ``observed_NAME`` for each observed quantity,
 ``event_t_NAME`` for the times of events and ``event_q_NAME`` and so on for the states there,
-``tangent_q_NAME`` and ``tangent_event_q_NAME_EVENT`` for the derivatives of all these; how the run
-went is in its attributes. Of a field on a sphere ``lon`` and ``lat`` are the points in degrees, of
-one on a cylinder ``R`` the radius; files have them for other programs. What is saved comes back
-bit for bit. A wave function has the dimension ``place``, without labels; in NetCDF and Zarr,
-complex numbers are pairs along ``part``.
+``contact_gap`` and so on with the dimension ``contact`` for what contacts did, ``change_t`` and so
+on for their changes, ``tangent_q_NAME`` and ``tangent_event_q_NAME_EVENT`` for the derivatives of
+states; how the run went is in its attributes. Of a field on a sphere ``lon`` and ``lat`` are the
+points in degrees, of one on a cylinder ``R`` the radius; files have them for other programs. What
+is saved comes back bit for bit. A wave function has the dimension ``place``, without labels; in
+NetCDF and Zarr, complex numbers are pairs along ``part``.
 
 A file has checksums, and damage to it is found when it is loaded: a NetCDF file ends in a line with
 one, which other readers do not see; a NumPy file has one for each array; in a Zarr folder each

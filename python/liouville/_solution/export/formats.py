@@ -14,8 +14,10 @@ import numpy as np
 
 from liouville._basics import schema
 from liouville._basics.errors import hinted
+from liouville._solution.contacts import ContactRecord
 from liouville._solution.export.datasets import needed
 from liouville._solution.export.layout import Layout, laid_out, reactions
+from liouville._solution.export.touching import changes_of, columns_of
 from liouville._solution.points import Points
 from liouville._solution.solution import Solution
 
@@ -105,6 +107,7 @@ def save_mat(solution: Solution, path: Path) -> None:
         "balance": _structure(solution.balance),
         "observed": _structure(solution.observed),
         "events": _structure({name: _point(x) for name, x in solution.events.items()}),
+        "contacts": _structure({name: _contact(x) for name, x in solution.contacts.items()}),
         "names": _structure({k: np.array(x, dtype=object) for k, x in solution.names.items()}),
         "params": _structure(solution.params),
         "stats": _structure(solution.stats),
@@ -122,6 +125,11 @@ def save_mat(solution: Solution, path: Path) -> None:
 
 def _point(points: Points) -> dict[str, Any]:
     return _structure({"t": points.t, **points.states})
+
+
+def _contact(record: ContactRecord) -> dict[str, Any]:
+    one = {"": record}
+    return _structure({name: x.ravel() for name, x, _ in (*columns_of(one), *changes_of(one))})
 
 
 def _structure(given: Mapping[str, Any]) -> dict[str, Any]:

@@ -9,6 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from liouville._solution.contacts import COLUMNS
+from liouville._solution.export.touching import changes_of, columns_of
 from liouville._solution.points import STATES
 from liouville._solution.solution import Array, Solution
 from liouville._systems import Field, Mechanics
@@ -23,6 +25,7 @@ TABLES = {
     "residuals": ("residual", "constraint"),
     "balance": ("term",),
     "reactions": ("coordinate",),
+    **dict.fromkeys((f"contact_{what}" for what in COLUMNS), ("contact",)),
 }
 
 # The axis of a state, where it is not "coordinate".
@@ -89,6 +92,7 @@ def laid_out(solution: Solution) -> Layout:
             own = {"name": name, "state": state}
             own |= unit_attribute(solution, state.removesuffix(AFTER))
             found.append(labelled("event", values, own))
+    found += [*columns_of(solution.contacts), *changes_of(solution.contacts)]
     for name, tangent in solution.tangents.items():
         for state, values in tangent.states.items():
             found.append(labelled("tangent", values, {"name": name, "state": state}))
@@ -107,6 +111,7 @@ def laid_out(solution: Solution) -> Layout:
         "invariant": solution.invariants,
         "residual": solution.residuals,
         "term": solution.balance,
+        **({"contact": solution.contacts} if solution.contacts else {}),
     }
     attributes = {
         MARK: VERSION,
@@ -188,6 +193,8 @@ class Axes:
             return [(*self.lead, self._axis(name))]
         if family == "observed":
             return [self.lead, (*self.lead, f"{name}_axis")]
+        if family == "change":
+            return [("change",)]
         if family not in ("event", "tangent"):
             return [self.lead]  # a position, which the states give too
         last = (self._axis(own["state"].removesuffix(AFTER)),) if "state" in own else ()

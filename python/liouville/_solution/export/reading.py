@@ -14,6 +14,7 @@ import numpy as np
 
 from liouville._basics import schema
 from liouville._solution.export.layout import TABLES, Axes, Layout, Variable, label_of
+from liouville._solution.export.touching import WHOLE, contacts_of
 from liouville._solution.failure import Failure
 from liouville._solution.points import STATES, Points
 from liouville._solution.solution import RESIDUALS, Array, Solution
@@ -113,6 +114,7 @@ def read(layout: Layout, where: str) -> Solution:
         },
         balance=columns("balance"),
         events=_events(variables, axes.is_ensemble, where),
+        contacts=contacts_of(variables, names.get("contact", ()), where),
         tangents=_tangents(variables, axes.is_ensemble, where),
         names={
             "coordinates": names["coordinate"],
@@ -144,7 +146,7 @@ def _document(attributes: Mapping[str, Any], key: str, where: str) -> Any:
 
 def _names(layout: Layout, where: str) -> dict[str, tuple[str, ...]]:
     """Return the names along the axes that have some."""
-    wanted = {"coordinate", "constraint"} | ({"unknown"} & layout.labels.keys())
+    wanted = {"coordinate", "constraint"} | ({"unknown", "contact"} & layout.labels.keys())
     wanted |= {dims[0] for name, dims in TABLES.items() if name in layout.variables}
     found = {}
     for dim in sorted(wanted):
@@ -179,7 +181,8 @@ def _variable(name: str, variable: Variable, axes: Axes, where: str) -> Variable
         about = {}
     state = about.get("state", name)
     is_complex = family == "observed" or state in COMPLEX
-    kinds = "iu" if state == WHOSE else "fc" if is_complex else "f"
+    is_whole = state == WHOSE or name in WHOLE
+    kinds = "iu" if is_whole else "fc" if is_complex else "f"
     if values.dtype.kind not in kinds:
         wanted = (
             "whole numbers" if kinds == "iu" else "complex numbers" if is_complex else "numbers"

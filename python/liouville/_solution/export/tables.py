@@ -10,6 +10,7 @@ import numpy as np
 
 from liouville._solution.export.datasets import needed
 from liouville._solution.export.layout import laid_out, place_of, positions, reactions
+from liouville._solution.export.touching import columns_of
 from liouville._solution.solution import Array, Solution
 from liouville._solution.states import unit_of
 
@@ -80,6 +81,8 @@ def table(solution: Solution) -> dict[str, Array]:
         add("reaction", forces, names["coordinates"])
     for name, values in solution.observed.items():
         add(name, values)
+    for name, values, _ in columns_of(solution.contacts):
+        add(name, values, tuple(solution.contacts))
     return columns
 
 

@@ -1,4 +1,4 @@
-"""Records of contacts in a run."""
+"""Records of what contacts did in a run."""
 
 from __future__ import annotations
 
@@ -9,6 +9,18 @@ from typing import Any
 from numpy.typing import NDArray
 
 Array = NDArray[Any]
+
+#: What is known of a contact at each record.
+COLUMNS = ("mode", "gap", "normal", "friction", "slip")
+
+#: The kinds of changes, and the words for several of them.
+KINDS = {
+    "hit": "hits",
+    "close": "closings",
+    "leave": "departures",
+    "stick": "stops",
+    "slip": "slips",
+}
 
 
 @dataclass(frozen=True)
@@ -58,8 +70,13 @@ class ContactRecord:
 
     def __post_init__(self) -> None:
         """Make the arrays read-only."""
-        for values in (self.mode, self.gap, self.normal, self.friction, self.slip):
-            values.setflags(write=False)
+        for name in COLUMNS:
+            getattr(self, name).setflags(write=False)
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Restore a pickle, its arrays read-only."""
+        self.__dict__.update(state)
+        self.__post_init__()
 
     def __repr__(self) -> str:
         """Return how often it changed."""
@@ -67,19 +84,17 @@ class ContactRecord:
 
     def between(self, rows: slice, low: float, high: float) -> ContactRecord:
         """Return these records, and the changes from one time to another."""
-        names = ("mode", "gap", "normal", "friction", "slip")
         changes = tuple(change for change in self.changes if low <= change.t <= high)
-        return replace(self, changes=changes, **{name: getattr(self, name)[rows] for name in names})
+        columns = {name: getattr(self, name)[rows] for name in COLUMNS}
+        return replace(self, changes=changes, **columns)
 
     @property
     def counted(self) -> str:
         """How many changes there were of each kind."""
         kinds = Counter(change.kind for change in self.changes)
-        words = {"hit": "hits", "close": "closings", "leave": "departures"}
-        words |= {"stick": "stops", "slip": "slips"}
         found = [
             f"{kinds[kind]} {word if kinds[kind] > 1 else word[:-1]}"
-            for kind, word in words.items()
+            for kind, word in KINDS.items()
             if kinds[kind]
         ]
         return ", ".join(found) or "no changes"
