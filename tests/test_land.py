@@ -130,7 +130,11 @@ def test_a_flow_that_keeps_away_from_land_is_met():
 def test_a_channel_flows_by_islands_and_over_hills(where):
     """A mean flow goes round: what passes is the same at each section, and 0 on the floor."""
     n = 32
-    x, y, z = np.arange(n) / n, np.linspace(0, 1, n + 1), np.linspace(0, 0.5, 17)
+    x, y, z = (
+        np.arange(n) / n,
+        np.linspace(0, 1, n + 1),
+        np.linspace(0, 0.5, 17),
+    )
     X, Y, Z = np.meshgrid(x, y, z, indexing="ij")
     away = np.abs((X - where + 0.5) % 1 - 0.5)
     land = ((away < 0.08) & (np.abs(Y - 0.4) < 0.1)) | (
@@ -162,6 +166,55 @@ def test_a_channel_flows_by_islands_and_over_hills(where):
     run = lv.ensemble(field, V(), t=(0, 500 * h), h=h, x=x)
     assert not run.failures
     assert run.x[-1, ::2, 2].max() == 0.0
+
+
+@pytest.mark.parametrize("periodic", [(), ("x",)])
+def test_starts_on_walls_beside_joined_land_stay_there(periodic):
+    """No velocity through a wall, not even a rounding error, which grew until a tracer was out."""
+    n = 12
+    x, y, z = (
+        np.linspace(0, 1, n + 1)[: n + (not periodic)],
+        np.linspace(-0.3, 0.7, n + 1),
+        np.linspace(0, 1, 9),
+    )
+    X, Y, Z = np.meshgrid(2 * np.pi * x, np.pi * (y + 0.3), np.pi * z, indexing="ij")
+    land = np.zeros(X.shape, dtype=bool)
+    land[1:4, :4, :6] = land[5:8, 5:8] = land[9:, :3, :3] = True  # fewer than three cells between
+    u, v = np.sin(X) * np.cos(Y) + len(periodic), -np.cos(X) * np.sin(Y)
+    field = lv.GriddedField(
+        x, y, z, velocity=(u, v, 0.1 * np.sin(Z) * np.cos(X + Y)), mask=land, periodic=periodic,
+        walls=[name for name in "xyz" if name not in periodic], most_divergence=1,
+    )  # fmt: skip
+    assert (abs(field.mean[0]) > 0.01) == bool(periodic)
+    part = np.random.default_rng(0).uniform(0, 0.7, 5)
+    ends = [[a, b, c] for a in (*x, *part) for b in y[[0, -1]] for c in (0.0, 0.3, 1.0)]
+    ends += [[a, b, c] for a in x[[0, -1]] for b in (*y, *part) for c in (0.0, 0.3, 1.0)]
+    ends = np.array(ends + [[a, b, c] for a in part for b in part for c in (0.0, 1.0)])
+    h = 1.0 / field.steepest
+    run = lv.ensemble(field, V(), t=(0, 200 * h), steps=200, every=200, x=ends)
+    assert not run.failures
+    rates = field.velocity(ends)
+    for k, axis in enumerate((x, y, z)):
+        if "xyz"[k] not in periodic:
+            on = np.isin(ends[:, k], axis[[0, -1]])
+            assert on.sum() > 30
+            assert not rates[on, k].any()
+            assert np.array_equal(run.x[-1][on, k], ends[on, k])
+
+
+def test_a_field_that_keeps_off_land_by_itself_is_kept():
+    """There is nothing to solve then: right sides are rounding errors."""
+    x, z = np.linspace(0, 1, N + 1), np.linspace(0, 1, N // 2 + 1)
+    X, Y, _ = np.meshgrid(x, x, z, indexing="ij")
+    land = np.zeros(X.shape, dtype=bool)
+    land[:5, :5] = True
+    inner = [np.clip(2 * part - 1, 0, None) for part in (X, Y)]
+    psi = np.prod([np.sin(np.pi * part) ** 4 for part in inner], axis=0)
+    given = {"potential": (0 * X, 0 * X, psi), "walls": ("x", "y", "z")}
+    plain, cut = (lv.GriddedField(x, x, z, mask=mask, **given) for mask in (None, land))
+    at = np.random.default_rng(0).uniform(0, 1, (50, 3))
+    assert np.abs(cut.velocity(at) - plain.velocity(at)).max() < 1e-3
+    assert inland(cut, cells_of(land), (x, x, z)) == 0
 
 
 def test_a_data_set_has_land_where_it_has_no_numbers():

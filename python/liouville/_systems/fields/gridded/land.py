@@ -26,6 +26,9 @@ from liouville._systems.fields.gridded.potential import Potential, curl, kinds_o
 #: Equations are solved to this part of their right sides, in at most so many steps.
 SOLVED, STEPS = 1e-11, 2000
 
+#: Right sides of this part of the numbers whose differences they are have rounding errors alone.
+ROUNDED = 1e-14
+
 #: A mean flow of this part of the velocity is roundoff.
 ROUNDOFF = 1e-9
 
@@ -118,27 +121,35 @@ class _Shore:
             np.logical_or,
             (w > 0 for k, weight in enumerate(weights) for w in _sides(axes[k], weight, k)),
         )
-        phi = _solution(lambda x: divergence(flux(x)), self._of_cells, divergence(wet), is_free)
+        phi = _solution(
+            lambda x: divergence(flux(x)), self._of_cells, divergence(wet), is_free, _norm(wet)
+        )
         return [x - change for x, change in zip(wet, flux(phi), strict=True)]
 
     # a potential of which each plane is still on land
 
     @cached_property
-    def _level(self) -> list[NDArray[np.int64]]:
-        """Numbers of the pieces of land and walls at each level of the third component, from 1."""
-        *level, up = self.axes
-        walls = []
+    def _walls(self) -> list[Mask]:
+        """The functions of a level that are not zero at each of its walls."""
+        level, walls = self.axes[:2], []
         for k, axis in enumerate(level):
             for end in _ends(axis):
                 wall = np.zeros([_widths(x).size for x in level], dtype=bool)
                 np.moveaxis(wall, k, 0)[end] = True
                 walls.append(wall)
+        return walls
+
+    @cached_property
+    def _level(self) -> list[NDArray[np.int64]]:
+        """Numbers of the pieces of land and walls at each level of the third component, from 1."""
+        *level, up = self.axes
         found: list[NDArray[np.int64]] = []
         before = None
         for k in range(up.spans.size):
             land = np.asarray(self.land[..., max(0, k - up.p + 1) : k + 1].any(-1))
             if before is None or (land != before).any():
-                masks = [functions for _, functions in islands.pieces(land, level)] + walls
+                masks = [functions for _, functions in islands.pieces(land, level)]
+                masks += self._walls
                 numbers = _joined(masks, [_widths(x).size for x in level])
             before = land
             found.append(numbers)
@@ -167,9 +178,12 @@ class _Shore:
         """Return the constants of the third component, and the part of a mean flow in it.
 
         Both are zero in the water. At each level a piece has one, and those of a piece that reaches
-        the surface sum up to what flows between it and others.
+        the surface sum up to what flows between it and others. The difference of both is exactly
+        zero at a wall, so that a trajectory on it stays there; of two walls that land joins, at the
+        first.
         """
         spans, axes = self.axes[2].spans, self.axes[:2]
+        is_wall = reduce(np.logical_or, self._walls, np.zeros(up.shape[:2], dtype=bool))
         flow, constants = np.zeros_like(up), np.zeros_like(up)
         usual: list[Array] = []
         for k, numbers in enumerate(self._level):
@@ -178,14 +192,17 @@ class _Shore:
                 x, y = islands.coordinates(numbers == number, mean, axes)
                 part = (mean[0] * y - mean[1] * x) * spans[k]
                 flow[numbers == number, k] = part
-                own[number] = (part.min() + part.max()) / 2
+                at_wall = part[is_wall[numbers == number]]
+                own[number] = at_wall[0] if at_wall.size else (part.min() + part.max()) / 2
             usual.append(own)
             constants[..., k] = own[numbers]
         rest = (up + flow - constants).sum(-1)
         for number in set(np.unique(self._top)) - {0}:
             piece = self._top == number
             alone = [k for k, numbers in enumerate(self._level) if self._is_alone(numbers, piece)]
-            share = rest[piece].mean() * spans[alone] / spans[alone].sum()
+            at_wall = rest[piece & is_wall]
+            whole = at_wall[0] if at_wall.size else rest[piece].mean()
+            share = whole * spans[alone] / spans[alone].sum()
             for k, more in zip(alone, share, strict=True):
                 constants[self._level[k] == self._level[k][piece][0], k] += more
         return constants, flow
@@ -229,14 +246,17 @@ class _Shore:
         def without(chi: Array) -> list[Array]:
             return [x - axes[k].difference(chi, k) for k, x in enumerate(a)]
 
+        def weighed(edges: Sequence[Array]) -> list[Array]:
+            return [weight * x for weight, x in zip(weights, edges, strict=True)]
+
         def back(edges: Sequence[Array]) -> Array:
-            parts = (_adjoint(axes[k], weights[k] * x, k) for k, x in enumerate(edges))
-            return reduce(np.add, parts)
+            return reduce(np.add, (_adjoint(axes[k], x, k) for k, x in enumerate(edges)))
 
         def equations(x: Array) -> Array:
-            return back([axes[k].difference(x, k) for k in range(3)])
+            return back(weighed([axes[k].difference(x, k) for k in range(3)]))
 
-        chi += _solution(equations, self._of_nodes, back(without(chi)), ~self._fixed)
+        given = weighed(without(chi))
+        chi += _solution(equations, self._of_nodes, back(given), ~self._fixed, _norm(given))
         return self._exact(without(chi), constants - flow)
 
     def _exact(self, a: list[Array], constants: Array) -> list[Array]:
@@ -283,9 +303,20 @@ class _Separable:
 
 
 def _solution(
-    equations: Callable[[Array], Array], inverse: _Separable, right: Array, is_free: Mask
+    equations: Callable[[Array], Array],
+    inverse: _Separable,
+    right: Array,
+    is_free: Mask,
+    size: float,
 ) -> Array:
-    """Solve equations for the free unknowns by conjugate gradients, others being zero."""
+    """Solve equations for the free unknowns by conjugate gradients, others being zero.
+
+    The right side is made of differences of numbers of this size, and is zero but for roundoff
+    where nothing flows on land.
+    """
+    right = np.where(is_free, right, 0.0)
+    if np.linalg.norm(right) <= ROUNDED * size:
+        return np.zeros(right.shape)
     linalg, shape, size = scipy("sparse.linalg", WHAT), right.shape, right.size
 
     def restricted(function: Callable[[Array], Array]) -> Any:
@@ -296,12 +327,16 @@ def _solution(
         return linalg.LinearOperator((size, size), matvec=act, dtype=float)
 
     found, is_over = linalg.cg(
-        restricted(equations), np.where(is_free, right, 0.0).ravel(), rtol=SOLVED, atol=0.0,
+        restricted(equations), right.ravel(), rtol=SOLVED, atol=0.0,
         maxiter=STEPS, M=restricted(inverse),
     )  # fmt: skip
     if is_over:
         raise RuntimeError(f"the equations of land are not solved in {STEPS} steps")
     return np.asarray(found.reshape(shape))
+
+
+def _norm(parts: Sequence[Array]) -> float:
+    return float(np.sqrt(sum(np.sum(np.square(x)) for x in parts)))
 
 
 def _widths(axis: Axis) -> Array:
