@@ -95,10 +95,6 @@ def test_expansion_is_exact(trees):
             if c:
                 factors = tuple(v for v in range(3) for _ in range(exponents[v]))
                 expected[component, factors] = Fraction(int(c.p), int(c.q))
-    if not expected:
-        with pytest.raises(ValueError, match="the field is zero"):
-            PolynomialField(field, x=XYZ, params={"p": float(p)})
-        return
     found = PolynomialField(field, x=XYZ, params={"p": float(p)})
     assume(found.terms.is_exact)  # CasADi multiplies numbers out, which may round
     assert terms_of(found) == expected
@@ -247,7 +243,6 @@ REFUSED = [
     (lambda t, x, y, z, p: (1e200 * y) ** 2, r"a coefficient of the field is too large"),
     (lambda t, x, y, z, p: 2 * x * y**2, r"not divergence-free: div f contains 2 \* y\*\*2\nhint"),
     (lambda t, x, y, z, p: 0.3 * x, r"div f contains 0.3 \* 1\nhint"),
-    (zero, r"the field is zero: nothing moves"),
 ]
 
 
@@ -344,7 +339,6 @@ BAD_TERMS = [
     (ValueError, [(0, 1, {"y": -1})], r"term 0 has 'y' to the power of -1, wanted 0, 1, 2"),
     (ValueError, [(0, 1, {"y": 0.5})], r"term 0 has 'y' to the power of 0.5, wanted 0, 1, 2"),
     (ValueError, [(0, 1, (0, 1)), (1, "-1/4", (1, 1))], r"div f contains 1/2 \* y\n"),
-    (ValueError, [], r"the field is zero"),
     (
         TypeError,
         [(0, 1)],

@@ -324,11 +324,6 @@ def test_a_pickle_runs_alike():
             ValueError,
             "potential has a value for 'w', which is no coordinate",
         ),
-        (
-            lambda: lv.PotentialField(lambda t, x, params: t, x=("x", "y")),
-            ValueError,
-            "nothing moves",
-        ),
         (lambda: lv.PotentialField(3.0, x=2), TypeError, "potential must be a function, not 3.0"),
         (
             lambda: lv.integrate(plane(), V(), t=(0, 90), h=30.0, x=X[:2]),

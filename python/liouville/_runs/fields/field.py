@@ -186,8 +186,8 @@ class FieldRunner(Runner):
         length = abs(asked.t1 - t0)
         kind, rtol, atol, h, least = asked.control
         if not h:
-            speed = np.abs(self._rates(x, t0)).max()
-            h = min(PART * np.abs(x).max() / speed, length) if 0 < speed < np.inf else length
+            speed, size = np.abs(self._rates(x, t0)).max(), np.abs(x).max()
+            h = min(PART * size / speed, length) if size and 0 < speed < np.inf else length
         method, order, h = self._planned_once(method, float(np.copysign(h, asked.t1 - t0)), x, t0)
         asked = replace(asked, control=(kind, rtol, atol, abs(h), least))
 

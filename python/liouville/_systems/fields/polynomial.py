@@ -9,7 +9,6 @@ from typing import Any, Self, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from liouville._basics.errors import hinted
 from liouville._systems.fields import read_terms as _read_terms
 from liouville._systems.fields.divergence import check_divergence, check_rounding
 from liouville._systems.fields.field import Field
@@ -173,8 +172,6 @@ class PolynomialField(Field):
             terms = self._traced(values, self.held) if self.held else self._source(values)
         except OverflowError:
             raise ValueError("a coefficient of the field is too large for a float") from None
-        if len(terms) == self.is_driven:
-            raise ValueError(hinted("the field is zero: nothing moves", "is a term missing?"))
         check_divergence(terms, self.variables)
         return terms
 
@@ -302,7 +299,7 @@ class PolynomialField(Field):
         if len(names) > 20:
             names = (*names[:3], "...", names[-1])
         count, time = len(self.terms) - self.is_driven, ", driven" if self.is_driven else ""
-        words = f"{count} term{'s' if count > 1 else ''} of degree {self.terms.degree}{time}"
+        words = f"{count} term{'' if count == 1 else 's'} of degree {self.terms.degree}{time}"
         return f"{type(self).__name__}({', '.join(names)}; {words})"
 
     def holding(self, numbers: Sequence[int]) -> Self:

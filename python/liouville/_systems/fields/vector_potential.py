@@ -145,9 +145,6 @@ class PotentialField(PlaneField):
         self._values = self.values(None)
         found = (_recorded(column, number, symbols) for number in range(column.numel()))
         self._traced = [each for each in found if each is not None]
-        if not self._traced:
-            sentence = "nothing moves: the potential is the same everywhere"
-            raise ValueError(hinted(sentence, "is a coordinate missing in it?"))
         self._steep = _steepness(column, symbols)
         self._made: Planes | None = None
 
@@ -181,7 +178,7 @@ class PotentialField(PlaneField):
     def __repr__(self) -> str:
         """Name the coordinates, and say how many planes there are."""
         count, time = len(self._traced), ", driven" if self.is_driven else ""
-        words = f"{count} plane{'s' if count > 1 else ''}{time}"
+        words = f"{count} plane{'' if count == 1 else 's'}{time}"
         return f"{type(self).__name__}({', '.join(self.coordinates)}; {words})"
 
     @property

@@ -64,9 +64,11 @@ def plan_field(
     linear, linear_reasons = affine_part(terms, method, h, states)
     open_method = replace(method, composition=scheme, linear=linear)
     candidates, reasons = candidates_of(terms, open_method, names)
-    reasons = [*linear_reasons, *reasons]
+    is_zero = not len(terms)
+    reasons = ["nothing moves"] if is_zero else [*linear_reasons, *reasons]
     splits = [parted(terms, candidate, names=names) for candidate in candidates]
-    if terms.n > MOST_TRIED or (len(candidates) == 1 and len(splits[0].pieces) == 1):
+    is_single = len(candidates) == 1 and len(splits[0].pieces) == 1
+    if terms.n > MOST_TRIED or is_zero or is_single:
         order = costly_outside(splits[0])
         return _plan(terms, names, candidates[0], splits[0], order, (), h, seed, reasons, [])
     runs = TrialRun(list(zip(candidates, splits, strict=True)), states, h, count)

@@ -315,8 +315,6 @@ class GriddedField(PlaneField):
         if self._time is not None:
             a = tuple(in_time(self._time, each) for each in a)
             mean = in_time(self._time, mean)
-        if not any(map(np.any, [*a, mean])):
-            raise ValueError(hinted("the field is zero: nothing moves", "is it another array?"))
         self._a, self._means = a, mean
         self.steepest = max(
             steepest(each[times], axes, lead, plane)
