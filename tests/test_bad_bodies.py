@@ -125,7 +125,7 @@ BAD = {
     "would turn 'p', a point mass, which cannot\nhint: take a body": lambda m: m.revolute(
         "A", m.ground, m.point_mass("p", mass=1, at=(1, 0, 0)), **AT, axis=Z
     ),
-    "not <Assembly of 1 bodies and 0 joints>\nhint: take its system": lambda m: lv.integrate(
+    "not <Assembly of 1 body and 0 joints>\nhint: take its system": lambda m: lv.integrate(
         m, lv.Spark(2), t=(0, 1), h=0.1
     ),
     "joint 'A' of 'ground' and 'p' does not fit how these bodies move\nhint: planar": lambda m: (

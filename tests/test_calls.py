@@ -63,6 +63,15 @@ def test_names_that_are_imported_later_are_listed_and_others_refused():
         _ = lv.stores
 
 
+@pytest.mark.parametrize("room", ["analysis", "bodies", "plot", "problems"])
+def test_a_room_lists_its_public_names_alone(room):
+    module = getattr(lv, room)
+    listed = dir(module)
+    assert all(getattr(module, name) is not None for name in listed)
+    assert set(listed) == set(getattr(module, "__all__", None) or listed)
+    assert not {"np", "ca", "import_module", "shapes", "searches"} & set(listed)
+
+
 def test_pickled_systems_and_stored_runs_need_no_casadi(tmp_path):
     semi_explicit = lv.SemiExplicit(
         field=lambda t, y, z, params: (y[1] - params.k * z[0] * y[0], -y[0] - z[0] * y[1]),

@@ -178,5 +178,5 @@ def test_points_and_sections_are_tables_in_a_notebook():
         plane="z",
         offset=0.5,
     )
-    assert "crossings of 1 trajectories" in found._repr_html_()
+    assert "of 1 trajectory" in found._repr_html_()
     assert str(found.x.shape) in found._repr_html_()

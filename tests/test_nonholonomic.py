@@ -197,7 +197,7 @@ def test_many_blades_move_as_each_alone(kind):
 
 def test_names_residuals_and_reactions_tell_the_kinds_apart():
     system, start = started("bowl")
-    assert repr(system) == "Lagrangian(x, y, z, th; 1 constraints, 1 nonholonomic)"
+    assert repr(system) == "Lagrangian(x, y, z, th; 1 constraint, 1 nonholonomic)"
     assert repr(rolling_disk()) == "Lagrangian(x, y, th, ph; 2 nonholonomic)"
     found = lv.integrate(system, lv.Spark(2), t=(0, 1), steps=10, **start)
     assert found.names["constraints"] == ("bowl", "blade")

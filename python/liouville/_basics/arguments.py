@@ -99,6 +99,11 @@ def counted(number: int) -> str:
     return f"{number // 10 ** (digits - 2) / 100:g}e+{digits}"
 
 
+def amount(count: int, noun: str, plural: str | None = None) -> str:
+    """Return a number of things with their noun: 1 step, 2 steps."""
+    return f"{count} {noun if count == 1 else plural or noun + 's'}"
+
+
 def _scalar(value: Any) -> Any:
     """Return an array without axes as the number in it, and anything else as it is."""
     return value[()] if isinstance(value, np.ndarray) and value.ndim == 0 else value

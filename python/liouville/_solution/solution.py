@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from liouville._basics import html
-from liouville._basics.arguments import Named
+from liouville._basics.arguments import Named, amount
 from liouville._basics.errors import hinted
 from liouville._solution import parts
 from liouville._solution.drifts import Drifts, worst
@@ -241,8 +241,9 @@ class Solution(States, Drifts, Motions):
         """How the run went: status, steps, interval, members and method, in one line."""
         steps = self.stats.get("steps", len(self.t) - 1)
         span = f"t = {self.t[0]:g}" + (f" to {self.t[-1]:g}" if len(self.t) > 1 else "")
-        span += "" if self.members is None else f", {self.members} members"
-        return f"{self.status}: {steps} steps of {self.step_size}, {span}, {self.method}"
+        span += "" if self.members is None else f", {amount(self.members, 'member')}"
+        made = amount(steps, "step")
+        return f"{self.status}: {made} of {self.step_size}, {span}, {self.method}"
 
     def _repr_html_(self) -> str:
         """Show a table of the arrays in a notebook."""

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from liouville import _core
 from liouville._basics import html
-from liouville._basics.arguments import MOST_STEPS, check_memory, interval, number
+from liouville._basics.arguments import MOST_STEPS, amount, check_memory, interval, number
 from liouville._basics.errors import IntegrationError, hinted
 from liouville._basics.progress import Progress
 from liouville._methods import VolumeSplitting
@@ -113,7 +113,8 @@ class Section:
         """Return how many crossings of how many trajectories, and how many of these failed."""
         ended = f", {len(self.endings)} ended by events" if self.endings else ""
         failed = f", {len(self.failures)} failed" if self.failures else ""
-        crossings = f"{len(self)} crossings of {self.members} trajectories"
+        found = amount(len(self), "crossing")
+        crossings = f"{found} of {amount(self.members, 'trajectory', 'trajectories')}"
         return f"<Section {self.status}: {crossings}{ended}{failed}>"
 
 

@@ -50,3 +50,8 @@ __all__ = [
     "rotation_numbers",
     "thermal_state",
 ]
+
+
+def __dir__() -> list[str]:
+    """List the public names."""
+    return sorted(__all__)

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from liouville._basics.arguments import amount
 from liouville._basics.options import started
 from liouville._systems import Mechanics
 from liouville.analysis.point import LARGE, Array, Point, mechanical
@@ -52,7 +53,7 @@ class Equilibrium:
         words = {True: "stable", False: "unstable", None: "not looked at for stability"}
         return (
             f"<Equilibrium at t = {self.t:g}: {words[self.is_stable]}, "
-            f"largest force left {self.residual:.1e}, {self.iterations} iterations>"
+            f"largest force left {self.residual:.1e}, {amount(self.iterations, 'iteration')}>"
         )
 
 

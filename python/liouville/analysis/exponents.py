@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from liouville._basics.arguments import check_memory, count
+from liouville._basics.arguments import amount, check_memory, count
 from liouville._basics.errors import IntegrationError, hinted
 from liouville._basics.options import started
 from liouville._basics.progress import Progress, reported
@@ -73,7 +73,7 @@ class Lyapunov:
     def __repr__(self) -> str:
         """Return the number of exponents, the largest, and when the run ended."""
         return (
-            f"<Lyapunov: {len(self.exponents)} exponents until t = {self.t[-1]:g}, "
+            f"<Lyapunov: {amount(len(self.exponents), 'exponent')} until t = {self.t[-1]:g}, "
             f"the largest {self.exponents.max():.6g}>"
         )
 

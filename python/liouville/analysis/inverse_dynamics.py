@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from liouville import _core
+from liouville._basics.arguments import amount
 from liouville._basics.errors import hinted, quoted
 from liouville._solution.solution import Solution
 from liouville._systems import Mechanics
@@ -57,8 +58,8 @@ class InverseDynamics:
     def __repr__(self) -> str:
         """Give the largest efforts."""
         most = [f"{name} {np.abs(x).max():.4g}" for name, x in self.efforts.items()]
-        left = self.residual.max()
-        return f"<InverseDynamics at {len(self.t)} times: most {', '.join(most)}; left {left:.1e}>"
+        left, times = self.residual.max(), amount(len(self.t), "time")
+        return f"<InverseDynamics at {times}: most {', '.join(most)}; left {left:.1e}>"
 
 
 def inverse_dynamics(

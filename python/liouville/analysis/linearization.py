@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from liouville._basics.arguments import amount
 from liouville._basics.errors import check_name, hinted, quoted
 from liouville._basics.options import started
 from liouville._systems import Mechanics
@@ -76,7 +77,8 @@ class Linearization:
         rates_too = "" if rates == free else f", {rates} of velocities"
         off = np.abs(self.acceleration).max()
         return (
-            f"<Linearization at t = {self.t:g}: {len(self.coordinates)} coordinates, {free} free"
+            f"<Linearization at t = {self.t:g}: {amount(len(self.coordinates), 'coordinate')}, "
+            f"{free} free"
             f"{rates_too}, largest acceleration {off:.1e}>"
         )
 
@@ -221,5 +223,6 @@ def _picked(system: Mechanics, names: Sequence[str], free: Array) -> Array:
 
 def _refuse_rigid(system: Mechanics) -> None:
     count, n = len(system.constraints), len(system.coordinates)
-    sentence = f"{count} constraints on {n} coordinates leave nothing to move"
+    of = f"{amount(count, 'constraint')} on {amount(n, 'coordinate')}"
+    sentence = f"{of} leave nothing to move"
     raise ValueError(hinted(sentence, "leave some out, or move from a singular position"))

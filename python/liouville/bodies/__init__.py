@@ -30,3 +30,8 @@ __all__ = [
     "from_urdf",
     "joint_of",
 ]
+
+
+def __dir__() -> list[str]:
+    """List the public names."""
+    return sorted(__all__)

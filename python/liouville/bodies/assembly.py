@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from liouville._basics.arguments import amount
 from liouville._basics.errors import hinted, quoted
 from liouville._systems.mechanics.contact import check_restitution
 from liouville._systems.tracing import trace as _trace
@@ -66,8 +67,8 @@ class Assembly(Acting):
 
     def __repr__(self) -> str:
         """Count what it has."""
-        bodies = len(self._bodies) - 1
-        return f"<Assembly of {bodies} bodies and {len(self._joints)} joints>"
+        bodies = amount(len(self._bodies) - 1, "body", "bodies")
+        return f"<Assembly of {bodies} and {amount(len(self._joints), 'joint')}>"
 
     def _changed(self) -> None:
         self._system = None

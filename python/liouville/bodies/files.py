@@ -77,7 +77,7 @@ def from_mjcf(
     >>> m = lv.bodies.from_mjcf('''<mujoco><worldbody><body name="bob"><joint name="pin"/>
     ...     <geom size="0.1" pos="0 0 -1"/></body></worldbody></mujoco>''')
     >>> m
-    <Assembly of 1 bodies and 1 joints>
+    <Assembly of 1 body and 1 joint>
     >>> start = m.start(values={"pin": 0.3})
     """
     model, data = _compiled(source)

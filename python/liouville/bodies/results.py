@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from liouville._basics.arguments import amount
 from liouville._basics.errors import hinted
 from liouville._solution.parts import system_of
 from liouville._systems.mechanics.redundant import _gradients
@@ -61,7 +62,7 @@ class BodyMotion:
 
     def __repr__(self) -> str:
         """Name the body and its records."""
-        return f"<motion of body {self.name!r}: {len(self.t)} records>"
+        return f"<motion of body {self.name!r}: {amount(len(self.t), 'record')}>"
 
     def point(self, at: ArrayLike) -> Array:
         """Return the path, shape (k, 3), of a point at rest in its axes, from its centre."""
@@ -116,7 +117,9 @@ class JointMotion:
     def __repr__(self) -> str:
         """Name the joint, its records, and its coordinates."""
         free = ", ".join(self.rates) or "none"
-        return f"<motion of joint {self.name!r}: {len(self.t)} records, coordinates: {free}>"
+        return (
+            f"<motion of joint {self.name!r}: {amount(len(self.t), 'record')}, coordinates: {free}>"
+        )
 
     @cached_property
     def coordinates(self) -> dict[str, Array]:

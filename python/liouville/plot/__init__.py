@@ -49,3 +49,8 @@ __all__ = [
     "trajectories",
     "view",
 ]
+
+
+def __dir__() -> list[str]:
+    """List the public names."""
+    return sorted(__all__)

@@ -144,3 +144,8 @@ def __getattr__(name: str) -> ModuleType:
     if name in NAMES:
         return load(name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    """List the problems, and the functions that find them."""
+    return sorted([*NAMES, "load", "names"])

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from liouville._basics.arguments import amount
 from liouville._basics.errors import hinted
 from liouville._solution.solution import Solution
 from liouville._studies.fitting.freedoms import values_of
@@ -171,7 +172,7 @@ class Fit:
         good = f"chi2/dof = {self.chi2 / self.dof:.3g}" if self.dof else "chi2 of no freedom"
         if self.sigma is not None:
             good = f"sigma = {self.sigma:.3g}"
-        counts = f"{self.residuals.size} values, {self.evaluations} runs"
+        counts = f"{amount(self.residuals.size, 'value')}, {amount(self.evaluations, 'run')}"
         return f"<Fit: {shown}; {good}; {counts}{self.message and chr(10) + ' '}{self.message}>"
 
 

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from liouville import _core
 from liouville._basics import casadi as ca
+from liouville._basics.arguments import amount
 from liouville._basics.errors import describe, hinted, quoted
 from liouville._systems.mechanics import motion as _motion
 from liouville._systems.mechanics.consistent import recorded
@@ -157,7 +158,7 @@ class Mechanics(TracedSystem):
 
     def __repr__(self) -> str:
         """Name the kind of system and its coordinates."""
-        counts = [f"{len(self._holonomic)} constraints"] * bool(
+        counts = [amount(len(self._holonomic), "constraint")] * bool(
             self._holonomic or not self.nonholonomic
         )
         counts += [f"{len(self.nonholonomic)} nonholonomic"] * bool(self.nonholonomic)

@@ -81,7 +81,7 @@ class Lagrangian(Mechanics):
     ...     params={"g": 9.81},
     ... )
     >>> pendulum
-    Lagrangian(x, y; 1 constraints)
+    Lagrangian(x, y; 1 constraint)
     """
 
     def __init__(

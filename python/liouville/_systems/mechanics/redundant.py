@@ -13,6 +13,7 @@ import numpy as np
 
 from liouville import _core
 from liouville._basics import casadi as ca
+from liouville._basics.arguments import amount
 from liouville._systems.mechanics.form import Model, Nonholonomic, Redundant
 from liouville._systems.mechanics.general import Mechanics
 from liouville._systems.mechanics.singular import dense, unit
@@ -94,7 +95,9 @@ def redundant(
     if not _are_alike(system, t, y, z, params, kept, left):
         return ()
     if rows > n == len(kept) and not (system.may_rest or _is_driven(system)):
-        raise ValueError(f"{rows} constraints on {n} coordinates leave nothing to move")
+        raise ValueError(
+            f"{amount(rows, 'constraint')} on {amount(n, 'coordinate')} leave nothing to move"
+        )
     return left
 
 

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from liouville import _core
 from liouville._basics import casadi as ca
+from liouville._basics.arguments import amount
 from liouville._basics.errors import Description, hinted
 from liouville._systems.mechanics.form import record_blocks, total_derivative
 from liouville._systems.mechanics.traced import (
@@ -154,7 +155,9 @@ class SemiExplicit(TracedSystem):
                 )
             )
         if count > n:
-            raise ValueError(f"{count} constraints on {n} coordinates leave nothing to move")
+            raise ValueError(
+                f"{amount(count, 'constraint')} on {amount(n, 'coordinate')} leave nothing to move"
+            )
         of_y = set(ca.sparsify(k_y).sparsity().row())
         of_z = ca.sparsify(w_z).sparsity()
         rows, columns = (set(x) for x in of_z.get_triplet())

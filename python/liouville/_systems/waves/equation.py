@@ -10,7 +10,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from liouville._basics.arguments import read_only
+from liouville._basics.arguments import amount, read_only
 from liouville._systems.tracing import trace as _trace
 from liouville._systems.waves import foreign, forms, graph, observed, time_functions
 from liouville._systems.waves.bounds import check_symmetric, interval, positive, way
@@ -247,7 +247,7 @@ class Schrodinger(OnGrid):
     def __repr__(self) -> str:
         """Name the model, or the number of components."""
         is_model = isinstance(self.source, (Grid, Lattice, SpinChain, SiteSystem))
-        what = repr(self.source) if is_model else f"{self.size} components"
+        what = repr(self.source) if is_model else amount(self.size, "component")
         return f"{type(self).__name__}({what}{', driven' if self.is_driven else ''})"
 
     @property

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from liouville._basics.arguments import check_memory, count
+from liouville._basics.arguments import amount, check_memory, count
 from liouville._systems.tracing.trace import numbers
 from liouville._systems.waves.entries import Entries, check_size
 from liouville._systems.waves.exchange import BUILDING, MOST, Exchange, states_of
@@ -102,7 +102,8 @@ class SpinChain:
     def __repr__(self) -> str:
         """Name the length and the sector."""
         sector = "" if self.up is None else f", {self.up} up"
-        return f"SpinChain({self.length} spins{sector}{', periodic' if self.periodic else ''})"
+        ends = ", periodic" if self.periodic else ""
+        return f"SpinChain({amount(self.length, 'spin')}{sector}{ends})"
 
     @property
     def size(self) -> int:

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from liouville._basics.arguments import amount
 from liouville._basics.errors import hinted
 from liouville._methods import VolumeSplitting
 from liouville._methods.planner.fields.plan import FieldPlan, Trial, ordered, parted
@@ -85,17 +86,13 @@ def plan_field(
         return _plan(terms, names, candidate, parts, order, (), h, seed, reasons, tried)
     trials = trials if len(terms) <= MOST_TERMS else min(trials, FEW)
     order, directions, best = search(terms, runs, candidate, parts, rng, trials)
-    where = _counted(len(runs.x), "state") + (f" by steps of {runs.h:.3g}" if runs.h != h else "")
+    where = amount(len(runs.x), "state") + (f" by steps of {runs.h:.3g}" if runs.h != h else "")
     reasons = [
         *reasons,
-        f"{_counted(len(found), 'candidate')} on {where}, then {trials} "
+        f"{amount(len(found), 'candidate')} on {where}, then {trials} "
         f"orders of the best: cost at equal error {best.score / trial.score:.2f} of the first's",
     ]
     return _plan(terms, names, candidate, parts, order, directions, h, seed, reasons, tried)
-
-
-def _counted(count: int, what: str) -> str:
-    return f"{count} {what}" if count == 1 else f"{count} {what}s"
 
 
 def _plan(

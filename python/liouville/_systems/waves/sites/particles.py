@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from liouville._basics.arguments import amount
 from liouville._basics.errors import hinted
 from liouville._systems.waves.sites.basis import Basis, Charge
 from liouville._systems.waves.sites.system import SiteSystem, counted, parity_of, whole
@@ -123,7 +124,7 @@ class FermionSystem(SiteSystem):
         kind = " with spin" if self.spinful else ""
         sector = "" if self.particles is None else f", particles={self.particles}"
         sector += "" if self.parity is None else f", parity={self.parity}"
-        return f"FermionSystem({self.sites} sites{kind}{sector})"
+        return f"FermionSystem({amount(self.sites, 'site')}{kind}{sector})"
 
 
 class BosonSystem(SiteSystem):
@@ -222,7 +223,7 @@ class BosonSystem(SiteSystem):
         """Name the numbers of sites and of bosons."""
         sector = "".join(f", {charge.asked}" for charge in self._basis.charges)
         sector += "" if self.momentum is None else f", momentum={self.momentum}"
-        return f"BosonSystem({self.sites} sites of at most {self.cutoff}{sector})"
+        return f"BosonSystem({amount(self.sites, 'site')} of at most {self.cutoff}{sector})"
 
     def _check_basis(self) -> None:
         most = self._basis.most_levels

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from liouville._basics.arguments import number
+from liouville._basics.arguments import amount, number
 from liouville._systems.waves.exchange import MOST, Exchange, states_of
 from liouville._systems.waves.sites.basis import Basis, Charge
 from liouville._systems.waves.sites.system import SiteSystem, counted, parity_of, whole
@@ -129,7 +129,7 @@ class SpinSystem(SiteSystem):
         kind = "" if self.spin == 0.5 else f" of {self.spin:g}"
         sector = "".join(f", {charge.asked}" for charge in self._basis.charges)
         sector += "" if self.momentum is None else f", momentum={self.momentum}"
-        return f"SpinSystem({self.sites} spins{kind}{sector})"
+        return f"SpinSystem({amount(self.sites, 'spin')}{kind}{sector})"
 
     def _exchange(self) -> Exchange | None:
         is_whole = self.parity is None and self.momentum is None
