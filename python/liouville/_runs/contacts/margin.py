@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 NONE, ROUNDED = 1e-9, 1e-14
 #: Rows are independent where singular values are above this part of the largest.
 INDEPENDENT = 1e-10
+#: Contacts contradict one another by more than this part of their rates.
+CONTRADICTS = 1e-6
 #: The largest margin, in units of what the forces lead to.
 LARGEST = 1.0
 
@@ -69,6 +71,41 @@ def shared(contacts: Contacts, at: Matrices, modes: tuple[Mode, ...]) -> Shared:
         friction[k] = -contacts.friction[k] * modes[k].sign * normal[k]
     friction[sticks] = x[len(closed) :]
     return Shared(scale * margin < -ROUNDED * weight, normal, friction)
+
+
+def contradicting(at: Matrices, rates: Array, contacts: Array, mu: Array) -> Array:
+    r"""Return the contacts, of some, that no motion obeys together; none where one does.
+
+    By Farkas's lemma a motion has :math:`\varphi'_k + r_k \ge 0` for all k, unless there are forces
+    within the cones of friction that do not move the system, with :math:`N^T r < 0`.
+
+    Parameters
+    ----------
+    at : Matrices
+        The matrices.
+    rates : ndarray, shape (c,)
+        Rates of the gaps, or their accelerations without contact forces.
+    contacts : ndarray of int
+        The contacts that are closed.
+    mu : ndarray, shape (c,)
+        Their coefficients of friction; zeros ask for motions without any.
+    """
+    c = len(mu)
+    sticky = mu[contacts] * at.moves[:, c + contacts]
+    ways = np.hstack([at.moves[:, contacts] - sticky, at.moves[:, contacts] + sticky])
+    sizes = np.abs(ways).max(axis=0)
+    if len(contacts) < 2 or not (sizes > 0).all():
+        return contacts[:0]
+    optimize = scipy("optimize", "contacts that contradict one another")
+    r = np.tile(rates[contacts], 2) / sizes
+    found = optimize.linprog(
+        r / (np.abs(r).max() or 1.0), np.ones((1, len(r))), [1.0], ways / sizes,
+        np.zeros(len(ways)), bounds=(0, None), method="highs",
+    )  # fmt: skip
+    if found.x is None or found.fun >= -CONTRADICTS:
+        return contacts[:0]
+    weights: Array = found.x.reshape(2, -1).sum(axis=0)
+    return contacts[weights > CONTRADICTS]
 
 
 def _best(a: Array, slopes: Array) -> tuple[Array, float]:

@@ -67,6 +67,11 @@ def integrate(system: Mechanics, request: Request, steps: Steps, make: Make) -> 
         course.status, course.ending = "failed", str(error)
         error.solution = course.solution() if course.stretches else None
         raise
+    except KeyboardInterrupt:  # between stretches, which answer it themselves
+        if not course.stretches:
+            raise
+        course.status, course.ending = "interrupted", f"interrupted at t = {course.now.t:g}"
+        return course.solution()
 
 
 class Course:

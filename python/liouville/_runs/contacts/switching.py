@@ -10,6 +10,7 @@ import numpy as np
 from liouville._basics.errors import IntegrationError, hinted, quoted
 from liouville._runs.contacts import law
 from liouville._runs.contacts.complementarity import Array
+from liouville._runs.contacts.margin import contradicting
 from liouville._runs.contacts.traced import Contacts, Matrices
 from liouville._solution.contacts import Change
 from liouville._systems.mechanics.contact import Mode
@@ -87,6 +88,7 @@ class Switching:
             self.modes = self._modes(at, y, z, closed, stopped, sizes[self.c :])
             self._note(before, closing)
             return self._lifted(at, y), z
+        self._refuse_contradictions(at, at.rate, touching)
         sentence = f"at t = {self.t:g} contacts hit one another without end"
         hit = tuple(self.contacts.names[k] for k in np.flatnonzero(touching))
         raise IntegrationError(f"{sentence}: {quoted(hit)}", t=self.t)
@@ -112,6 +114,7 @@ class Switching:
             found = law.impact(at.A, before, touching, 0 * own.restitution, own.static, "poisson")
             names = quoted([own.names[k] for k in np.flatnonzero(touching)])
             if found is None:
+                self._refuse_contradictions(at, at.rate, touching)
                 sentence = f"at t = {self.t:g} the impact of contacts {names} has no solution"
                 raise IntegrationError(sentence, t=self.t)
             self.messages.append(f"the impact of {names} at t = {self.t:g} was made plastic")
@@ -224,11 +227,23 @@ class Switching:
                 mu = np.where(turned == 0, own.static, own.friction)
                 found = law.solve(at.A, at.b, closed, turned, mu)
         if found is None:
+            self._refuse_contradictions(at, at.b, closed)
             names = quoted([own.names[k] for k in np.flatnonzero(closed)])
             sentence = f"at t = {self.t:g} no accelerations obey the laws of contacts {names}"
             hint = "rigid contact with this friction jams there (Painlevé): lower the friction"
             raise IntegrationError(hinted(sentence, hint), t=self.t)
         return found
+
+    def _refuse_contradictions(self, at: Matrices, rates: Array, closed: Array) -> None:
+        """Refuse closed contacts that no motion obeys together, by their names."""
+        static = self.contacts.static
+        for mu, how in ((0 * static, ""), (static, ", wedged in by their friction")):
+            found = contradicting(at, rates, np.flatnonzero(closed), mu)
+            if found.size:
+                names = quoted([self.contacts.names[k] for k in found])
+                sentence = f"at t = {self.t:g} contacts {names} contradict one another{how}"
+                hint = "no motion keeps all their gaps, so end the run before by an event"
+                raise IntegrationError(hinted(sentence, hint), t=self.t)
 
     def _verdict(
         self, at: Matrices, found: law.Forces, closed: Array, slip: Array, zero: float

@@ -1,0 +1,130 @@
+"""Contacts that contradict one another, that are one twice, and that hold from rest."""
+
+import casadi as ca
+import numpy as np
+import pytest
+
+import liouville as lv
+from liouville.bodies import Assembly, Polygon
+
+G = 9.81
+
+
+def point(contacts, force=0.0):
+    return lv.Lagrangian(
+        lambda t, q, v, params: ca.sumsqr(v) / 2 - G * q[1] + force * q[0],
+        q=("x", "y"),
+        contacts=contacts,
+    )
+
+
+def gap(x, y, off, friction=0.0, restitution=0.0):
+    """Return a contact with gap x q0 + y q1 + off(t)."""
+    return lv.Contact(
+        lambda t, q, params: x * q[0] + y * q[1] + off(t),
+        restitution=restitution,
+        friction=friction,
+        slip=lambda t, q, v, params: y * v[0] - x * v[1],
+    )
+
+
+def thrown(system, until=2.0, v=(0.0, 0.0)):
+    return lv.integrate(system, lv.Spark(2), t=(0, until), h=0.05, q=[0.0, 0.0], v=list(v))
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.3])
+@pytest.mark.parametrize("restitution", [0.0, 0.5])
+def test_walls_that_squeeze_a_point_are_named(restitution, friction):
+    laws = {"friction": friction, "restitution": restitution}
+    squeezed = point(
+        {
+            "floor": gap(0, 1, lambda t: 0, **laws),
+            "press": gap(0, -1, lambda t: 1 - t, **laws),
+            "far": gap(1, 0, lambda t: 1, **laws),
+        }
+    )
+    words = "at t = 1 contacts 'floor' and 'press' contradict one another\n"
+    with pytest.raises(lv.IntegrationError, match=words) as caught:
+        thrown(squeezed)
+    assert caught.value.solution.t[-1] == pytest.approx(1)
+    assert caught.value.solution.q[-1] == pytest.approx([0, 0], abs=1e-14)
+
+
+def test_walls_that_squeeze_by_their_accelerations_are_named():
+    squeezed = point({"floor": gap(0, 1, lambda t: 0), "press": gap(0, -1, lambda t: -(t**2) / 2)})
+    with pytest.raises(lv.IntegrationError, match="'floor' and 'press' contradict one another\n"):
+        thrown(squeezed)
+
+
+def wedged(friction):
+    """Return a point between a floor and a slope of .1 that comes down."""
+    n = np.array([0.1, -1]) / np.hypot(0.1, 1)
+    laws = {"friction": friction}
+    return point(
+        {
+            "floor": gap(0, 1, lambda t: 0, **laws),
+            "slope": gap(*n, lambda t: 0.5 - t, **laws),
+        }
+    )
+
+
+def test_a_wedge_throws_out_what_friction_does_not_hold():
+    """Friction holds it where the angle of friction is half the wedge's."""
+    run = thrown(wedged(0.0), 1.0)
+    assert run.v[-1] == pytest.approx([10 * np.hypot(0.1, 1), 0])
+    assert thrown(wedged(0.049), 0.51).v[-1, 0] > 0
+    words = "'floor' and 'slope' contradict one another, wedged in by their friction"
+    with pytest.raises(lv.IntegrationError, match=words):
+        thrown(wedged(0.051), 0.51)
+
+
+@pytest.mark.parametrize(
+    ("force", "static", "sticks"),
+    [(0, None, True), (4.9, None, True), (-0.5 * G, None, True), (5, None, False), (5, 0.6, True)],
+)
+def test_friction_sticks_from_rest(force, static, sticks):
+    floor = lv.Contact(
+        lambda t, q, params: q[1],
+        friction=0.5,
+        static_friction=static,
+        slip=lambda t, q, v, params: v[0],
+    )
+    run = thrown(point({"floor": floor}, force))
+    assert {mode.name for mode in run.contacts["floor"].mode} == {"STICK" if sticks else "SLIP_UP"}
+    wanted = 0 if sticks else (force - 0.5 * G) * 2
+    assert run.q[-1] == pytest.approx([wanted, 0], abs=1e-14)
+    assert run.contacts["floor"].friction == pytest.approx(-(force if sticks else 0.5 * G))
+
+
+@pytest.mark.parametrize("restitution", [0.0, 0.5, 1.0])
+def test_a_corner_on_a_corner_is_one_impact(restitution):
+    """Each corner meets the outline of the other: two contacts, of which one bears."""
+    m = Assembly()
+    square = np.array([(1, 0), (0, 1), (-1, 0), (0, -1)])
+    bodies = [m.planar_body(f"{k}", mass=1.0 + k, inertia=0.5, at=(2.5 * k, 0)) for k in range(2)]
+    for body in bodies:
+        m.free(f"flight {body.name}", body)
+    shapes = [Polygon(x, square + np.array([2.5 * k, 0]), 0.1) for k, x in enumerate(bodies)]
+    m.contact("pair", *shapes, restitution=restitution)
+    start = {"v": [1.0, 0, 0, 0, 0, 0]}
+    run = lv.integrate(m.system(), lv.Spark(2), t=(0, 1), h=0.1, **(m.start() | start))
+    impulse = 2 / 3 * (1 + restitution)
+    wanted = [1 - impulse, 0, 0, impulse / 2, 0, 0]
+    assert run.v[-1] == pytest.approx(wanted, abs=1e-13)
+    hits = [x for own in run.contacts.values() for x in own.changes if x.kind == "hit"]
+    assert [x.normal for x in hits] == pytest.approx([impulse])
+
+
+def test_an_interrupt_between_stretches_keeps_what_was_done():
+    def stop(done, total):
+        if done > 0.5 * total:
+            raise KeyboardInterrupt
+
+    elastic = point({"floor": gap(0, 1, lambda t: 0, restitution=1.0)})
+    call = {"t": (0, 10), "h": 0.1, "q": [0.0, 0.1], "v": [0.0, 0.0]}
+    run = lv.integrate(elastic, lv.Spark(2), progress=stop, **call)
+    whole = lv.integrate(elastic, lv.Spark(2), **call)
+    assert run.status == "interrupted"
+    assert run.message == f"interrupted at t = {run.t[-1]:g}"
+    assert 4 < run.t[-1] < 6
+    assert run.q[:-1].tobytes() == whole.q[: len(run.t) - 1].tobytes()
