@@ -40,8 +40,8 @@ TAPES = {
 }
 
 
-def mechanical(system: Any, what: str) -> Mechanics:
-    """Return a mechanical system; TypeError for any other."""
+def mechanical(system: Any, what: str, *, touches: bool = False) -> Mechanics:
+    """Return a mechanical system; TypeError for any other, and for contacts but where it may."""
     if not isinstance(system, Mechanics):
         raise TypeError(
             hinted(
@@ -49,7 +49,8 @@ def mechanical(system: Any, what: str) -> Mechanics:
                 "a Lagrangian, Hamiltonian, Mechanical, Structure or the system of an assembly",
             )
         )
-    system.check_smooth(what)
+    if not touches:
+        system.check_smooth(what)
     return system
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,7 +29,9 @@ class PowerBalance:
 
     The names are "forces", which have no potential, with what the energy changes by its own
     dependence on time; "constraints" that move or roll; and "damping" by the matrix of a Structure.
-    What resets of events change the energy by is the work of "impacts", without a power.
+    Those of contacts are "friction", and "contacts", what walls and belts bring in by their motion.
+    What resets of events and impacts change the energy by is the work of "impacts", without a
+    power.
 
     Attributes
     ----------
@@ -85,7 +88,8 @@ def power_balance(solution: Solution) -> PowerBalance:
         raise TypeError(f"power_balance takes a solution, not {solution!r}")
     if solution.members is not None:
         raise ValueError(hinted("the solution is an ensemble", "take a member: solution.member(0)"))
-    system = mechanical(system_of(solution, "a balance of power needs"), "power_balance")
+    own = system_of(solution, "a balance of power needs")
+    system = mechanical(own, "power_balance", touches=True)
     values = system.values(solution.params)
     power(system)
     if not solution.dense_order:
@@ -101,7 +105,11 @@ def power_balance(solution: Solution) -> PowerBalance:
     inner = solution(times).states
     at_steps = _powers(system, values, solution.t, solution.states)
     between = _powers(system, values, times, inner)
-    ends = np.isin(knots, solution.t)
+    if solution.stretches:
+        at_steps |= _powers_of_contacts(system, values, solution, solution.t)
+        between |= _powers_of_contacts(system, values, solution, times)
+    way = np.sign(parts.sum())
+    ends = np.searchsorted(way * knots, way * solution.t)
     work = {
         name: np.append(0.0, np.cumsum(x.reshape(-1, NODES) @ weights * parts / 2))[ends]
         for name, x in between.items()
@@ -138,6 +146,9 @@ def _jumps(system: Mechanics, values: Array, solution: Solution) -> tuple[Array,
     observer, widths = system.observer(None, states=False)
     place = sum([*widths.values()][: [*widths].index("invariant energy")])
     times, changes = [np.empty(0)], [np.empty(0)]
+    if solution.stretches:
+        own = _impacts(solution)
+        times, changes = [own[0]], [own[1]]
     for points in solution.events.values():
         sides = sides_of(points.states, system.states)
         if sides is None:
@@ -148,13 +159,47 @@ def _jumps(system: Mechanics, values: Array, solution: Solution) -> tuple[Array,
         )
         times.append(points.t)
         changes.append(after - before)
-    if len(times) == 1:
+    if not solution.stretches and len(times) == 1:
         return times[0], None
     at, change = np.concatenate(times), np.concatenate(changes)
     way = np.sign(solution.t[-1] - solution.t[0])
     # a record at the time of an event is that after its reset
     found: Array = (way * (solution.t[:, None] - at) >= 0) @ change
     return at, found
+
+
+def _impacts(solution: Solution) -> tuple[Array, Array]:
+    """Return the times of impacts of contacts, and what they have changed the energy by."""
+    runs = [run for run, _ in solution.stretches]
+    hits = [
+        (after.t[0], after.invariants["energy"][0] - before.invariants["energy"][-1])
+        for before, after in pairwise(runs)
+        # else the mode gave way within a step, where nothing jumps
+        if before.t[-1] == after.t[0] and solution.t[0] < after.t[0] <= solution.t[-1]
+    ]
+    times, changes = np.array(hits, dtype=float).reshape(-1, 2).T
+    return times, changes
+
+
+def _powers_of_contacts(
+    system: Mechanics, values: Array, solution: Solution, times: Array
+) -> dict[str, Array]:
+    """Return the powers of contacts at some times, at a change those after it."""
+    # imported here: few systems have contacts
+    from liouville._runs.contacts.joined import forces_of
+
+    assert system.contacts is not None
+    runs = [run for run, _ in solution.stretches]
+    which = np.searchsorted([run.t[0] for run in runs[1:]], times, side="right")
+    found = {"contacts": np.zeros(len(times)), "friction": np.zeros(len(times))}
+    for k in np.unique(which):
+        own, at = runs[k], which == k
+        there = own(times[at]).states
+        forces = forces_of(system.contacts, own.system, there["lam"])
+        states = times[at], *(there[name] for name in system.states)
+        for name, x in system.contacts.powers(states, *forces, values).items():
+            found[name][at] = x
+    return found
 
 
 def _powers(

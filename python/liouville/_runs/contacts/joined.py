@@ -94,9 +94,11 @@ def joined(
         given = [x.given for x in stretches if x.given is not None]
         ends = [x.whole.run.t[0] for x in stretches[1:]]
         counts = [int(np.sum(x.run.t[: x.count] < t)) for x, t in zip(given, ends, strict=False)]
-        found = _columns(contacts, given, [*counts, given[-1].count])
+        uses = [*counts, given[-1].count]
+        found = _columns(contacts, given, uses)
         gap, slip = _checked(switching, accelerated, found)
         kept = np.ones(len(found.t), dtype=bool)
+    _balanced(found, stretches, uses)
     columns = {"mode": found.mode, "gap": gap, "normal": found.normal}
     columns |= {"friction": found.friction, "slip": slip}
     records = {
@@ -157,6 +159,18 @@ def _columns(contacts: Contacts, parts: Sequence[Part], uses: Sequence[int]) -> 
     )
 
 
+def _balanced(found: Columns, stretches: Sequence[Stretch], uses: Sequence[int]) -> None:
+    """Let work and dissipation be those since the start of the run, not of each stretch."""
+    if not found.groups["balance"]:
+        return
+    runs = [x.whole.run for x in stretches]
+    ends = [after.t[0] for after in runs[1:]]
+    done = [np.interp(t, x.t, x.balance["work"]) for t, x in zip(ends, runs, strict=False)]
+    work = found.groups["balance"]["work"] + np.repeat(np.cumsum([0.0, *done]), uses)
+    lost = runs[0].invariants["energy"][0] + work - found.groups["invariants"]["energy"]
+    found.groups["balance"] = {"work": work, "dissipated": lost}
+
+
 def _own(system: ModeSystem, group: str, name: str, values: Array) -> Array:
     """Return the columns of the system itself, without the constraints of a mode."""
     if name == "lam":
@@ -195,12 +209,17 @@ def _signs(modes: Array) -> Array:
 def _forces(contacts: Contacts, part: Part, used: int) -> tuple[Array, Array]:
     """Return normal forces and friction at the first records of a part."""
     system = part.system
+    if not system.is_shared:
+        return forces_of(contacts, system, part.run.states["lam"][:used])
     normal, friction = np.zeros((used, len(system.modes))), np.zeros((used, len(system.modes)))
-    if system.is_shared:
-        for k, own in enumerate(part.shared[:used]):
-            normal[k], friction[k] = own.normal, own.friction
-        return normal, friction
-    lam = part.run.states["lam"][:used]
+    for k, own in enumerate(part.shared[:used]):
+        normal[k], friction[k] = own.normal, own.friction
+    return normal, friction
+
+
+def forces_of(contacts: Contacts, system: ModeSystem, lam: Array) -> tuple[Array, Array]:
+    """Return normal forces and friction of multipliers of a mode, those of its rows alone."""
+    normal, friction = np.zeros((2, len(lam), len(system.modes)))
     for k, place in system.normals.items():
         normal[:, k] = -lam[:, place]
         friction[:, k] = -system.modes[k].sign * contacts.friction[k] * normal[:, k]

@@ -193,6 +193,36 @@ class Contacts:
             C @ free + C_t[:, 0], F, free, v[:, 0], np.concatenate([B, C]),
         )  # fmt: skip
 
+    @property
+    def drives(self) -> ca.SX:
+        """Rates that walls and belts have against the system: those of it less those of contacts.
+
+        With (N, T) they give the power that contacts bring in by their own motion.
+        """
+        columns, v = self.columns, self.system._model.v
+        own = ca.vertcat(columns["across"] @ v, columns["along"] @ v)
+        return own - ca.vertcat(columns["rates"], columns["slips"])
+
+    @cached_property
+    def _powers_tape(self) -> _core.Tape:
+        s = self.system._symbols
+        return record("powers of contacts", s.inputs(z=s.z), self.drives, self.columns["slips"])
+
+    def powers(
+        self, states: tuple[Array, Array, Array], normal: Array, friction: Array, params: Array
+    ) -> dict[str, Array]:
+        """Return powers at k states (t, y, z), of N and T of shape (k, c).
+
+        That of "friction" is T s, and "contacts" is what walls and belts bring in by their motion.
+        """
+        rows = [np.ascontiguousarray(x) for x in (states[0][:, None], *states[1:])]
+        drives, slips = np.split(self._powers_tape.map(params, rows), [2 * len(self.names)], axis=1)
+        forces = np.hstack([normal, friction])
+        return {
+            "contacts": (forces * drives).sum(axis=1),
+            "friction": (friction * slips).sum(axis=1),
+        }
+
     @cached_property
     def _records_tape(self) -> tuple[_core.Tape, list[int]]:
         s, columns = self.system._symbols, self.columns
@@ -309,6 +339,13 @@ class ModeSystem(Mechanics):
         columns = base._expressions.columns
         invariants = {name: columns[INVARIANT + name] for name in base.invariants}
         rows_g = [its["phi"][k] for k in gaps]
+        power = columns.get("power")
+        if power is not None:
+            power = ca.substitute(power, model.lam, lam[:m]) if m else power
+            drives = contacts.drives
+            for place, k in enumerate(gaps):
+                friction = contacts.friction[k] * modes[k].sign
+                power += lam[m + place] * (friction * drives[len(modes) + k] - drives[k])
         super().__init__(
             s,
             replace(
@@ -326,8 +363,11 @@ class ModeSystem(Mechanics):
             coordinates=base.coordinates,
             constraints=holonomic + rolling,
             invariants=invariants,
+            power=power,
             switches={name: columns[SWITCH + name] for name in base.switch_tapes},
         )
+        # friction and impacts take from the energy, and walls that move may give
+        self.is_conservative, self.may_only_lose = False, False
         self.own_events: dict[str, tuple[int, str]] = {}
         self._tapes_of_events: dict[str, Any] = {}
         self._record_events(contacts)
