@@ -57,7 +57,8 @@ if _typing.TYPE_CHECKING:
     from liouville._bridges import fem as fem
     from liouville._bridges import jax as jax
     from liouville._bridges import torch as torch
-    from liouville._methods.planner import FieldPlan, Plan, WavePlan, plan
+    from liouville._methods.planner import FieldPlan, Plan, WavePlan
+    from liouville._methods.planner.choice import plan
     from liouville._runs.gradients import Pullback, vjp
     from liouville._runs.stored import Store, resume
     from liouville._solution.export import load

@@ -33,7 +33,7 @@ def solver(
     *,
     wrt: Sequence[str],
     returns: str | Sequence[str] | None = None,
-    t: tuple[float, float] | Sequence[float],
+    t: Sequence[Any] | NDArray[Any],
     h: float | None = None,
     steps: int | None = None,
     rtol: float | None = None,

@@ -7,7 +7,7 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from liouville._basics.errors import hinted
 from liouville._basics.options import started
@@ -24,7 +24,7 @@ def solver(
     *,
     wrt: Sequence[str],
     returns: str | Sequence[str] | None = None,
-    t: tuple[float, float] | Sequence[float],
+    t: Sequence[Any] | NDArray[Any],
     h: float | None = None,
     steps: int | None = None,
     rtol: float | None = None,

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from liouville._basics.errors import hinted
 from liouville._basics.options import by_name, started
@@ -19,7 +19,6 @@ from liouville._runs.execute import checked, plain
 from liouville._runs.runner import Request
 from liouville._solution.solution import Solution
 from liouville._systems import System
-from liouville._systems.events import Event
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
@@ -32,16 +31,16 @@ def ensemble(
     system: System,
     method: Method | Plan | str = "auto",
     *,
-    t: tuple[float, float] | Sequence[float],
+    t: Sequence[Any] | NDArray[Any],
     h: float | None = None,
     steps: int | None = None,
     every: int = 1,
     t_eval: ArrayLike | None = None,
-    events: Mapping[str, Event | Callable[..., Any]] | None = None,
-    observe: Mapping[str, Callable[..., Any]] | None = None,
+    events: Mapping[str, Any] | None = None,
+    observe: Mapping[str, Any] | None = None,
     params: Mapping[str, ArrayLike] | None = None,
     states: bool = True,
-    tangents: Mapping[str, ArrayLike] | None = None,
+    tangents: Mapping[str, Any] | None = None,
     progress: Progress = None,
     threads: int | None = None,
     executor: Executor | None = None,

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from liouville._basics.arguments import kept
 from liouville._basics.errors import IntegrationError, hinted
@@ -20,7 +20,6 @@ from liouville._runs.execute import execute
 from liouville._runs.runner import Request
 from liouville._solution.solution import Solution
 from liouville._systems import Field, Mechanics, Schrodinger, SemiExplicit, members
-from liouville._systems.events import Event
 
 
 class Pullback:
@@ -139,7 +138,7 @@ def vjp(
     method: Method | str,
     *,
     wrt: Sequence[str],
-    t: tuple[float, float] | Sequence[float],
+    t: Sequence[Any] | NDArray[Any],
     h: float | None = None,
     steps: int | None = None,
     rtol: float | None = None,
@@ -147,7 +146,7 @@ def vjp(
     control: Control | None = None,
     every: int = 1,
     t_eval: ArrayLike | None = None,
-    events: Mapping[str, Event | Callable[..., Any]] | None = None,
+    events: Mapping[str, Any] | None = None,
     params: Mapping[str, ArrayLike] | None = None,
     progress: Progress = None,
     threads: int | None = None,

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from liouville._basics.arguments import count
 from liouville._basics.options import by_name, started
@@ -19,7 +19,7 @@ from liouville._runs.execute import checked
 from liouville._runs.runner import Request
 from liouville._solution.solution import Solution
 from liouville._systems import Mechanics, System
-from liouville._systems.events import Event, named
+from liouville._systems.events import named
 
 if TYPE_CHECKING:
     from liouville._methods.planner import Plan
@@ -31,7 +31,7 @@ def integrate(
     system: System,
     method: Method | Plan | str = "auto",
     *,
-    t: tuple[float, float] | Sequence[float],
+    t: Sequence[Any] | NDArray[Any],
     h: float | None = None,
     steps: int | None = None,
     rtol: float | None = None,
@@ -39,11 +39,11 @@ def integrate(
     control: Control | None = None,
     every: int = 1,
     t_eval: ArrayLike | None = None,
-    events: Mapping[str, Event | Callable[..., Any]] | None = None,
-    observe: Mapping[str, Callable[..., Any]] | None = None,
+    events: Mapping[str, Any] | None = None,
+    observe: Mapping[str, Any] | None = None,
     params: Mapping[str, ArrayLike] | None = None,
     states: bool = True,
-    tangents: Mapping[str, ArrayLike] | None = None,
+    tangents: Mapping[str, Any] | None = None,
     progress: Progress = None,
     threads: int | None = None,
     store: Store | str | os.PathLike[str] | None = None,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import os
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -53,7 +53,7 @@ class Request:
     every: Any = 1
     t_eval: Any = None
     events: Any = None
-    observe: Mapping[str, Callable[..., Any]] | None = None
+    observe: Mapping[str, Any] | None = None
     params: Mapping[str, ArrayLike] | None = None
     states: Any = True
     tangents: Any = None

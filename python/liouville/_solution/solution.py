@@ -107,10 +107,10 @@ class Solution(States, Drifts, Motions):
         ``widened``, how often bounds of the energies had to be, and ``bound``, that of the error,
         known before the run: of splittings and Chebyshev series of an H without time, and of
         series in time that are power series, but of no ``Lanczos``, ``Magnus`` or
-        ``SplitOperator``. An ensemble has the sums of its members, whatever computes them: those of
-        a member are those of a run of its own, and end where it fails. But it has ``steps`` and
-        ``pieces`` of the member with most, ``products`` of each on average, and the largest
-        ``bound``.
+        ``SplitOperator``; ``absorbed``, the part of the norm that an absorber took. An ensemble has
+        the sums of its members, whatever computes them: those of a member are those of a run of its
+        own, and end where it fails. But it has ``steps`` and ``pieces`` of the member with most,
+        ``products`` of each on average, and the largest ``bound``.
     params : dict of str to float or list of float
         Parameters the run used.
     varied : tuple of str

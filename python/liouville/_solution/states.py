@@ -57,6 +57,7 @@ class Stats(TypedDict, total=False):
     products: float
     widened: int
     bound: float
+    absorbed: float
 
 
 class States:

@@ -60,7 +60,7 @@ class Condensate:
     products: float
 
     @property
-    def start(self) -> dict[str, NDArray[Any]]:
+    def start(self) -> dict[str, Any]:
         """The state by its name, for ``integrate(..., **ground.start)``."""
         return {"psi": self.psi}
 

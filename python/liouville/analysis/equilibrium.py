@@ -41,7 +41,7 @@ class Equilibrium:
     """
 
     t: float
-    start: dict[str, Array]
+    start: dict[str, Any]
     lam: Array
     reactions: Array
     residual: float

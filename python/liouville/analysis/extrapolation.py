@@ -14,7 +14,7 @@ moved onto them, then velocities. Multipliers are those of the moved states.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from itertools import pairwise
 from typing import Any, cast
@@ -60,7 +60,7 @@ def extrapolate(
     error: bool = False,
     every: int = 1,
     params: Mapping[str, ArrayLike] | None = None,
-    observe: Mapping[str, Callable[..., Any]] | None = None,
+    observe: Mapping[str, Any] | None = None,
     start: Mapping[str, ArrayLike] | None = None,
     **values: ArrayLike,
 ) -> Solution:
@@ -183,7 +183,7 @@ def _evaluated(
     run: Solution,
     states: dict[str, Array],
     params: Mapping[str, ArrayLike] | None,
-    observe: Mapping[str, Callable[..., Any]] | None,
+    observe: Mapping[str, Any] | None,
 ) -> Solution:
     """Return a solution with these states on the constraints, and all that follows from them.
 

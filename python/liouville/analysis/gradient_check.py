@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from liouville._basics.arguments import number
 from liouville._basics.errors import hinted
@@ -59,7 +59,7 @@ def check_gradient(
     method: Method | str,
     *,
     wrt: Sequence[str],
-    t: tuple[float, float] | Sequence[float],
+    t: Sequence[Any] | NDArray[Any],
     size: float = 1e-3,
     seed: int = 0,
     params: Mapping[str, ArrayLike] | None = None,

@@ -60,7 +60,7 @@ class GroundState:
         return len(self.states)
 
     @property
-    def start(self) -> dict[str, NDArray[Any]]:
+    def start(self) -> dict[str, Any]:
         """The state by its name, for ``integrate(..., **ground.start)``."""
         return {"psi": self.psi}
 

@@ -50,7 +50,7 @@ class Cooled:
     products: float
 
     @property
-    def start(self) -> dict[str, NDArray[Any]]:
+    def start(self) -> dict[str, Any]:
         """The state by its name, for ``integrate(..., **cooled.start)``."""
         return {"psi": self.psi}
 

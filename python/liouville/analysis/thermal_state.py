@@ -60,7 +60,7 @@ class ThermalState:
     products: float
 
     @property
-    def start(self) -> dict[str, NDArray[Any]]:
+    def start(self) -> dict[str, Any]:
         """The states by their name, for ``ensemble(..., **thermal.start)``."""
         return {"psi": self.psi}
 

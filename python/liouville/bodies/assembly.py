@@ -237,12 +237,12 @@ class Assembly(Acting):
 
     def start(
         self,
-        values: Mapping[str, ArrayLike] | None = None,
-        rates: Mapping[str, ArrayLike] | None = None,
+        values: Mapping[str, Any] | None = None,
+        rates: Mapping[str, Any] | None = None,
         *,
         t: float = 0.0,
         params: Mapping[str, ArrayLike] | None = None,
-    ) -> dict[str, NDArray[np.float64]]:
+    ) -> dict[str, Any]:
         """Assemble the mechanism: start values with some coordinates and rates of joints given.
 
         See :meth:`Mechanism.assemble` of the system last made.

@@ -12,6 +12,8 @@ T. Dombre, U. Frisch, J. M. Greene, M. Henon, A. Mehr, A. M. Soward, J. Fluid Me
 (``tools/field_references.py``).
 """
 
+from typing import Any
+
 import casadi as ca
 
 from liouville._systems import PolynomialField
@@ -30,7 +32,7 @@ def field(t: ca.SX, x: ca.SX, params: Parameters) -> list[ca.SX]:
 
 
 system = PolynomialField(field, x=("x", "y", "z"), params={"A": 1.0, "B": 1.0, "C": 1.0})
-start = {"x": (0.1, 0.2, 0.3)}
+start: dict[str, Any] = {"x": (0.1, 0.2, 0.3)}
 interval = (0.0, 10.0)
 h = 0.1
 conserved = ()

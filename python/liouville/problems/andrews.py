@@ -107,7 +107,7 @@ system = Lagrangian(
     q=("beta", "Theta", "gamma", "Phi", "delta", "Omega", "epsilon"),
     params=PARAMS,
 )
-start = {
+start: dict[str, Any] = {
     "q": (
         -0.06171389001427644963589485,
         0.0,

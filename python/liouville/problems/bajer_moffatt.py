@@ -15,6 +15,8 @@ K. Bajer, H. K. Moffatt, J. Fluid Mech. 212 (1990) 337-363. The references are b
 45 digits, two tolerances 1e-30 apart (``tools/field_references.py``).
 """
 
+from typing import Any
+
 import casadi as ca
 
 from liouville._systems import PolynomialField
@@ -42,7 +44,7 @@ system = PolynomialField(
     params={"alpha": 1.0, "beta": 1.0},
     invariants={"sphere": sphere},
 )
-start = {"x": (0.1, 0.2, -0.3)}
+start: dict[str, Any] = {"x": (0.1, 0.2, -0.3)}
 interval = (0.0, 10.0)
 h = 0.02
 conserved = ()

@@ -75,7 +75,7 @@ def bars(angle: float) -> NDArray[np.float64]:
     return np.array(found)
 
 
-def start_for(angle: float, rate: float) -> dict[str, tuple[float, ...]]:
+def start_for(angle: float, rate: float) -> dict[str, Any]:
     """Return the start with the ground's first angle and its rate, in radians and seconds."""
     # differences of order 8, whose error is below roundoff
     h, weights = 1e-2, (4 / 5, -1 / 5, 4 / 105, -1 / 280)
@@ -88,7 +88,7 @@ def start_for(angle: float, rate: float) -> dict[str, tuple[float, ...]]:
 
 system = Lagrangian(lagrangian, constraint, q=coordinates(BARS), params={"g": 9.81})
 # along the edges of a cube all of it is in halves, which no processor rounds
-start = {
+start: dict[str, Any] = {
     name: tuple((np.round(2 * np.array(x)) / 2 + 0.0).tolist())
     for name, x in start_for(np.pi / 2, -3.0).items()
 }

@@ -65,7 +65,7 @@ system = Lagrangian(
     q=("xl", "yl", "xr", "yr"),
     params={"M": 10.0, "eps": 0.01, "L": 1.0, "L0": 0.5, "r": 0.1, "omega": 10.0, "g": 1.0},
 )
-start = {"q": (0.0, 0.5, 1.0, 0.5), "v": (-0.5, 0.0, -0.5, 0.0)}
+start: dict[str, Any] = {"q": (0.0, 0.5, 1.0, 0.5), "v": (-0.5, 0.0, -0.5, 0.0)}
 interval = (0.0, 3.0)
 h = 0.005
 conserved: tuple[str, ...] = ()

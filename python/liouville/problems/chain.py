@@ -55,7 +55,7 @@ def build(links: int) -> Lagrangian:
     return Lagrangian(lagrangian, constraint, q=names, params={"m": 1.0, "l": 1.0, "g": 1.0})
 
 
-def start_for(links: int) -> dict[str, NDArray[np.float64]]:
+def start_for(links: int) -> dict[str, Any]:
     """Hang the chain and give it the velocity of the first mode.
 
     Parameters
@@ -88,7 +88,7 @@ def outline(q: NDArray[np.float64], params: Any) -> list[NDArray[np.float64]]:
 
 
 system = build(10)
-start = start_for(10)
+start: dict[str, Any] = start_for(10)
 interval = (0.0, 1.0)
 h = 0.02
 conserved = ("energy",)

@@ -56,7 +56,7 @@ system = Lagrangian(
     q=("x", "y", "phi"),
     params={"m": 1.0, "J": 0.44, "a": 1.0},
 )
-start = {"q": (0.0, 0.0, 0.0), "v": (-0.8, 0.0, 0.5)}
+start: dict[str, Any] = {"q": (0.0, 0.0, 0.0), "v": (-0.8, 0.0, 0.5)}
 interval = (0.0, 10.0)
 h = 0.1
 conserved = ("energy",)

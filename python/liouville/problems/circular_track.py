@@ -43,7 +43,7 @@ def outline(q: NDArray[np.float64], params: Any) -> list[NDArray[np.float64]]:
 
 
 system = Lagrangian(lagrangian, constraint, q=("x", "y"), params={"c": 2.0}, force=drive)
-start = {"q": (sin(1.0), cos(1.0)), "v": (2 * cos(1.0), -2 * sin(1.0))}
+start: dict[str, Any] = {"q": (sin(1.0), cos(1.0)), "v": (2 * cos(1.0), -2 * sin(1.0))}
 interval = (1.0, 5.0)
 h = 0.004
 conserved: tuple[str, ...] = ()

@@ -15,6 +15,8 @@ Volume preservation for charged particles: Y. He, Y. Sun, J. Liu, H. Qin, J. Com
 (``tools/field_references.py``).
 """
 
+from typing import Any
+
 import casadi as ca
 
 from liouville._systems import PolynomialField
@@ -46,7 +48,7 @@ system = PolynomialField(
     params={"k": 1.0, "b": 2.0, "eta": 0.5},
     invariants={"energy": energy},
 )
-start = {"x": (0.9, 0.0, 0.4, 0.1, 0.5, 0.3)}
+start: dict[str, Any] = {"x": (0.9, 0.0, 0.4, 0.1, 0.5, 0.3)}
 interval = (0.0, 10.0)
 h = 0.1
 conserved = ("energy",)

@@ -34,7 +34,7 @@ def outline(q: NDArray[np.float64], params: Any) -> list[NDArray[np.float64]]:
 system = Lagrangian(
     pendulum.lagrangian, constraint, q=("x", "y"), params={"m": 1.0, "l": 1.0, "g": 9.81}
 )
-start = pendulum.start
+start: dict[str, Any] = pendulum.start
 interval = (0.0, 10.0)
 h = 0.01
 conserved = ("energy",)

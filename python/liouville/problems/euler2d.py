@@ -18,10 +18,10 @@ T. D. Lee, Quart. Appl. Math. 10 (1952) 69-74. The references, for K = 2, are by
 """
 
 from fractions import Fraction
+from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from liouville._systems import PolynomialField
 from liouville.problems import Parameters
@@ -97,7 +97,7 @@ def build(largest: int) -> PolynomialField:
     return PolynomialField.from_terms(names, terms_of(largest), invariants=invariants)
 
 
-def start_for(largest: int) -> dict[str, NDArray[np.float64]]:
+def start_for(largest: int) -> dict[str, Any]:
     """Start with vorticities of some sixteenths, smaller for short waves."""
     squares = np.array([k1**2 + k2**2 for k1, k2 in modes(largest)])
     m = np.arange(squares.size)
@@ -106,7 +106,7 @@ def start_for(largest: int) -> dict[str, NDArray[np.float64]]:
 
 
 system = build(2)
-start = start_for(2)
+start: dict[str, Any] = start_for(2)
 interval = (0.0, 10.0)
 h = 0.1
 conserved = ("energy", "enstrophy")

@@ -12,6 +12,8 @@ The references are by extrapolation in 45 digits, two tolerances 3e-33 apart
 (``tools/field_references.py``).
 """
 
+from typing import Any
+
 import casadi as ca
 
 from liouville._systems import PolynomialField
@@ -39,7 +41,7 @@ system = PolynomialField(
     params={"a": (0.5, 1.0, 1.5)},
     invariants={"energy": energy, "momentum": momentum},
 )
-start = {"x": (0.6, -0.3, 0.7)}
+start: dict[str, Any] = {"x": (0.6, -0.3, 0.7)}
 interval = (0.0, 10.0)
 h = 0.2
 conserved = ("energy", "momentum")

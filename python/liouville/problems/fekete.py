@@ -23,6 +23,7 @@ of the test set, at t = 1000, is off by 2.5e-12.
 
 from collections.abc import Callable
 from math import cos, pi, sin
+from typing import Any
 
 import casadi as ca
 
@@ -193,7 +194,7 @@ system = Lagrangian(
     force=damping,
     invariants={f"angular_momentum_{axis}": momentum_about(k) for k, axis in enumerate("xyz")},
 )
-start = {"q": _rings(), "v": (0.0,) * (3 * N)}
+start: dict[str, Any] = {"q": _rings(), "v": (0.0,) * (3 * N)}
 interval = (0.0, 20.0)
 h = 0.1
 conserved = ("angular_momentum_x", "angular_momentum_y", "angular_momentum_z")

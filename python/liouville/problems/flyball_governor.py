@@ -18,6 +18,8 @@ A mechanism of textbooks, here between bodies and rods. The reference is from th
 of the angle of the spindle, extrapolation in 32 digits (``tools/mechanism_references.py``).
 """
 
+from typing import Any
+
 import numpy as np
 
 from liouville.bodies import Assembly
@@ -56,7 +58,7 @@ def build() -> Assembly:
 assembly = build()
 system = assembly.system(params={"g": 9.81, "k": 40.0})
 drawn = assembly.start(rates={"spindle bearing": 6.0, "right hinge": 0.0, "left hinge": 0.0})
-start = system.consistent(q=drawn["q"], v=drawn["v"])
+start: dict[str, Any] = system.consistent(q=drawn["q"], v=drawn["v"])
 interval = (0.0, 2.0)
 h = 0.02
 conserved = ("energy",)

@@ -12,6 +12,8 @@ the grid leaves out is below roundoff. ``exact(t)`` is the state.
 E. Schrödinger, Naturwissenschaften 14 (1926) 664-666.
 """
 
+from typing import Any
+
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
@@ -39,7 +41,7 @@ def exact(t: float) -> NDArray[np.complex128]:
 
 grid = Grid(-12.0, 12.0, 128, potential=potential)
 system = Schrodinger(grid)
-start = {"psi": exact(0.0)}
+start: dict[str, Any] = {"psi": exact(0.0)}
 interval = (0.0, 10.0)
 tol = 1e-10
 conserved = ("norm", "energy")

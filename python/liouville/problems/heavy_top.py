@@ -95,7 +95,7 @@ system = Lagrangian(
     },
     invariants={"angular_momentum": angular_momentum, "spin": spin},
 )
-start = {"q": (1.0, 0.0, 0.0, 0.0), "v": (0.0, 0.0, 75.0, -2.30769)}
+start: dict[str, Any] = {"q": (1.0, 0.0, 0.0, 0.0), "v": (0.0, 0.0, 75.0, -2.30769)}
 interval = (0.0, 2.0)
 h = 1e-3
 conserved = ("energy", "angular_momentum", "spin")

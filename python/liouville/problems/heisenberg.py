@@ -11,8 +11,10 @@ W. Heisenberg, Z. Phys. 49 (1928) 619-636. The references are by Taylor series i
 (``tools/quantum_references.py``).
 """
 
+from typing import Any
+
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from liouville._systems import Schrodinger, SpinChain
 
@@ -41,7 +43,7 @@ def build(
     return Schrodinger(SpinChain(length, z=delta, field=field, up=half if up is None else up))
 
 
-def start_for(length: int) -> dict[str, NDArray[np.float64]]:
+def start_for(length: int) -> dict[str, Any]:
     """Start with every other spin up, where half of them are, the first one down."""
     chain = SpinChain(length, up=length // 2)
     psi = np.zeros(chain.size)
@@ -50,7 +52,7 @@ def start_for(length: int) -> dict[str, NDArray[np.float64]]:
 
 
 system = build(8, field=np.cos(np.arange(1, 9)), up=4)
-start = start_for(8)
+start: dict[str, Any] = start_for(8)
 interval = (0.0, 5.0)
 tol = 1e-10
 conserved = ("norm", "energy")

@@ -20,6 +20,8 @@ M. J. M. Hill, Phil. Trans. R. Soc. A 185 (1894) 213-245; with swirl, H. K. Moff
 two tolerances 2e-33 apart (``tools/field_references.py``).
 """
 
+from typing import Any
+
 import casadi as ca
 
 from liouville._systems import PolynomialField
@@ -54,7 +56,7 @@ system = PolynomialField(
     params={"kappa": 1.0},
     invariants={"stream": stream, "swirl": swirl},
 )
-start = {"x": (0.3, 0.2, 0.4)}
+start: dict[str, Any] = {"x": (0.3, 0.2, 0.4)}
 interval = (0.0, 10.0)
 h = 0.05
 conserved = ("stream", "swirl")

@@ -61,7 +61,7 @@ def outline(q: NDArray[np.float64], params: Any) -> list[NDArray[np.float64]]:
     return [ends(q, body, length)[:, :2] for body, length in enumerate(LENGTHS)]
 
 
-def start_for(angle: float, rate: float) -> dict[str, tuple[float, ...]]:
+def start_for(angle: float, rate: float) -> dict[str, Any]:
     """Return the start with the crank at an angle and turning at a rate, in radians and seconds."""
     l1, l2, l3 = LENGTHS
     pin = l1 * np.exp(1j * angle)
@@ -94,7 +94,7 @@ def start_for(angle: float, rate: float) -> dict[str, tuple[float, ...]]:
 
 
 system = Lagrangian(lagrangian, constraint, q=coordinates(3), params={"g": 9.81})
-start = start_for(1.0, 6.0)
+start: dict[str, Any] = start_for(1.0, 6.0)
 interval = (0.0, 1.0)
 h = 0.005
 conserved = ("energy",)

@@ -19,6 +19,8 @@ crank's angle, t = int sqrt(I(a) / (2 (E - V(a)))) da, extrapolated in 32 digits
 by intersections of circles (``tools/mechanism_references.py``).
 """
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -124,7 +126,7 @@ system = assembly.system(params={"g": 9.81})
 #: The foot in the axes of the lower plate, from its centre of mass.
 FOOT = (*(corners(0.0)["foot"] - sum(corners(0.0)[x] / 3 for x in ("low", "knee", "foot"))), 0.0)
 drawn = assembly.start(rates={"A": 8.0})
-start = system.consistent(q=drawn["q"], v=drawn["v"])
+start: dict[str, Any] = system.consistent(q=drawn["q"], v=drawn["v"])
 interval = (0.0, 1.0)
 h = 0.01
 conserved = ("energy",)

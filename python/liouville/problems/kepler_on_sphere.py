@@ -18,6 +18,8 @@ The references are the closed form: the near end after half a period, and the st
 one, :math:`T = M^{-1} \oint (1 + \cot^2\theta)^{-1} d\varphi`.
 """
 
+from typing import Any
+
 import casadi as ca
 
 from liouville._systems import Lagrangian
@@ -59,7 +61,7 @@ system = Lagrangian(
     params={"k": 1.0},
     invariants={"angular_momentum": angular_momentum, "axis": axis},
 )
-start = {"q": (-0.8, 0.0, 0.6), "v": (0.0, -0.3, 0.0)}
+start: dict[str, Any] = {"q": (-0.8, 0.0, 0.6), "v": (0.0, -0.3, 0.0)}
 period = 1.848937270865028639842
 interval = (0.0, period)
 h = period / 8192

@@ -15,6 +15,8 @@ Instead of gaining speed for ever the blade traces a cycloid across the slope,
 :math:`\lambda = 2 m a \sin(\omega t)`. The reference is that formula (``tools/references.py``).
 """
 
+from typing import Any
+
 import casadi as ca
 
 from liouville._systems import Lagrangian
@@ -44,7 +46,7 @@ system = Lagrangian(
     params={"m": 1.0, "J": 1.0, "a": 1.0},
     invariants={"spin": spin},
 )
-start = {"q": (0.0, 0.0, 0.0), "v": (0.0, 0.0, 1.5)}
+start: dict[str, Any] = {"q": (0.0, 0.0, 0.0), "v": (0.0, 0.0, 1.5)}
 interval = (0.0, 5.0)
 h = 0.05
 conserved = ("energy", "spin")

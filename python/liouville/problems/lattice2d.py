@@ -12,6 +12,7 @@ of one by Taylor series in 40 digits (``tools/quantum_references.py``).
 """
 
 from functools import reduce
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,14 +48,14 @@ def build(sites: int, axes: int = 2) -> Schrodinger:
     return Schrodinger(Lattice((sites,) * axes, potential=sum(potentials)))
 
 
-def start_for(sites: int, axes: int = 2) -> dict[str, NDArray[np.float64]]:
+def start_for(sites: int, axes: int = 2) -> dict[str, Any]:
     """Start with a packet, as it is in the reference: of norm 1 up to roundoff."""
     line = packet(sites) / np.linalg.norm(packet(sites))
     return {"psi": reduce(np.multiply.outer, [line] * axes).ravel()}
 
 
 system = build(SITES)
-start = start_for(SITES)
+start: dict[str, Any] = start_for(SITES)
 interval = (0.0, 10.0)
 tol = 1e-10
 conserved = ("norm", "energy")

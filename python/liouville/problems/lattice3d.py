@@ -11,6 +11,8 @@ the axes, so a product of packets stays a product of states on chains; the refer
 of one by Taylor series in 40 digits (``tools/quantum_references.py``).
 """
 
+from typing import Any
+
 from liouville.problems import lattice2d
 from liouville.problems.lattice2d import chain as chain
 from liouville.problems.lattice2d import packet as packet
@@ -19,7 +21,7 @@ from liouville.problems.lattice2d import packet as packet
 SITES = 16
 
 system = lattice2d.build(SITES, 3)
-start = lattice2d.start_for(SITES, 3)
+start: dict[str, Any] = lattice2d.start_for(SITES, 3)
 interval = (0.0, 10.0)
 tol = 1e-10
 conserved = ("norm", "energy")

@@ -12,8 +12,9 @@ E. N. Lorenz, Predictability: a problem partly solved, in: Seminar on Predictabi
 (``tools/field_references.py``); with the start repeated they hold for n = 72, 108, ... too.
 """
 
+from typing import Any
+
 import numpy as np
-from numpy.typing import NDArray
 
 from liouville._systems import PolynomialField
 
@@ -41,14 +42,14 @@ def build(sites: int) -> PolynomialField:
     return PolynomialField.from_terms(sites, terms, invariants={"energy": np.full(sites, 0.5)})
 
 
-def start_for(sites: int) -> dict[str, NDArray[np.float64]]:
+def start_for(sites: int) -> dict[str, Any]:
     """Start with values between -1 and 3/2, of period 36 along the ring."""
     i = np.arange(sites) % 36
     return {"x": (5 * i % 9) / 4 - 1 + i / 72}
 
 
 system = build(36)
-start = start_for(36)
+start: dict[str, Any] = start_for(36)
 interval = (0.0, 5.0)
 h = 0.05
 conserved = ("energy",)

@@ -14,6 +14,8 @@ D. D. Holm, G. Kovacic, Physica D 56 (1992) 270-300. The references are by extra
 digits, two tolerances 1e-32 apart (``tools/field_references.py``).
 """
 
+from typing import Any
+
 import casadi as ca
 
 from liouville._systems import PolynomialField
@@ -48,7 +50,7 @@ system = PolynomialField(
     params={"delta": 0.5},
     invariants={"bloch": bloch, "excitation": excitation, "hamiltonian": hamiltonian},
 )
-start = {"x": (0.6, 0.1, 0.3, -0.2, 0.8)}
+start: dict[str, Any] = {"x": (0.6, 0.1, 0.3, -0.2, 0.8)}
 interval = (0.0, 20.0)
 h = 0.1
 conserved = ("bloch", "excitation", "hamiltonian")

@@ -11,6 +11,8 @@ and so the energy depend on time; nothing is conserved.
 The reference is a motion computed in 69 digits, error below 1e-29.
 """
 
+from typing import Any
+
 import casadi as ca
 
 from liouville._systems import Lagrangian
@@ -39,7 +41,7 @@ system = Lagrangian(
     params={"m": 1.0, "a": 0.2, "g": 1.0, "d": 0.1},
     force=friction,
 )
-start = {"q": (1.0, 0.5), "v": (0.0, 1.0)}
+start: dict[str, Any] = {"q": (1.0, 0.5), "v": (0.0, 1.0)}
 interval = (0.0, 5.0)
 h = 0.05
 conserved: tuple[str, ...] = ()

@@ -39,7 +39,7 @@ def outline(q: NDArray[np.float64], params: Any) -> list[NDArray[np.float64]]:
 
 
 system = Lagrangian(lagrangian, constraint, q=("x", "y"), params={"m": 1.0, "l": 1.0, "g": 9.81})
-start = {"q": (1.0, 0.0), "v": (0.0, 0.0)}
+start: dict[str, Any] = {"q": (1.0, 0.0), "v": (0.0, 0.0)}
 interval = (0.0, 10.0)
 h = 0.01
 conserved = ("energy",)

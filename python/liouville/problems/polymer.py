@@ -23,6 +23,7 @@ extrapolation in 45 digits, two tolerances 2e-33 apart (``tools/polymer_referenc
 from collections.abc import Iterator
 from functools import partial
 from itertools import pairwise
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -77,7 +78,7 @@ def spin(k: int, t: ca.SX, q: ca.SX, v: ca.SX, params: Parameters) -> ca.SX:
     return params.m * (ca.dot(q[i::3], v[j::3]) - ca.dot(q[j::3], v[i::3]))
 
 
-def start_for(beads: int, seed: int = 1) -> dict[str, NDArray[np.float64]]:
+def start_for(beads: int, seed: int = 1) -> dict[str, Any]:
     """Fold the chain at random and give it random velocities.
 
     Parameters
@@ -144,7 +145,7 @@ def gauss(random: Iterator[float]) -> float:
 
 
 system = build(20)
-start = start_for(20)
+start: dict[str, Any] = start_for(20)
 interval = (0.0, 1.0)
 h = 0.02
 conserved = ("energy", "spin_x", "spin_y", "spin_z")

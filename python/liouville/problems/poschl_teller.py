@@ -13,6 +13,8 @@ a packet spread over a deep well. ``exact(t)`` is the state.
 G. Pöschl, E. Teller, Z. Phys. 83 (1933) 143-151.
 """
 
+from typing import Any
+
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
@@ -54,7 +56,7 @@ def exact(t: float) -> NDArray[np.complex128]:
 
 grid = Grid(-10.0, 10.0, 320, potential=potential)
 system = Schrodinger(grid)
-start = {"psi": exact(0.0).real}
+start: dict[str, Any] = {"psi": exact(0.0).real}
 interval = (0.0, 1.0)
 tol = 1e-8
 conserved = ("norm", "energy")

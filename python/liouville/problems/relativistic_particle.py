@@ -14,6 +14,8 @@ The reference is from Hamilton's equations in spherical angles, extrapolation in
 tolerances 7e-32 apart (``tools/references.py``).
 """
 
+from typing import Any
+
 import casadi as ca
 
 from liouville._systems import Lagrangian
@@ -51,7 +53,7 @@ system = Lagrangian(
     params={"m": 1.0, "c": 1.0, "e": 1.0, "B": 2.0, "E": 1.0, "l": 1.0},
     invariants={"angular_momentum": angular_momentum},
 )
-start = {"q": (0.8, 0.0, 0.6), "v": (0.3, 0.5, -0.4)}
+start: dict[str, Any] = {"q": (0.8, 0.0, 0.6), "v": (0.3, 0.5, -0.4)}
 interval = (0.0, 10.0)
 h = 0.1
 conserved = ("energy", "angular_momentum")

@@ -142,7 +142,7 @@ def column(e: ca.SX, k: int) -> ca.SX:
     return ca.vertcat(*rows)
 
 
-def start_for(rods: int, revolute: bool = False) -> dict[str, NDArray[np.float64]]:
+def start_for(rods: int, revolute: bool = False) -> dict[str, Any]:
     """Hang the chain and set it turning.
 
     Parameters
@@ -184,7 +184,7 @@ def outline(q: NDArray[np.float64], params: Any) -> list[NDArray[np.float64]]:
 
 
 system = build(3)
-start = start_for(3)
+start: dict[str, Any] = start_for(3)
 interval = (0.0, 1.0)
 h = 0.02
 conserved = ("energy", "spin")

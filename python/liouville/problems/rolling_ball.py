@@ -19,6 +19,8 @@ the circle, (x, y) + (-y', x') / kappa; the energy is not. The reference is the 
 attitude extrapolation in 45 digits, two tolerances 2e-35 apart (``tools/references.py``).
 """
 
+from typing import Any
+
 import casadi as ca
 
 from liouville._systems import Lagrangian
@@ -73,7 +75,7 @@ system = Lagrangian(
         "middle_y": lambda *args: middle(*args)[1],
     },
 )
-start = {"q": (0.5, 0.0, 1.0, 0.0, 0.0, 0.0), "v": (0.3, 0.5, 0.0, 0.5, 0.3, 0.5)}
+start: dict[str, Any] = {"q": (0.5, 0.0, 1.0, 0.0, 0.0, 0.0), "v": (0.3, 0.5, 0.0, 0.5, 0.3, 0.5)}
 interval = (0.0, 10.0)
 h = 0.1
 conserved = ("spin", "middle_x", "middle_y")

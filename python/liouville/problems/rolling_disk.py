@@ -59,7 +59,7 @@ system = Lagrangian(
     params={"m": 1.0, "r": 1.0, "I": 0.5, "J": 0.25, "a": 0.5, "k": 1 / 3},
     invariants={"steering": steering},
 )
-start = {"q": (0.0, 0.0, 0.0, 0.0), "v": (1.0, 0.0, 1.0, 0.5)}
+start: dict[str, Any] = {"q": (0.0, 0.0, 0.0, 0.0), "v": (1.0, 0.0, 1.0, 0.5)}
 interval = (0.0, 5.0)
 h = 0.05
 conserved = ("energy", "steering")

@@ -75,7 +75,7 @@ system = Lagrangian(
         "g": 9.81,
     },
 )
-start = {"q": (0.0, 0.0, 0.459), "v": (150.0, -75.0, 0.0)}
+start: dict[str, Any] = {"q": (0.0, 0.0, 0.459), "v": (150.0, -75.0, 0.0)}
 interval = (0.0, 0.1)
 h = 2.5e-4
 conserved = ("energy",)

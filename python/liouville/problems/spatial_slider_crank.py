@@ -27,6 +27,8 @@ The reference is the crank's angle, t = int sqrt(I(a) / (2 (E - V(a)))) da, extr
 digits (``tools/mechanism_references.py``).
 """
 
+from typing import Any
+
 import numpy as np
 
 from liouville.bodies import Assembly
@@ -75,7 +77,7 @@ def build(rod: tuple[float, ...] = INERTIAS[1]) -> Assembly:
 assembly = build()
 system = assembly.system(params={"g": 9.81})
 drawn = assembly.start(rates={"A": 6.0})
-start = system.consistent(q=drawn["q"], v=drawn["v"])
+start: dict[str, Any] = system.consistent(q=drawn["q"], v=drawn["v"])
 interval = (0.0, 2.0)
 h = 0.0025
 conserved = ("energy",)

@@ -47,7 +47,7 @@ system = Lagrangian(
     params={"m": 1.0, "l": 1.0, "g": 1.0},
     invariants={"angular_momentum": angular_momentum},
 )
-start = {"q": (0.6, 0.0, -0.8), "v": (0.0, 1.25, 0.0)}
+start: dict[str, Any] = {"q": (0.6, 0.0, -0.8), "v": (0.0, 1.25, 0.0)}
 interval = (0.0, 5.0)
 h = 0.05
 conserved = ("energy", "angular_momentum")

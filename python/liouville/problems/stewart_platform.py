@@ -18,6 +18,8 @@ all bodies projected on them, extrapolation in extended precision, two steps
 (``tools/stewart_reference.py``), which share no equation with the model.
 """
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -73,7 +75,7 @@ def build() -> Assembly:
 assembly = build()
 system = assembly.system(params={"g": 9.81, "c": 5000.0})
 drawn = assembly.start(rates={"flight": (*VELOCITY, *SPIN)})
-start = system.consistent(q=drawn["q"], v=drawn["v"])
+start: dict[str, Any] = system.consistent(q=drawn["q"], v=drawn["v"])
 interval = (0.0, 1.0)
 h = 0.008
 conserved = ("energy",)

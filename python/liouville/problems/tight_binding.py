@@ -13,6 +13,8 @@ P. W. Anderson, Phys. Rev. 109 (1958) 1492-1505. The references are by Taylor se
 (``tools/quantum_references.py``).
 """
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -49,7 +51,7 @@ def build(shape: int | tuple[int, ...], width: float = 0.0, periodic: bool = Fal
     return Schrodinger(Lattice(shape, potential=potential, periodic=periodic))
 
 
-def start_for(shape: int | tuple[int, ...]) -> dict[str, NDArray[np.float64]]:
+def start_for(shape: int | tuple[int, ...]) -> dict[str, Any]:
     """Start on the site in the middle, of two the first."""
     along = shape if isinstance(shape, tuple) else (shape,)
     psi = np.zeros(along)
@@ -58,7 +60,7 @@ def start_for(shape: int | tuple[int, ...]) -> dict[str, NDArray[np.float64]]:
 
 
 system = build(50)
-start = start_for(50)
+start: dict[str, Any] = start_for(50)
 disordered = build((16, 16), width=4.0)
 disordered_start = start_for((16, 16))
 interval = (0.0, 10.0)

@@ -15,9 +15,10 @@ H. Flaschka, Phys. Rev. B 9 (1974) 1924-1925. The references, for eight particle
 extrapolation in 45 digits, two tolerances 4e-34 apart (``tools/field_references.py``).
 """
 
+from typing import Any
+
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from liouville._systems import PolynomialField
 from liouville.problems import Parameters
@@ -85,14 +86,14 @@ def build(particles: int) -> PolynomialField:
     return PolynomialField(field, x=names, invariants=invariants)
 
 
-def start_for(particles: int) -> dict[str, NDArray[np.float64]]:
+def start_for(particles: int) -> dict[str, Any]:
     """Start with equal distances and momenta of period 7 along the ring."""
     b = (3 * np.arange(particles) % 7 - 3) / 8
     return {"x": np.concatenate([np.full(particles, 0.5), b])}
 
 
 system = build(8)
-start = start_for(8)
+start: dict[str, Any] = start_for(8)
 interval = (0.0, 10.0)
 h = 0.1
 conserved = ("momentum", "energy", "product", "cubic")

@@ -19,9 +19,10 @@ Chem. Phys. 104 (1996) 2349-2355. The reference, of the equation on the grid, is
 extended precision (``tools/quantum_references.py``).
 """
 
+from typing import Any
+
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from liouville._systems import Grid, Schrodinger
 from liouville.problems import Parameters
@@ -41,7 +42,7 @@ def build(points: int) -> Schrodinger:
     return Schrodinger(Grid(-0.8, 4.32, points, potential=potential, mass=MASS), params=PARAMS)
 
 
-def start_for(points: int) -> dict[str, NDArray[np.float64]]:
+def start_for(points: int) -> dict[str, Any]:
     """Start in the ground state without the laser."""
     x = Grid(-0.8, 4.32, points).points[:, 0]
     alpha = PARAMS["alpha"]
@@ -51,7 +52,7 @@ def start_for(points: int) -> dict[str, NDArray[np.float64]]:
 
 
 system = build(64)
-start = start_for(64)
+start: dict[str, Any] = start_for(64)
 interval = (0.0, 4 * np.pi / PARAMS["omega"])
 h = interval[1] / 144
 tol = 1e-8

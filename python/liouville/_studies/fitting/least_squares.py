@@ -37,7 +37,7 @@ def fit(
     bounds: Mapping[str, Any] | None = None,
     priors: Mapping[str, tuple[float, float]] | None = None,
     loss: str = "linear",
-    observe: Mapping[str, Callable[..., Any]] | None = None,
+    observe: Mapping[str, Any] | None = None,
     events: Mapping[str, Event | Callable[..., Any]] | None = None,
     t0: float | None = None,
     start: Mapping[str, ArrayLike] | None = None,

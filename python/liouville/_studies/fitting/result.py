@@ -38,7 +38,7 @@ class Fitted:
     """
 
     params: dict[str, Any]
-    start: dict[str, Array]
+    start: dict[str, Any]
     residuals: Array
     solution: Solution
 
@@ -127,7 +127,7 @@ class Fit:
         return {**self.__dict__, "_profile": None}
 
     @property
-    def start(self) -> dict[str, Array]:
+    def start(self) -> dict[str, Any]:
         """The start of the one trial."""
         return self._one.start
 

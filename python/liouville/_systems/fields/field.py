@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any, Self
 
 import numpy as np
@@ -51,7 +51,7 @@ class Field(Pickled, ABC):
         """Return the field with other numbers, by name or as :meth:`values` gives them."""
 
     @property
-    def params(self) -> dict[str, float | np.ndarray]:
+    def params(self) -> dict[str, Any]:
         """The parameters' default values, read-only; a run takes others by its ``params=``."""
         return read_only(self._symbols.params.defaults)
 
@@ -159,7 +159,7 @@ class Field(Pickled, ABC):
         return array
 
     def observer(
-        self, observe: Mapping[str, Callable[..., Any]] | None, states: bool = True
+        self, observe: Mapping[str, Any] | None, states: bool = True
     ) -> tuple[_core.Tape, dict[str, int]]:
         """Record what a run keeps besides x; returns the tape of t, x and params, and widths."""
         return self._observer.tape(observe)

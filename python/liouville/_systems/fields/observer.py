@@ -56,9 +56,7 @@ class Observer:
     def _alone(self) -> tuple[_core.Tape, dict[str, int]]:
         return self._record({})
 
-    def tape(
-        self, observe: Mapping[str, Callable[..., Any]] | None
-    ) -> tuple[_core.Tape, dict[str, int]]:
+    def tape(self, observe: Mapping[str, Any] | None) -> tuple[_core.Tape, dict[str, int]]:
         """Return the tape of t, x and params, and the width of each of its parts."""
         return self._record(_trace.mapping("observe", observe)) if observe else self._alone
 
@@ -76,9 +74,7 @@ class Observer:
         """Return functions to observe in a form that can be pickled."""
         return recorded(observe, self._expressions.symbols.args)
 
-    def _record(
-        self, observe: Mapping[str, Callable[..., Any]]
-    ) -> tuple[_core.Tape, dict[str, int]]:
+    def _record(self, observe: Mapping[str, Any]) -> tuple[_core.Tape, dict[str, int]]:
         s, columns = self._expressions.symbols, self._expressions.columns
         parts = {f"invariant {name}": x for name, x in columns.items()}
         for name, function in observe.items():

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -241,7 +241,7 @@ class Mechanics(TracedSystem):
         params: Mapping[str, ArrayLike] | None = None,
         hold: str | None = None,
         **start: Any,
-    ) -> dict[str, np.ndarray]:
+    ) -> dict[str, Any]:
         r"""Move a start onto the constraints by the least change in the mass metric.
 
         Positions are moved by :math:`M^{-1} g_y^T \mu` until :math:`g = 0`, which from afar is the
@@ -435,7 +435,7 @@ class Mechanics(TracedSystem):
         return parts | ({"nonholonomic": model.nonholonomic.k} if self.nonholonomic else {})
 
     def _observer(
-        self, observe: Mapping[str, Callable[..., Any]], states: bool
+        self, observe: Mapping[str, Any], states: bool
     ) -> tuple[_core.Tape, dict[str, int]]:
         tape, widths = super()._observer(observe, states)
         return observing(tape, widths, self._linear), widths

@@ -265,7 +265,7 @@ class SemiExplicit(TracedSystem):
 
     def consistent(
         self, t: float = 0.0, params: Mapping[str, ArrayLike] | None = None, **start: Any
-    ) -> dict[str, np.ndarray]:
+    ) -> dict[str, Any]:
         """Move a start onto the constraints, and solve for the unknowns there.
 
         Coordinates are moved by the transposed gradients of the constraints until these vanish,

@@ -91,7 +91,7 @@ class TracedSystem(Pickled, ABC):
         return self._expressions.symbols
 
     @property
-    def params(self) -> dict[str, float | np.ndarray]:
+    def params(self) -> dict[str, Any]:
         """The parameters' default values, read-only; a run takes others by its ``params=``."""
         return read_only(self._symbols.params.defaults)
 

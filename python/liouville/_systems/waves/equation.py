@@ -281,7 +281,7 @@ class Schrodinger(OnGrid):
         return None if self._potential is None else PotentialSensitivity(self, self._potential)
 
     @property
-    def params(self) -> dict[str, float | np.ndarray]:
+    def params(self) -> dict[str, Any]:
         """The parameters' default values, read-only; a run takes others by its ``params=``."""
         return read_only(self._params.defaults)
 
