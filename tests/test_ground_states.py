@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import liouville as lv
+from liouville.analysis import lowest_level
 from liouville.analysis.thermal_state import coefficients
 
 EXCHANGE = ["xx", "yy", "zz"]
@@ -72,6 +73,34 @@ def test_a_ground_level_has_all_its_states_and_the_gap_to_the_next_level(
     assert np.abs(states @ matrix.T - exact[0] * states).max() < 2e-9 * max(np.ptp(exact), 1)
     gap = exact[multiplicity] - exact[0] if multiplicity < exact.size else np.inf
     assert ground.gap == pytest.approx(gap, abs=1e-8)
+
+
+@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("terms", [[("zz", 1.0), ("z", 0.3)], [("xx", 0.3), ("x", 1.0)]])
+def test_blocks_stay_orthogonal_where_few_levels_exhaust_them(terms, seed, monkeypatch):
+    # a ring of six has eleven levels: blocks of three have found them all in a few steps
+    monkeypatch.setattr(lowest_level, "DENSE", 40)
+    monkeypatch.setattr(lowest_level, "SEED", seed)
+    ring = lv.SpinSystem(6, terms, periodic=True)
+    matrix = ring.matrix().toarray()
+    exact = np.linalg.eigvalsh(matrix)
+    ground = lv.analysis.ground_state(lv.Schrodinger(ring))
+    assert ground.multiplicity == (exact < exact[0] + 1e-9).sum()
+    assert np.abs(ground.states @ matrix - exact[0] * ground.states).max() < 1e-9
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_copies_of_a_matrix_have_all_their_ground_states(seed, monkeypatch):
+    monkeypatch.setattr(lowest_level, "DENSE", 40)
+    rng = np.random.default_rng(seed)
+    part, copies = rng.normal(size=(30, 30)), 2 + seed % 6
+    part = np.where(rng.random((30, 30)) < 0.2, part, 0.0)
+    matrix = np.kron(np.eye(copies), part + part.T)
+    exact = np.linalg.eigvalsh(part + part.T)
+    ground = lv.analysis.ground_state(lv.Schrodinger(matrix))
+    assert ground.multiplicity == copies
+    assert ground.energy == pytest.approx(exact[0], abs=1e-11)
+    assert ground.gap == pytest.approx(exact[1] - exact[0], abs=1e-7)
 
 
 def _random_hermitian(rng, energies, is_complex):

@@ -35,6 +35,9 @@ RESTARTS, MORE = 1000, 6
 #: States are told to be one level by residuals below this part of the width.
 TOLD = 1e-8
 
+#: A vector that becomes shorter than this part of itself is made orthogonal again.
+SHORTER = 0.5
+
 #: What is left of a vector, relative to what is taken away: nothing.
 NOTHING = 1e-14
 
@@ -184,9 +187,15 @@ class _Krylov:
         nothing = NOTHING * float(np.abs(parts).max(initial=0.0)) + self.scale.roundoff
         done = 0
         for k, row in enumerate(rows):
-            row, along = _beside(row, block[:done])
-            coupling[:done, k] = along
-            length = float(np.linalg.norm(row))
+            length, shorter = np.inf, float(np.linalg.norm(row))
+            # what is left of a vector that nearly vanishes is not orthogonal to the others yet
+            while nothing < shorter < SHORTER * length:
+                length = shorter
+                for vectors, own in ((basis, parts), (block[:done], coupling[:done])):
+                    row, along = _beside(row, vectors)
+                    own[:, k] += along
+                shorter = float(np.linalg.norm(row))
+            length = shorter
             if length > nothing:
                 coupling[done, k], block[done] = length, row / length
                 done += 1
