@@ -1,0 +1,125 @@
+"""Plain waves by every method: one level, no energies, eigenstates, drives that do nothing."""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import casadi as ca
+import numpy as np
+import pytest
+import scipy.linalg
+
+import liouville as lv
+
+FLIP = np.eye(2)[::-1]
+ONE = np.ones((1, 1))
+TOL = 1e-6
+
+
+class Plain(NamedTuple):
+    """A Hamiltonian, a start, and the integral of H from 0 to t, whose parts commute in time."""
+
+    make: Callable[[], Any]
+    psi: Any
+    integral: Callable[[float], Any]
+
+
+def matrix(h, psi, **more):
+    return Plain(lambda: lv.Schrodinger(h, **more), psi, lambda t: t * np.asarray(h))
+
+
+def driven(h, f, drive, psi, integral):
+    return Plain(lambda: lv.Schrodinger(h, drive=[(f, drive)]), psi, integral)
+
+
+def flat(n, value, potential=None):
+    """Return a constant wave on a grid, an eigenstate of a constant potential."""
+    return Plain(
+        lambda: lv.Schrodinger(lv.Grid(0, 1, n, potential=potential)),
+        np.full(n, n**-0.5),
+        lambda t: t * value * np.eye(n),
+    )
+
+
+ZERO = np.zeros((2, 2))
+MODELS = {
+    "one level of energy 0": matrix(0 * ONE, [1.0]),
+    "one level of energy 1": matrix(ONE, [1.0]),
+    "two levels of energy 0": matrix(ZERO, [1.0, 0.0]),
+    "identity": matrix(np.eye(3), [1.0, 0.0, 0.0]),
+    "degenerate": matrix(np.diag([1.0, 1.0, 2.0]), [0.0, 0.6, 0.8]),
+    "eigenstate": matrix(FLIP, [0.5**0.5, 0.5**0.5]),
+    "two levels": matrix(FLIP, [1.0, 0.0]),
+    "complex zero": matrix(ZERO + 0j, [1.0, 0.0]),
+    "complex": matrix(np.array([[0, 1j], [-1j, 0]]), [1.0, 0.0]),
+    "function that is zero": Plain(
+        lambda: lv.Schrodinger((3, lambda x: 0 * x)), [1.0, 0, 0], lambda t: np.zeros((3, 3))
+    ),
+    "lattice of one site": Plain(
+        lambda: lv.Schrodinger(lv.Lattice(1)), [1.0], lambda t: np.zeros((1, 1))
+    ),
+    "spins without a bond": Plain(
+        lambda: lv.Schrodinger(lv.SpinSystem(2, [("zz", 0.0)])),
+        np.eye(4)[0],
+        lambda t: 0 * np.eye(4),
+    ),
+    "no bosons": Plain(
+        lambda: lv.Schrodinger(lv.BosonSystem(1, [("n", 1.0)], particles=0)),
+        [1.0],
+        lambda t: 0 * ONE,
+    ),
+    "free grid": flat(16, 0.0),
+    "grid of two points": flat(2, 0.0),
+    "grid with a constant potential": flat(8, 2.0, lambda t, x, p: 2.0),
+    "grid with a potential that jumps": flat(8, 0.0, lambda t, x, p: 0 * x[0] * (t > 0.5)),
+    "drive of 0": driven(
+        np.diag([1.0, 2]), lambda t, p: 0.0, FLIP, [1.0, 0], lambda t: t * np.diag([1.0, 2])
+    ),
+    "drive of 1": driven(
+        np.diag([1.0, 2]),
+        lambda t, p: 1.0,
+        FLIP,
+        [1.0, 0],
+        lambda t: t * (np.diag([1.0, 2]) + FLIP),
+    ),
+    "drive by a matrix of 0": driven(
+        np.diag([1.0, 2]), lambda t, p: ca.cos(t), ZERO, [1.0, 0], lambda t: t * np.diag([1.0, 2])
+    ),
+    "drive alone": driven(ZERO, lambda t, p: ca.cos(t), FLIP, [1.0, 0], lambda t: np.sin(t) * FLIP),
+}
+METHODS = {
+    "auto": "auto",
+    "series": lv.Chebyshev(TOL),
+    "splitting": lv.SchrodingerSplitting(TOL),
+    "Lanczos": lv.Lanczos(TOL),
+    "Magnus": lv.Magnus(4, tol=TOL),
+    "split operator": lv.SplitOperator(tol=TOL),
+}
+
+
+def serves(method, name):
+    if method == "split operator":
+        return "grid" in name
+    return method != "Lanczos" or not name.startswith(("drive", "grid with a potential that"))
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_plain_waves_run_by_every_method_and_have_nothing_to_say(name):
+    make, psi, integral = MODELS[name]
+    equation, psi = make(), np.asarray(psi)
+
+    def end(t0, t1):
+        return scipy.linalg.expm(-1j * (integral(t1) - integral(t0))) @ psi
+
+    for label, method in METHODS.items():
+        if not serves(label, name):
+            continue
+        for times in ((0, 1), (1, 0), (0, 100), (1e3, 1e3 + 1), [0.0, 0.5, 1.0]):
+            found = lv.integrate(equation, method, t=times, psi=psi)
+            assert not found.message, (label, times)
+            np.testing.assert_allclose(
+                found.psi[-1],
+                end(times[0], times[-1]),
+                rtol=0,
+                atol=TOL,
+                err_msg=f"{label} {times}",
+            )
