@@ -573,6 +573,23 @@ def test_a_shell_completes_commands_problems_and_methods(liouville, monkeypatch,
     assert liouville("").stdout.split() == [offered]
 
 
+@pytest.mark.parametrize(
+    ("call", "taken"),
+    [
+        ("pendulum", "Spark(stages=3)"),
+        ("pendulum --rtol 1e-9", "Spark(stages=7)"),
+        ("abc_flow", "BM4"),
+        ("tight_binding --keep 2", "Chebyshev"),
+    ],
+)
+def test_auto_is_a_method(liouville, call, taken):
+    ran = liouville(f"run {call} --method auto")
+    assert ran.returncode == 0, ran.stderr
+    assert taken in ran.stdout
+    refused = liouville(f"run {call} --method auto --stages 3")
+    assert "method auto has no options, and --stages is one" in refused.stderr
+
+
 BARE = """
 import liouville as lv
 p = lv.Lagrangian(lambda t, q, v, params: (v[0]**2 - params.g * q[0]**2) / 2, q=("x",),

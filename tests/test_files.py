@@ -383,6 +383,7 @@ def test_what_the_file_switches_off_is_not_refused():
 BAD = {
     "must be a path or its text, not 3": lambda: mjcf(3),
     "MuJoCo does not read 'no.xml'": lambda: mjcf("no.xml"),
+    "a file must be a path or its text, not ' '": lambda: mjcf(" "),
     "MuJoCo does not read the text": lambda: mjcf("<mujoco><bad/></mujoco>"),
     "without= has 'contacts', which is": lambda: mjcf(pendulum({}), without=["contacts"]),
     "sequence of names, not 'contact'": lambda: mjcf(pendulum({}), without="contact"),

@@ -114,7 +114,7 @@ def run(
     """Integrate a problem of the library or a model of your own."""
     with leaving_with(WRONG):
         module, system = system_of(model)
-        chosen = method_named(method, options, system, plan)
+        chosen = method_named(method, options, system, plan, rtol)
         begin = {**getattr(module, "start", {}), **assigned("--start", start or [])}
         values = parameters(param)
         is_stepped = chosen.form != "wave" and h is None and rtol is None

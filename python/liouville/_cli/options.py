@@ -15,6 +15,8 @@ import liouville as lv
 from liouville import _systems as systems
 from liouville import problems
 from liouville._methods import METHODS
+from liouville._methods.planner.waves.choice import AUTO
+from liouville._runs.choice import named
 
 Model = Annotated[
     str,
@@ -27,8 +29,8 @@ Model = Annotated[
 Method = Annotated[
     str | None,
     typer.Option(
-        help="One of 'liouville methods'.",
-        autocompletion=lambda: [*METHODS],
+        help="One of 'liouville methods', or auto.",
+        autocompletion=lambda: ["auto", *METHODS],
         show_default="spark, volume-splitting of a field, schrodinger-splitting of a wave function",
     ),
 ]
@@ -97,8 +99,12 @@ def method_named(
     options: Mapping[str, Any],
     system: Any = None,
     plan: Path | None = None,
+    rtol: float | None = None,
 ) -> Any:
-    """Make the method asked for, or read it from a plan, which leaves nothing to ask for."""
+    """Make the method asked for, or read it from a plan, which leaves nothing to ask for.
+
+    "auto" is the method that :func:`liouville.integrate` takes by that name.
+    """
     if plan is not None:
         asked = [option for option, value in options.items() if value is not None]
         if name is not None or asked:
@@ -110,9 +116,14 @@ def method_named(
         return lv.Plan.load(plan)
     if name is None:
         name = _usual(system)
-    if name not in METHODS:
-        raise ValueError(f"no method is called {name!r}\nhint: there are {', '.join(METHODS)}")
     given = {option: value for option, value in options.items() if value is not None}
+    if name == "auto":
+        if given:
+            raise ValueError(f"method auto has no options, and --{next(iter(given))} is one")
+        return AUTO if isinstance(system, lv.Schrodinger) else named(system, name, rtol)
+    if name not in METHODS:
+        names = ", ".join(["auto", *METHODS])
+        raise ValueError(f"no method is called {name!r}\nhint: there are {names}")
     known = [item.name for item in fields(METHODS[name])]
     for option in given:
         if option not in known:

@@ -136,6 +136,8 @@ def _compiled(source: str | Path, *, is_urdf: bool = False) -> tuple[Any, Any]:
         raise ImportError(hinted(sentence, "pip install 'liouville[robots]'")) from error
     if not isinstance(source, str | Path):
         raise TypeError(f"a file must be a path or its text, not {source!r}")
+    if not str(source).strip():
+        raise ValueError(f"a file must be a path or its text, not {source!r}")
     is_text = isinstance(source, str) and source.lstrip().startswith("<")
     what = "the text" if is_text else f"'{source}'"
     _check_size(source, is_text, what)
