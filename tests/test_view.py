@@ -168,3 +168,65 @@ def test_what_cannot_be_shown_is_refused_with_a_sentence(solution, tmp_path):
         plot.view(swing, lambda q, params: [q])
     with pytest.raises(ValueError, match=r"hint: end its name in \.html"):
         plot.view(solution, path=tmp_path / "motion.htm")
+
+
+@pytest.fixture(scope="module")
+def touching():
+    """Return runs of a disc and a brick on a line, and of a box and a capsule on a tilted plane."""
+    flat = lv.bodies.Assembly(gravity=(0, -9.81, 0))
+    disc = flat.planar_body("disc", mass=1.0, inertia=0.02, at=(0, 1))
+    brick = flat.planar_body("brick", mass=1.0, inertia=0.1, at=(2, 0.5))
+    corners = np.array([(1.8, 0.4), (2.2, 0.4), (2.2, 0.6), (1.8, 0.6)])
+    line = lv.bodies.Plane("ground", normal=(0, 1, 0))
+    for body, shape in (
+        (disc, lv.bodies.Sphere(disc, lambda params: params.r)),
+        (brick, lv.bodies.Polygon(brick, corners)),
+    ):
+        flat.free(f"flight {body.name}", body)
+        flat.contact(f"floor {body.name}", shape, line)
+    flat.rope("rope", disc, "ground", at=[(0, 1, 0), (0, 3, 0)], length=3.0)
+    deep = lv.bodies.Assembly(gravity=(0, 0, -9.81))
+    box = deep.body("box", mass=1.0, inertia=(0.1, 0.1, 0.1), at=(0, 0, 2))
+    rod = deep.body("rod", mass=1.0, inertia=(0.1, 0.1, 0.1), at=(2, 0, 2))
+    plane = lv.bodies.Plane("ground", at=(0, 0, -1), normal=(0.6, 0, 0.8))
+    for body, shape in (
+        (box, lv.bodies.Box(box, (0.6, 0.4, 0.2))),
+        (rod, lv.bodies.Capsule(rod, [(1.8, 0, 2), (2.2, 0, 2)], 0.1)),
+    ):
+        deep.free(f"flight {body.name}", body)
+        deep.contact(f"floor {body.name}", shape, plane)
+    call = {"t": (0, 0.4), "h": 0.05}
+    own = flat.system(params={"r": 0.2})
+    return [
+        lv.integrate(own, lv.Spark(2), **call, **flat.start(params={"r": 0.2})),
+        lv.integrate(deep.system(), lv.Spark(2), **call, **deep.start()),
+    ]
+
+
+def test_pages_show_the_shapes_that_touch(touching):
+    flat, deep = (motion_of(plot.view(run)) for run in touching)
+    (disc,) = [x for x in flat["parts"] if x["role"] == "wheel"]
+    assert (disc["mesh"], disc["body"], disc["size"][:2]) == ("bar", 0, [0.2, 0.2])
+    edges = [x for x in flat["parts"] if x["role"] == "line" and x["body"] == 1]
+    assert sorted(x["size"][2] for x in edges) == pytest.approx([0.2, 0.2, 0.4, 0.4])
+    assert sorted(x["at"][1] for x in edges) == pytest.approx([-0.1, 0, 0, 0.1])
+    (ground,) = [x for x in flat["parts"] if x["body"] == 2]
+    assert ground["at"][1] == pytest.approx(0)
+    assert rot.rotate(ground["turn"], (0, 0, 1))[1] == pytest.approx(0)
+    assert flat["springs"] == [[0, [0, 0, 0], 2, [0, 3, 0]]]
+    (box,) = [x for x in deep["parts"] if x["role"] == "shape"]
+    assert (box["mesh"], box["size"]) == ("box", [0.6, 0.4, 0.2])
+    round_ones = [x for x in deep["parts"] if x["role"] == "wheel"]
+    assert sorted(x["mesh"] for x in round_ones) == ["ball", "ball", "bar"]
+    assert sorted(x["at"][0] for x in round_ones) == pytest.approx([-0.2, 0, 0.2])
+    (plane,) = [x for x in deep["parts"] if x["role"] == "plane"]
+    normal = np.array([0.6, 0, 0.8])
+    np.testing.assert_allclose(rot.rotate(plane["turn"], (0, 0, 1)), normal, atol=1e-6)
+    assert normal @ (np.array(plane["at"]) - [0, 0, -1]) == pytest.approx(0, abs=1e-2)
+
+
+def test_films_draw_the_shapes_that_touch(touching):
+    for run, count in zip(touching, (4, 5), strict=True):
+        film = plot.animation(run, seconds=0.2)
+        film._draw_was_started = True
+        assert len(film._fig.axes[0].lines) == count

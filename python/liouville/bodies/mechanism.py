@@ -23,7 +23,7 @@ from liouville.bodies.joints import RATES, Joint
 from liouville.bodies.model import Model, Place
 from liouville.bodies.normal_forces import Rubs
 from liouville.bodies.poses import Poses
-from liouville.bodies.touching import Rope, Touch
+from liouville.bodies.touching import Rope, Touch, looks
 
 if TYPE_CHECKING:
     from liouville.bodies.chaining import Gear
@@ -50,6 +50,8 @@ class Mechanism(Lagrangian):
         Names of the bodies but the ground, and of the joints.
     rubbing : tuple of str
         Names of the joints with friction.
+    looks : list of Look
+        How shapes that touch are drawn.
     """
 
     def __init__(
@@ -86,6 +88,7 @@ class Mechanism(Lagrangian):
         self._places = {place.name: place for place in model.places()}
         self.bodies, self.joints = self._body_layout.names, tuple(self._places)
         self._springs = model.springs()
+        self.looks, _ = looks(model)
         self._outputs = Expressions(self._symbols, model.outputs())
         self._output_tapes: dict[str, _core.Tape] = {}
         self._varying = tuple(

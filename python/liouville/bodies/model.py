@@ -38,7 +38,7 @@ from liouville.bodies.joints import KINDS, MOTION, Joint
 from liouville.bodies.normal_forces import multipliers, normal_forces, pushes
 from liouville.bodies.poses import Poses, drawn, kinetic
 from liouville.bodies.rolling import is_across, rolled
-from liouville.bodies.touching import Rope, Touch, stops
+from liouville.bodies.touching import Rope, Touch, looks, stops
 
 
 @dataclass(frozen=True)
@@ -275,9 +275,14 @@ class Model:
         return found
 
     def springs(self) -> list[tuple[int, int]]:
-        """Return the places of the bodies of each spring and damper."""
+        """Return the places of the bodies of each spring, damper and rope."""
+        return [(self.indices[x.a.name], self.indices[x.b.name]) for x in self._strings]
+
+    @property
+    def _strings(self) -> list[Any]:
+        """Springs, dampers and ropes."""
         own = [element for element in self.elements if element.kind == "spring"]
-        return [(self.indices[x.a.name], self.indices[x.b.name]) for x in own]
+        return own + [touch for touch in self.touches if isinstance(touch, Rope)]
 
     def outputs(self) -> dict[str, ca.SX]:
         """Return the expressions of what is read of a motion."""
@@ -313,12 +318,16 @@ class Model:
     def _looks(self) -> dict[str, ca.SX]:
         """Return the expressions of what is drawn besides."""
         ends = [
-            ((element.a, element.b)[side], element.points[side])
-            for element in self.elements
-            if element.kind == "spring"
+            ((string.a, string.b)[side], string.points[side])
+            for string in self._strings
             for side in range(2)
         ]
+        _, shapes = looks(self)
+        outlines = [(body, point) for body, shape in shapes for point in shape.points(body)]
+        roundings = [column(shape.rounding, self.params, 1) for _, shape in shapes]
         return {
+            "outlines": self._drawn(outlines),
+            "roundings": _column(roundings),
             "radii": self._sizes("radius"),
             "ends": self._drawn(ends),
             "masses": ca.vec(row([body.mass for body in self.bodies], self.params)),

@@ -51,6 +51,11 @@ class Shape(ABC):
         `core` has its points in columns, and `axes` are those of the body, in the world.
         """
 
+    def seen(self, body: Body) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        """Return the quaternion of its own axes in those of the body, and lengths along them."""
+        del body
+        return (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+
 
 @dataclass(frozen=True, eq=False)
 class Plane(Shape):
@@ -80,8 +85,16 @@ class Plane(Shape):
 
     def distance(self, point: ca.SX, core: ca.SX, body: Body, axes: ca.SX) -> ca.SX:
         """Return the height of a point."""
+        return ca.dot(ca.mtimes(axes, ca.SX(ca.DM(self._normal(body)))), point - core)
+
+    def seen(self, body: Body) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        """Return the quaternion of its normal from z."""
+        turn = rot.between(np.array([0.0, 0.0, 1.0]), np.array(self._normal(body)))
+        return tuple(float(x) for x in turn), super().seen(body)[1]
+
+    def _normal(self, body: Body) -> list[float]:
         own = rot.rotate(rot.conjugate(body.rotation), np.asarray(self.normal))
-        return ca.dot(ca.mtimes(axes, ca.SX(ca.DM([float(x) for x in own]))), point - core)
+        return [float(x) for x in own]
 
 
 @dataclass(frozen=True, eq=False)
@@ -189,12 +202,19 @@ class Box(Shape):
 
     def distance(self, point: ca.SX, core: ca.SX, body: Body, axes: ca.SX) -> ca.SX:
         """Return the distance from its surface, negative inside."""
-        turn = rot.product(rot.conjugate(body.rotation), self._drawn(body))
-        edges = ca.mtimes(axes, ca.SX(ca.DM(np.array(rot.columns(turn)).T)))
+        edges = ca.mtimes(axes, ca.SX(ca.DM(np.array(rot.columns(self._turn(body))).T)))
         own = ca.mtimes(edges.T, point - ca.sum2(core) / core.shape[1])
         beyond = ca.fabs(own) - ca.SX(ca.DM(np.asarray(self.edges) / 2))
         deepest = ca.mmax(beyond)
         return ca.if_else(deepest > 0, _length(ca.fmax(beyond, 0)), deepest)
+
+    def seen(self, body: Body) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        """Return the quaternion of its edges, and their lengths."""
+        edges = np.asarray(self.edges)
+        return tuple(float(x) for x in self._turn(body)), tuple(edges.tolist())
+
+    def _turn(self, body: Body) -> Any:
+        return rot.product(rot.conjugate(body.rotation), self._drawn(body))
 
     def _drawn(self, body: Body) -> Any:
         return body.rotation if self.rotation is None else np.asarray(self.rotation)

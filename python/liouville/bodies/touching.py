@@ -127,6 +127,43 @@ class _Point:
         return ca.dot(ca.cross(normal, ca.SX(ca.DM(self.touch.across))), off)
 
 
+@dataclass(frozen=True)
+class Look:
+    """How a shape that touches is drawn; lengths that are functions are outputs of the model.
+
+    Attributes
+    ----------
+    kind : str
+        The name of its class in lower case.
+    body, count : int
+        The place of its body, and how many points its core has.
+    turn, edges : tuple of float
+        In the axes of the body the quaternion of a plane's normal from z, or of a box, and the
+        edges of this.
+    """
+
+    kind: str
+    body: int
+    count: int
+    turn: tuple[float, ...]
+    edges: tuple[float, ...]
+
+
+def looks(model: Model) -> tuple[list[Look], list[tuple[Body, Shape]]]:
+    """Return how all shapes look that touch, each once, and these with their bodies."""
+    own: dict[int, tuple[Body, Shape]] = {}
+    for touch in model.touches:
+        if isinstance(touch, Touch):
+            pairs = zip((touch.a, touch.b), touch.shapes, strict=True)
+            own |= {id(shape): (body, shape) for body, shape in pairs}
+    found = []
+    for body, shape in own.values():
+        kind, place = type(shape).__name__.lower(), model.indices[body.name]
+        turn, edges = shape.seen(body)
+        found.append(Look(kind, place, len(shape.points(body)), turn, edges))
+    return found, [*own.values()]
+
+
 @dataclass(frozen=True, eq=False)
 class Rope:
     """A rope between points of two bodies, by :meth:`Assembly.rope`."""

@@ -226,6 +226,8 @@ def _drawn(scene: Scene, camera: Array) -> list[_Drawn]:
             ("inertia", {"lw": 0.7, "alpha": 0.55}),
             ("line", {"lw": 2.5}),
             ("wheel", {"lw": 2.0}),
+            ("shape", {"lw": 1.5}),
+            ("plane", {"lw": 1.0}),
             ("joint", {"ls": "", "marker": "o", "ms": 4, "mfc": "white", "mew": 1.2}),
         ):
             parts = [scene.placed(body, part.corners) for part in own if part.role == role]

@@ -14,8 +14,9 @@ from typing import Any
 import numpy as np
 
 from liouville._solution.solution import Array, Solution
+from liouville.plot.parts import Part
 from liouville.plot.scene import Outline, Scene, Trace, scene_of
-from liouville.plot.shapes import LEAST, LINE, Part
+from liouville.plot.shapes import LEAST, LINE
 from liouville.plot.thinning import thinned
 
 #: A page has no more frames than this, and no more numbers in all of them.
@@ -85,7 +86,8 @@ def view(
     The page is one file without links, which needs neither a server nor a network. Dragging turns
     the view, with the right button or shift it shifts it, the wheel or two fingers zoom, a double
     click goes back. A body of an assembly shows the box that has its mass and inertia if it is
-    uniform, its centre of mass and lines between its joints; joints show their axes.
+    uniform, its centre of mass and lines between its joints; joints show their axes, and what
+    touches its shapes.
 
     Parameters
     ----------

@@ -15,7 +15,8 @@ from liouville.bodies import Mechanism
 from liouville.bodies import rotations as rot
 from liouville.bodies.body import numbers
 from liouville.plot.curves import check_solution, of_chosen
-from liouville.plot.shapes import Part, parts_of, planar, poses_of, springs_of
+from liouville.plot.parts import Part
+from liouville.plot.shapes import parts_of, planar, poses_of, springs_of
 from liouville.plot.thinning import thinned
 
 Outline = Callable[[Array, Any], Sequence[ArrayLike]]

@@ -8,21 +8,20 @@ one. A uniform bar or plate is its own box. Joints show their kind and axis.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from liouville.bodies import Mechanism
 from liouville.bodies import rotations as rot
+from liouville.plot.outlines import outlines_of, touching
+from liouville.plot.parts import Part, Z, line, mark
 
 Array = NDArray[np.float64]
 At = tuple[Array, Array, Array]
 Springs = tuple[tuple[int, Array, int, Array], ...]
-
-Z = np.array([0.0, 0.0, 1.0])
 
 #: How each kind of joint looks: a mesh, its sizes in radii of a line, and which body carries it.
 JOINTS = {
@@ -41,56 +40,6 @@ JOINTS = {
 LINE = 0.009
 #: Nothing is thinner than this part of it, nor nearer to another point.
 LEAST = 1e-6
-
-
-@dataclass(frozen=True, eq=False)
-class Part:
-    """A shape in the axes of a body.
-
-    Attributes
-    ----------
-    role : str
-        ``"line"``, ``"inertia"``, ``"centre"``, ``"joint"`` or ``"wheel"``.
-    mesh : str
-        ``"bar"``, a cylinder along its third axis, ``"box"`` or ``"ball"``.
-    body : int
-        The place of the body, that of the ground after all others.
-    at, turn : ndarray, shapes (3,) and (4,)
-        Its middle and the quaternion of its axes in those of the body.
-    size : ndarray, shape (3,)
-        Radii of a bar and its length, edges of a box, radii of a ball.
-    """
-
-    role: str
-    mesh: str
-    body: int
-    at: Array
-    turn: Array
-    size: Array
-
-    @property
-    def corners(self) -> Array:
-        """The ends of a line, the corners of a box, and four points of a rim, shape (m, 3)."""
-        if self.role in ("centre", "joint"):
-            return self.at[None]
-        half = self.size / 2
-        if self.role == "line":
-            own = [(0, 0, -half[2]), (0, 0, half[2])]
-        elif self.role == "wheel":
-            angles = np.linspace(0, 2 * np.pi, 49)
-            own = [(self.size[0] * np.cos(a), self.size[1] * np.sin(a), 0.0) for a in angles]
-        else:
-            own = [(i * half[0], j * half[1], k * half[2]) for i, j, k in EDGES]
-        turned = rot.rotate(self.turn[:, None], np.array(own, dtype=float).T)
-        return np.stack(turned, axis=1) + self.at
-
-
-#: A way along all edges of a box.
-EDGES = (
-    *((-1, -1, -1), (1, -1, -1), (1, 1, -1), (-1, 1, -1), (-1, -1, -1), (-1, -1, 1)),
-    *((1, -1, 1), (1, -1, -1), (1, -1, 1), (1, 1, 1), (1, 1, -1), (1, 1, 1), (-1, 1, 1)),
-    *((-1, 1, -1), (-1, 1, 1), (-1, -1, 1)),
-)
 
 
 def planar(system: Mechanism) -> bool:
@@ -133,7 +82,10 @@ def parts_of(
     for body, point in more:
         if point.any():  # the centre is shown anyway
             own[body].append(point)
-    thick = LINE * _reach(system, poses[0], own, boxes)
+    outlines = outlines_of(system, values, at)
+    reach = _reach(system, poses[0], own, boxes)
+    reach = max(reach, *(outline.size for outline in outlines), LEAST)
+    thick = LINE * reach
     found: list[Part] = []
     for body in range(len(system.bodies)):
         ends = _apart(own[body], 0.5 * thick)
@@ -141,8 +93,9 @@ def parts_of(
             turn, size = boxes[body]
             size = np.maximum(size, 1.2 * thick)
             found.append(Part("inertia", "box", body, np.zeros(3), turn, size))
-        found += [_line(body, a, b, thick) for a, b in _between(ends, thick)]
-        found.append(_mark("centre", "ball", body, np.zeros(3), None, (1.5 * thick,) * 3))
+        found += [line(body, a, b, thick) for a, b in _between(ends, thick)]
+        found.append(mark("centre", "ball", body, np.zeros(3), None, (1.5 * thick,) * 3))
+    found += touching(outlines, poses, thick, reach)
     return (*found, *_joints(system, values, at, points, thick))
 
 
@@ -218,18 +171,6 @@ def _between(points: list[Array], least: float) -> list[tuple[Array, Array]]:
     return [(points[i], points[j]) for i, j in zip(order, np.roll(order, -1), strict=True)]
 
 
-def _line(body: int, a: Array, b: Array, thick: float) -> Part:
-    length = float(np.linalg.norm(b - a))
-    direction = (b - a) / length if length else Z
-    size = (thick, thick, length)
-    return _mark("line", "bar", body, (a + b) / 2, rot.between(Z, direction), size)
-
-
-def _mark(role: str, mesh: str, body: int, at: Array, turn: Any, size: ArrayLike) -> Part:
-    own = np.array((1.0, 0.0, 0.0, 0.0) if turn is None else turn, dtype=float)
-    return Part(role, mesh, body, at, own, np.array(size, dtype=float))
-
-
 def _joints(
     system: Mechanism, values: Array, at: At, points: Array, thick: float
 ) -> Iterable[Part]:
@@ -242,17 +183,17 @@ def _joints(
             turn = rot.between(Z, np.array(direction))
             mesh, size = ("bar", (1.9, 1.9, 6.0)) if turns else ("box", (3.6, 3.6, 9.0))
             point = next(anchors)
-            yield _mark("joint", mesh, place.bodies[0], point, turn, np.multiply(thick, size))
+            yield mark("joint", mesh, place.bodies[0], point, turn, np.multiply(thick, size))
         if "rolling" in place.kind:
             yield _wheel(place, points[k, 1], radii[k], thick)
         elif place.kind in JOINTS:
             mesh, size, side = JOINTS[place.kind]
             own = place.bodies[side], points[k, side], place.frames[side]
-            yield _mark("joint", mesh, *own, np.multiply(thick, size))
+            yield mark("joint", mesh, *own, np.multiply(thick, size))
 
 
 def _wheel(place: Any, point: Array, radius: float, thick: float) -> Part:
     """Return the ball or wheel of a joint that rolls."""
     if place.kind == "rolling ball":
-        return _mark("wheel", "ball", place.bodies[1], point, None, (radius,) * 3)
-    return _mark("wheel", "bar", place.bodies[1], point, place.frames[1], (radius, radius, thick))
+        return mark("wheel", "ball", place.bodies[1], point, None, (radius,) * 3)
+    return mark("wheel", "bar", place.bodies[1], point, place.frames[1], (radius, radius, thick))

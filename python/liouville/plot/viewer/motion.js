@@ -106,8 +106,9 @@ function shapesAt(data, time, withInertia) {
   for (const {role, mesh, body, at, turn, size} of data.parts) {
     if ((role === "inertia" || role === "centre") && !withInertia) continue;
     const pose = poses[body];
-    const colour = role === "joint" ? "joint" : role === "centre" ? "centre" : body;
-    shapes.push([mesh, colour, role === "inertia", placed(pose, at), product(pose.slice(3), turn), size]);
+    const isGrey = role === "joint" || body === data.names.length;
+    const colour = isGrey ? "joint" : role === "centre" ? "centre" : body;
+    shapes.push([mesh, colour, role === "inertia" || role === "plane", placed(pose, at), product(pose.slice(3), turn), size]);
   }
   for (const [a, first, b, second] of data.springs) {
     const bar = barBetween(placed(poses[a], first), placed(poses[b], second), 0.6 * data.thick);
