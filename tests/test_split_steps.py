@@ -1,5 +1,7 @@
 """The split operator with steps by its tolerance, and "auto" on grids."""
 
+import itertools
+
 import casadi as ca
 import numpy as np
 import pytest
@@ -98,6 +100,64 @@ def test_a_moving_potential_is_kept_to_the_tolerance_forwards_and_back(tol, is_b
     centre, speed = driven(END, lambda s: np.sin(2 * s))
     overlap = abs(np.vdot(gaussian(x, centre, sign * speed), run.psi[-1]))
     assert 2 * (1 - overlap) <= tol**2 + 1e-13
+
+
+def stepped(own, psi, pieces):
+    """Return the state after potentials that are constant in time, each with its length."""
+    for values, length in pieces:
+        psi = exact(dense(own, values), psi, length)
+    return psi
+
+
+#: Times at which a trap changes between two strengths, within a run from 0 to 4.
+JUMPS = {
+    "one": [1.2345],
+    "start": [0.0],
+    "end": [END],
+    "round": [1.0, 2.0, 3.0],
+    "close": [1.0, 1.0 + 1e-3],
+    "many": np.linspace(0.05, 3.95, 40).tolist(),
+}
+
+
+@pytest.mark.parametrize("tol", [1e-2, 1e-4, 1e-6, 1e-8, 1e-10])
+@pytest.mark.parametrize("name", JUMPS)
+@pytest.mark.parametrize("is_drive", [False, True])
+def test_jumps_in_time_are_stepped_up_to_and_across(name, tol, is_drive):
+    jumps = JUMPS[name]
+
+    def strength(t):
+        return 1 + sum((-1) ** k * (t >= jump) for k, jump in enumerate(jumps))
+
+    own = grid(None if is_drive else lambda t, x, params: x**2 / 2 * strength(t))
+    x = own.points[:, 0]
+    drive = [(lambda t, params: strength(t), x**2 / 2)] if is_drive else []
+    system, psi = lv.Schrodinger(own, drive=drive), gaussian(x, 1.0)
+    edges = [0.0, *(t for t in jumps if 0 < t < END), END]
+    lengths = [(strength((a + b) / 2) * x**2 / 2, b - a) for a, b in itertools.pairwise(edges)]
+    run = lv.integrate(system, lv.SplitOperator(tol=tol), t=(0, END), psi=psi)
+    assert np.linalg.norm(run.psi[-1] - stepped(own, psi, lengths)) <= tol
+    # two steps in search of a jump, one up to it and one across
+    assert run.stats["products"] < 2000 + 150 * len(jumps)
+
+
+def test_a_wall_that_moves_from_point_to_point_jumps_at_each():
+    own = grid(lambda t, x, params: x**2 / 2 + 3 * (x > t - 2))
+    x = own.points[:, 0]
+    psi = gaussian(x, -1.0)
+    inside = np.sort(x[(x > -2) & (x < END - 2)]) + 2
+    edges = [0.0, *inside, END]
+    pieces = [(x**2 / 2 + 3 * (x > (a + b) / 2 - 2), b - a) for a, b in itertools.pairwise(edges)]
+    run = lv.integrate(lv.Schrodinger(own), lv.SplitOperator(tol=1e-8), t=(0, END), psi=psi)
+    assert np.linalg.norm(run.psi[-1] - stepped(own, psi, pieces)) <= 1e-8
+
+
+@pytest.mark.parametrize("tol", [1e-2, 1e-8])
+def test_a_pole_in_time_ends_in_a_sentence(tol):
+    own = grid(lambda t, x, params: x**2 / 2 / (t - 1.2345))
+    psi = gaussian(own.points[:, 0], 1.0)
+    with pytest.raises(lv.IntegrationError, match=r"one step of about .* after another"):
+        lv.integrate(lv.Schrodinger(own), lv.SplitOperator(tol=tol), t=(0, END), psi=psi)
 
 
 def test_a_pulse_is_seen_by_its_time():

@@ -102,9 +102,9 @@ def waves(**more):
     return {"system": lv.Schrodinger(lv.Lattice(15)), **start, **more}
 
 
-def rotor(**more):
-    """Return a wave function on a ring whose potential swings."""
-    grid = lv.Grid(0.0, 2 * np.pi, 16, lambda t, x, params: 2 * ca.cos(x) * ca.sin(3 * t))
+def rotor(form=ca.sin, **more):
+    """Return a wave function on a ring whose potential swings, or is another function of time."""
+    grid = lv.Grid(0.0, 2 * np.pi, 16, lambda t, x, params: 2 * ca.cos(x) * form(3 * t))
     psi = np.exp(1j * np.sin(grid.points[:, 0])) / np.sqrt(16)
     return waves(system=lv.Schrodinger(grid), psi=psi, **more)
 
@@ -145,6 +145,14 @@ KINDS = {
         observe={"hop": np.eye(15, k=1), "moved": sparse.diags_array(np.arange(15.0))},
     ),
     "grid": lambda: rotor(method=lv.SplitOperator(), h=0.01),
+    "split to a tolerance": lambda: rotor(method=lv.SplitOperator(tol=1e-6)),
+    "split with jumps": lambda: rotor(ca.floor, method=lv.SplitOperator(tol=1e-6)),
+    "levels": lambda: waves(method="auto", t=np.linspace(0.0, 400.0, 60)),
+    "levels of complex H": lambda: waves(
+        system=lv.Schrodinger(np.diag(1j * np.ones(14), 1) + np.diag(-1j * np.ones(14), -1)),
+        method="auto",
+        t=np.linspace(0.0, 400.0, 60),
+    ),
 }
 
 

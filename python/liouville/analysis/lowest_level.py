@@ -180,6 +180,7 @@ class _Krylov:
         basis, count = self.basis[:known], len(rows)
         parts = np.zeros((known, count), rows.dtype)
         for _ in range(2):
+            lengths = np.linalg.norm(rows, axis=1)
             along = basis.conj() @ rows.T
             parts += along
             rows = rows - along.T @ basis
@@ -187,15 +188,15 @@ class _Krylov:
         nothing = NOTHING * float(np.abs(parts).max(initial=0.0)) + self.scale.roundoff
         done = 0
         for k, row in enumerate(rows):
-            length, shorter = np.inf, float(np.linalg.norm(row))
+            row, coupling[:done, k] = _beside(row, block[:done])
+            before, length = float(lengths[k]), float(np.linalg.norm(row))
             # what is left of a vector that nearly vanishes is not orthogonal to the others yet
-            while nothing < shorter < SHORTER * length:
-                length = shorter
+            while nothing < length < SHORTER * before:
+                before = length
                 for vectors, own in ((basis, parts), (block[:done], coupling[:done])):
                     row, along = _beside(row, vectors)
                     own[:, k] += along
-                shorter = float(np.linalg.norm(row))
-            length = shorter
+                length = float(np.linalg.norm(row))
             if length > nothing:
                 coupling[done, k], block[done] = length, row / length
                 done += 1

@@ -6,6 +6,7 @@ use crate::method::{
 };
 use crate::problem::Hamiltonian;
 use liouville_base::composition::Flow;
+use liouville_base::error::StepError;
 use liouville_base::method::Stepper;
 use liouville_base::run::StartError;
 use liouville_base::tableau::{Purpose, Stable, Turn, split_program};
@@ -156,10 +157,10 @@ impl Method {
     }
 
     /// The first step of a split operator to a tolerance from this state, the flows of T that it took to find it, and where
-    /// these lead; so many flows are made or more, up to the end.
+    /// these lead; so many flows are made or more, up to the end. Steps that fail are left to the run, which tells why.
     ///
     /// # Errors
-    /// It is another method, or a step failed.
+    /// It is another method, or it was interrupted.
     pub fn pilot(
         self,
         interval: (f64, f64),
@@ -174,9 +175,13 @@ impl Method {
         else {
             return Err(StartError::invalid("a split operator to a tolerance"));
         };
-        let [q, p] = psi;
+        let ([q, p], longest) = (psi, tolerance.longest);
         let mut steps = SplitSteps::new(*phases, program, tolerance);
-        let (first, reached) = steps.pilot(interval, flows, &mut Wave::new(q, p))?;
+        let (first, reached) = match steps.pilot(interval, flows, &mut Wave::new(q, p)) {
+            Err(StepError::Interrupted) => return Err(StepError::Interrupted.into()),
+            Err(_) => (longest, interval.0),
+            Ok(found) => found,
+        };
         Ok((first, steps.stats().evaluations / 2, reached))
     }
 

@@ -63,8 +63,9 @@ def described(
         )
     if error["kind"] == "step too small":
         return (
-            f"the tolerance asks for a step of {error['h']:.1e}",
-            "look for a jump or a singularity in a function of time or in V, or give a larger tol",
+            f"the tolerance asks for one step of about {error['h']:.1e} after another",
+            "look for a pole, or for oscillations without end, in a function of time or in V, or "
+            "give a larger tol",
             "step",
         )
     if error["kind"] == "spectrum" and not np.isfinite(error["theta"]):

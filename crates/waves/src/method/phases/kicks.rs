@@ -82,18 +82,38 @@ impl Kicks {
 
     /// Prepares a flow of length s at `t`.
     pub(super) fn begin(&mut self, t: f64, s: f64) -> Result<Kick, StepError> {
-        if let Some(current) = &mut self.current {
-            current.set(&self.hamiltonian, &[(1.0, t)])?;
-            if current.potential().is_empty() {
-                self.potential.fill(0.0);
-            } else {
-                self.potential.copy_from_slice(current.potential());
-            }
-            let weights = current.weights();
-            sum(&self.diagonals, |k| weights[k], &mut self.potential);
-        }
+        self.look(t)?;
         let table = self.table(s);
         Ok(Kick { t, s, table })
+    }
+
+    /// Whether the potential depends on time.
+    pub(super) fn is_driven(&self) -> bool {
+        self.current.is_some()
+    }
+
+    /// The potential at `t` without what depends on the density.
+    pub(super) fn values(&mut self, t: f64, out: &mut Vec<f64>) -> Result<(), StepError> {
+        self.look(t)?;
+        out.clear();
+        out.extend_from_slice(&self.potential);
+        Ok(())
+    }
+
+    /// Sets the potential to that of a time.
+    fn look(&mut self, t: f64) -> Result<(), StepError> {
+        let Some(current) = &mut self.current else {
+            return Ok(());
+        };
+        current.set(&self.hamiltonian, &[(1.0, t)])?;
+        if current.potential().is_empty() {
+            self.potential.fill(0.0);
+        } else {
+            self.potential.copy_from_slice(current.potential());
+        }
+        let weights = current.weights();
+        sum(&self.diagonals, |k| weights[k], &mut self.potential);
+        Ok(())
     }
 
     /// Makes room for the tables of flows of other lengths.

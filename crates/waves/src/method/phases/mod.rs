@@ -5,6 +5,7 @@
 //! (blanes2002). Planes of the grid stay transformed along all axes but the outermost between two flows of V, and a
 //! flow of V visits them one by one.
 
+mod jumps;
 mod kicks;
 mod resolution;
 mod steps;
