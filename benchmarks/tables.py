@@ -1,10 +1,11 @@
 """Write what was measured into the tables of docs/benchmarks.md.
 
 A table stands between two comments, ``<!-- table NAME -->`` and ``<!-- end -->``, and is made of
-results/NAME.json, with the machine, the date and the versions under it; one that has not been
-measured stays as it is. The figure is drawn from the first table of the page. Run as
-``python benchmarks/tables.py`` to rewrite page and figure, or with the name of a file to write a
-copy of the page.
+results/NAME.json, with the machine and the date under it; one that has not been measured stays as
+it is. ``<!-- table NAME: error, ms -->`` has these columns alone, ``<!-- table NAME; error 0.001
+-->`` the rows with this cell. The table ``versions`` has those of all codes. The figure is drawn
+from the first table of the page. Run as ``python benchmarks/tables.py`` to rewrite page and figure,
+or with the name of a file to write a copy of the page.
 """
 
 import argparse
@@ -22,7 +23,9 @@ from liouville.plot import STYLE
 ROOT = RESULTS.parent.parent
 PAGE = ROOT / "docs" / "benchmarks.md"
 FIGURE = PAGE.parent / "_static" / "work_precision.png"
-TABLE = re.compile(r"<!-- table (\w+) -->\n.*?<!-- end -->", re.DOTALL)
+TABLE = re.compile(
+    r"<!-- table (\w+)(?:: ([^;]*?))?(?:; (\w+) (\S+))? -->\n(.*?)<!-- end -->", re.DOTALL
+)
 WIDEST = 160  # characters of a line that is no table
 NO_VERSIONS = ("taken", "processor", "cores", "load", "platform")
 LINES = {  # of each code: ours in full, those for ordinary differential equations dotted
@@ -46,29 +49,51 @@ def text(value):
     return f"{value:.3g}" if isinstance(value, float) else str(value)
 
 
-def table(name):
-    """Return the lines of a table and of what it was taken on."""
-    found = json.loads((RESULTS / f"{name}.json").read_text(encoding="utf-8"))
+def table(found, wanted=None, key=None, cell=None):
+    """Return the lines of a table and of what it was taken on.
+
+    Columns are those `wanted` if any, rows those with this `cell` in the column `key` if any.
+    """
     columns = list(dict.fromkeys(key for row in found["rows"] for key in row))
+    columns = [column for column in columns if not wanted or column in wanted]
     yield f"| {' | '.join(columns)} |"
     yield "|" + "---|" * len(columns)
     for row in found["rows"]:
-        yield f"| {' | '.join(text(row.get(key)) for key in columns)} |"
+        if key is None or text(row.get(key)) == cell:
+            yield f"| {' | '.join(text(row.get(key)) for key in columns)} |"
     place = found["surroundings"]
-    versions = ", ".join(f"{k} {v}" for k, v in place.items() if v and k not in NO_VERSIONS)
     yield ""
-    line = f"*{place['processor']}, {place['cores']} cores, {place['taken'][:10]}; {versions}.*"
-    yield from wrap(line, WIDEST, break_on_hyphens=False)
+    yield f"*{place['processor']}, {place['cores']} cores, {place['taken'][:10]}.*"
+
+
+def versions(known, results):
+    """Return the lines of all versions, those of the results in the place of older ones."""
+    found = dict(part.rsplit(" ", 1) for part in " ".join(known.split()).strip("*.").split(", "))
+    for result in results:
+        place = result["surroundings"]
+        found |= {k: v for k, v in place.items() if v and k not in NO_VERSIONS}
+    line = ", ".join(f"{name} {version}" for name, version in sorted(found.items()))
+    yield from wrap(f"*{line}.*", WIDEST, break_on_hyphens=False)
 
 
 def filled(page):
     """Return the page with all tables that there are results for."""
+    measured = {}
+    for found in TABLE.finditer(page):
+        path = RESULTS / f"{found[1]}.json"
+        if path.exists():
+            measured[found[1]] = json.loads(path.read_text(encoding="utf-8"))
 
     def fill(found):
-        name = found[1]
-        if not (RESULTS / f"{name}.json").exists():
+        name, columns, key, cell, known = found.groups()
+        opening = found[0].partition("\n")[0]
+        if name == "versions":
+            lines = versions(known, measured.values())
+        elif name in measured:
+            lines = table(measured[name], columns and columns.split(", "), key, cell)
+        else:
             return found[0]
-        return "\n".join([f"<!-- table {name} -->", *table(name), "<!-- end -->"])
+        return "\n".join([opening, *lines, "<!-- end -->"])
 
     return TABLE.sub(fill, page)
 
