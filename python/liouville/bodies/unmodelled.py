@@ -108,7 +108,7 @@ def check(model: Any, without: Sequence[str], touching: Mapping[str, list[str]])
         f"{name} ({KNOWN[name]} {_some(items)})" if KNOWN[name] else name
         for name, items in found.items()
     ]
-    sentence = f"the file has what bodies and joints have not: {'; '.join(parts)}"
+    sentence = f"the file has parts that an assembly does not support: {'; '.join(parts)}"
     left = [*without, *found]
     raise ValueError(hinted(sentence, f"leave it out: without={tuple(left)}"))
 
