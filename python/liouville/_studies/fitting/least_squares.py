@@ -62,12 +62,14 @@ def fit(
         Any that has tangents of the system, or its name, as for ``integrate``: of mechanics
         ``Spark``, ``LobattoPair`` or a ``Composition`` of them, ``HHT``, ``GeneralizedAlpha`` or
         ``ArnoldBruls``.
-    data : mapping of str to array_like, DataFrame, or sequence of Trial
+    data : mapping of str to array_like, DataFrame, Dataset, or sequence of Trial
         ``"t"``, shape (k,), increasing, and measured values by the name of a coordinate, unknown or
         constraint (its multiplier), shape (k,), of a state of the system such as ``"q"`` or
-        ``"lam"``, shape (k, n), or (k,) of one coordinate, or of a function in `observe`. NaN is no
-        measurement. Times at equal distances are ends of steps; others lie within steps, as those
-        of ``t_eval=``. Several motions with parameters in common are a sequence of
+        ``"lam"``, shape (k, n), or (k,) of one coordinate, which is ``"v[x]"`` too, or of a
+        function in `observe`. Tables of pandas and xarray have their times under ``t``, or in an
+        index called ``t`` or ``time``. NaN is no measurement. Times at equal distances are ends of
+        steps; others lie within steps, as those of ``t_eval=``. Several motions with parameters in
+        common are a sequence of
         :class:`Trial`, each with its data and its start.
     h, rtol : float
         The largest step, in the system's unit of time, or the tolerance of controlled steps.

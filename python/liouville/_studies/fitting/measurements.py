@@ -38,12 +38,23 @@ def _numbers(what: str, value: Any) -> np.ndarray:
     raise TypeError(f"{what} must be real numbers, not {given}")
 
 
-def _of_frame(frame: Any) -> dict[str, Any]:
-    """Return the columns of a DataFrame by name; its index has the times where no column does."""
-    found = {name: np.asarray(frame[name]) for name in frame.columns}
-    index = getattr(frame, "index", None)
-    if "t" not in found and getattr(index, "name", None) == "t":
-        found["t"] = np.asarray(index)
+def _by_name(data: Any) -> Any:
+    """Return the columns of a DataFrame, or the variables of a Dataset, by name, times as "t".
+
+    The times may be the index, or a coordinate, that is called t or time.
+    """
+    if hasattr(data, "data_vars"):
+        found = {str(name): np.asarray(values) for name, values in data.data_vars.items()}
+        times = {str(name): np.asarray(values) for name, values in data.coords.items()}
+    elif hasattr(data, "columns") and not isinstance(data, Mapping):
+        found = {str(name): np.asarray(data[name]) for name in data.columns}
+        index = getattr(data, "index", None)
+        times = {str(getattr(index, "name", None)): np.asarray(index)}
+    else:
+        return data
+    for name in ("t", "time"):
+        if "t" not in found and name in times:
+            found["t"] = times[name]
     return found
 
 
@@ -81,8 +92,7 @@ class Measurements:
         self, places: Mapping[str, tuple[str, ...]], data: Any, sigma: Any, t0: float | None,
         steps: Mapping[str, float],
     ) -> None:  # fmt: skip
-        if not isinstance(data, Mapping) and hasattr(data, "columns"):
-            data = _of_frame(data)
+        data = _by_name(data)
         self._take_times(data, steps, t0)
         self._take_data(places, data, sigma)
 
@@ -140,8 +150,10 @@ class Measurements:
         ends, count = [*accumulate(map(len, places.values()), initial=0)], self.t.size
         parts: dict[str, Any] = {x: slice(*ends[k : k + 2]) for k, x in enumerate(places)}
         components: dict[str, int] = {}
-        for k, name in enumerate(x for own in places.values() for x in own):
+        each = [(state, x) for state, own in places.items() for x in own]
+        for k, (state, name) in enumerate(each):
             components.setdefault(name, k)  # of mechanics those of positions, which come first
+            components[f"{state}[{name}]"] = k
         self.values = np.full((count, ends[-1]), np.nan)
         self.weights = np.ones((count, ends[-1]))
         given = np.zeros(ends[-1], dtype=bool)
@@ -149,7 +161,8 @@ class Measurements:
             if name == "t":
                 continue
             if name not in parts and name not in components:
-                hint = f"there are {', '.join(dict.fromkeys((*places, *components)))}"
+                known = dict.fromkeys((*places, *(x for x in components if "[" not in x)))
+                hint = f"there are {', '.join(known)}"
                 raise ValueError(hinted(f"data has {name!r}, which is no state", hint))
             place: Any = parts[name] if name in parts else components[name]
             values = _numbers(f"data {name!r}", data[name])

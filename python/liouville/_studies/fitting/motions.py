@@ -27,7 +27,7 @@ class Trial:
 
     Attributes
     ----------
-    data : mapping of str to array_like, or DataFrame
+    data : mapping of str to array_like, DataFrame, or Dataset
         Times and measurements, as the `data` of ``fit``.
     start : mapping of str to array_like
         The start by the system's names, or a guess of what is free of it.

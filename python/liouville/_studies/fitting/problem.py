@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -325,17 +325,17 @@ class Problem:
         moved = spreads @ self._moved_by_finer_steps(found.jacobian)
         has_sizes = sigma is None and self.loss is LOSSES["linear"]
         words = [said, of_size(residuals, dof) if has_sizes else ""]
-        words.append(of_step(names, moved, np.sqrt(np.diagonal(spread_out))))
         counts = np.cumsum([int(motion.is_there.sum()) for motion in self.motions])
         trials = [
             Fitted(motion.params, motion.start, -own, motion.solution)
             for motion, own in zip(self.motions, np.split(residuals, counts), strict=False)
         ]
-        return Fit(
+        fit = Fit(
             params=self.params, trials=tuple(trials), names=tuple(names), covariance=spread_out,
             residuals=-residuals, sigma=sigma, dof=dof, evaluations=self.evaluations,
-            message="; ".join(filter(None, words)),
         )  # fmt: skip
+        words.append(of_step(fit, moved))
+        return replace(fit, message="; ".join(filter(None, words)))
 
     def _spreads(self, width: int) -> tuple[list[str], Array]:
         """Return the names of all that was fitted, and its derivatives by the unknowns."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -19,6 +18,8 @@ from liouville.analysis.point import Array
 UNLIKELY = 5.0
 #: A step that moves a value by more than this part of its standard deviation decides it.
 DECIDES = 0.5
+#: Data without noise are taken to tell a value to this part of it.
+DIGITS = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,7 +90,7 @@ class Fit:
     sigma: float | None
     dof: int
     evaluations: int
-    message: str
+    message: str = ""
     _profile: Profile | None = None
 
     def interval(self, name: str, level: float = 0.95) -> tuple[float, float]:
@@ -144,6 +145,16 @@ class Fit:
         return self.trials[0]
 
     @property
+    def values(self) -> dict[str, float]:
+        """All parameters and starts, by the names of :attr:`errors`."""
+        values: dict[str, float] = {}
+        for k, trial in enumerate(self.trials):
+            own = values_of(self.params, trial.start, trial.solution.names)
+            prefix = f"trials[{k}]." if len(self.trials) > 1 else ""
+            values |= {x if x.startswith("params.") else prefix + x: v for x, v in own.items()}
+        return values
+
+    @property
     def correlation(self) -> Array:
         """The correlations of what was fitted, shape (K, K)."""
         sizes = np.sqrt(np.diagonal(self.covariance))
@@ -163,11 +174,7 @@ class Fit:
 
     def __repr__(self) -> str:
         """Return the values found with their standard deviations, and how well they fit."""
-        values: dict[str, float] = {}
-        for k, trial in enumerate(self.trials):
-            own = values_of(self.params, trial.start, trial.solution.names)
-            prefix = f"trials[{k}]." if len(self.trials) > 1 else ""
-            values |= {x if x.startswith("params.") else prefix + x: v for x, v in own.items()}
+        values = self.values
         shown = ", ".join(f"{x} = {values[x]:.6g} ± {size:.1g}" for x, size in self.errors.items())
         good = f"chi2/dof = {self.chi2 / self.dof:.3g}" if self.dof else "chi2 of no freedom"
         if self.sigma is not None:
@@ -190,15 +197,18 @@ def of_size(residuals: Array, dof: int) -> str:
     return f"residuals are {times:.2g} times as large as sigma: {why}"
 
 
-def of_step(names: Sequence[str], moved: Array, errors: Array) -> str:
-    """Say where the step decides, and not the data."""
+def of_step(fit: Fit, moved: Array) -> str:
+    """Say where the step decides, and not the data: where half of it moves what was fitted."""
     if not np.isfinite(moved).all():
         return "the run with half the step fails, so that nothing is known of the step"
-    parts = np.abs(moved) / np.maximum(errors, np.finfo(float).tiny)
+    values = fit.values
+    known = [max(size, DIGITS * abs(values[x])) for x, size in fit.errors.items()]
+    parts = [abs(d) / of if of else 0.0 for d, of in zip(moved, known, strict=True)]
     k = int(np.argmax(parts))
     if not parts[k] > DECIDES:
         return ""
     return (
-        f"the step decides more than the data: half of it moves {names[k]} by {moved[k]:.2g}, "
-        f"{parts[k]:.2g} of its standard deviations; take a smaller h or a method of higher order"
+        f"the step decides more than the data: half of it moves {fit.names[k]} by {moved[k]:.2g}, "
+        f"and its deviation is {[*fit.errors.values()][k]:.2g}; "
+        "take a smaller h or a method of higher order"
     )
