@@ -220,3 +220,28 @@ def test_controlled_steps_that_end_at_switches_are_refused():
     before = call | {"t": (0, 0.5)}
     found = lv.integrate(system, lv.HHT(), steps=50, **before)
     assert np.isfinite(found.tangents["params.c"].q).all()
+
+
+@pytest.mark.parametrize("method", [lv.Spark(2), *METHODS], ids=str)
+def test_a_given_time_a_rounding_after_the_end_of_a_step_is_that_end(method):
+    """Step 12 of 24 ends at 0.8999999999999999: its state and its tangent are on the circle."""
+    system = lv.Lagrangian(
+        lambda t, q, v, params: ca.dot(v, v) / 2 - 9.81 * q[1],
+        lambda t, q, params: ca.dot(q, q) - 1, q=2,
+    )  # fmt: skip
+    run = {"t": (0.3, 1.5), "steps": 24, "q": [0.6, -0.8], "v": [0.8, 0.6]}
+    steps = lv.integrate(system, method, **run)
+    assert steps.t[12] == 0.8999999999999999 < 0.9
+    for moved in ("t0", "t1"):
+        for given in ([0.9], [0.85, 0.9, 1.2], [0.9, 0.9 + 1e-12]):
+            found = lv.integrate(system, method, t_eval=given, tangents={moved: 1.0}, **run)
+            at = given.index(0.9)
+            assert np.array_equal(found.t, given)
+            assert np.array_equal(found.q[at], steps.q[12])
+            assert np.array_equal(found.v[at], steps.v[12])
+            assert abs(found.q[at] @ found.tangents[moved].q[at]) < 1e-14
+    backwards = run | {"t": (1.5, 0.3)}
+    steps = lv.integrate(system, method, **backwards)
+    given = np.nextafter(steps.t[7:9], 0.0)  # beyond the ends
+    found = lv.integrate(system, method, t_eval=given, **backwards)
+    assert np.array_equal(found.q, steps.q[7:9])

@@ -32,7 +32,9 @@ impl<State: Carried + Checkpoint + Clone, M: Dynamics> DenseDetector<State, M> {
     }
 
     /// Records at the wanted times before `t`, and at that itself if the state `there` is that of the run. Other states
-    /// are made by parts of the step; those of its ends serve at times that differ from these by roundoff.
+    /// are made by parts of the step; those of its ends serve at times that differ from these by roundoff, also where a
+    /// time is that much beyond the end.
+    #[allow(clippy::float_cmp)] // a time is that of the end, or is not
     pub(super) fn record_times(
         &mut self,
         t: f64,
@@ -41,12 +43,13 @@ impl<State: Carried + Checkpoint + Clone, M: Dynamics> DenseDetector<State, M> {
     ) -> Result<(), StepError> {
         let way = self.substep.h.signum();
         while let Some(wanted) = self.wanted() {
+            let substep = &self.substep;
+            let (part, near) = self.snapped((wanted - substep.t) / substep.h);
             let left = (t - wanted) * way;
-            if left < 0.0 || left == 0.0 && there.is_none() {
+            let is_at_end = t == substep.end && -left <= near * substep.h.abs();
+            if (left < 0.0 && !is_at_end) || (left <= 0.0 && there.is_none()) {
                 break;
             }
-            let substep = &self.substep;
-            let (part, _) = self.snapped((wanted - substep.t) / substep.h);
             let substep = &mut self.substep;
             match (part, there) {
                 (1.0, Some(end)) => substep.state.clone_from(end),
