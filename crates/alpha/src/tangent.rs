@@ -19,8 +19,8 @@ use liouville_base::method::{Estimating, Stats, Stepper};
 use liouville_base::newton::{BlockHandle, BlockMatrix};
 use liouville_base::tape::{Registers, Tape};
 use liouville_problem::{
-    Acceleration, AccelerationTangents, BeginTangents, Directions, SensitivityModel, TangentState,
-    TangentView, finite,
+    Acceleration, AccelerationTangents, BeginTangents, Directions, LargestError, SensitivityModel,
+    TangentState, TangentView, finite,
 };
 
 /// Tapes of the derivatives of a step; their last input is the parameters.
@@ -137,6 +137,12 @@ impl AlphaTangents {
             errors: Vec::new(),
             ..self.clone()
         }
+    }
+
+    /// The largest error, of the motion or of a tangent.
+    fn largest(&self) -> LargestError {
+        let of_tangents = self.errors.iter().map(|errors| errors.tangents.largest);
+        LargestError::of(&self.alpha, of_tangents)
     }
 
     /// Makes the tangents at the end of the step that was just made.
@@ -377,7 +383,9 @@ impl Stepper for AlphaTangents {
         if begins_again(&state.motion, h) {
             self.alpha.leave_cut(t, h, &mut state.motion)?;
             self.starts.begin(t, &mut self.directions, state)?;
-            self.errors.iter_mut().for_each(TangentErrors::forget);
+            for errors in &mut self.errors {
+                errors.forget();
+            }
         }
         self.before.clone_from(state);
         for errors in &mut self.errors {
@@ -387,13 +395,17 @@ impl Stepper for AlphaTangents {
         let followed = self.follow(t, h, state);
         followed.inspect_err(|_| {
             state.clone_from(&self.before);
-            self.errors.iter_mut().for_each(TangentErrors::undo);
+            for errors in &mut self.errors {
+                errors.undo();
+            }
         })
     }
 
     fn forget(&mut self) {
         self.alpha.forget();
-        self.errors.iter_mut().for_each(TangentErrors::forget);
+        for errors in &mut self.errors {
+            errors.forget();
+        }
     }
 
     fn stats(&self) -> Stats {
@@ -403,12 +415,11 @@ impl Stepper for AlphaTangents {
 
 impl Estimating for AlphaTangents {
     fn error(&self) -> f64 {
-        let of_tangents = self.errors.iter().map(TangentErrors::largest);
-        of_tangents.fold(self.alpha.error(), f64::max)
+        self.largest().error
     }
 
     fn error_order(&self) -> f64 {
-        self.alpha.error_order()
+        self.largest().order
     }
 
     fn undo(&mut self, state: &mut TangentState<AlphaState>) {

@@ -26,6 +26,12 @@ pub struct StepVelocities<'a> {
 }
 
 impl StepVelocities<'_> {
+    /// The largest velocity of a coordinate.
+    pub fn largest(&self, k: usize) -> f64 {
+        let each = (0..self.rows.rows()).map(|i| self.rows[(i, k)].abs());
+        each.fold(0.0, f64::max)
+    }
+
     /// Each velocity in units of a tolerance, and the largest of these.
     pub fn speed(&self, tolerance: &Tolerance, y: [&[f64]; 2]) -> f64 {
         let each = |i| tolerance.weigh(y, self.rows.row(i).iter().copied());

@@ -55,7 +55,9 @@ pub use observe::{Carried, Observer, Observers};
 pub use observe_point::ObservePoint;
 pub use points::{Points, Times};
 pub use projection::{Projection, project, project_linear};
-pub use random_tangents::{MechanicalStart, RandomTangents, TangentLed, random_numbers};
+pub use random_tangents::{
+    LargestError, MechanicalStart, RandomTangents, TangentLed, random_numbers,
+};
 pub use rate_tangents::{MotionPoint, MotionTangents, RateTangents, Side, rates_beside};
 pub use redundant::Redundant;
 pub use restart::{Impact, Impulse, Jump, Refused, Restart, Sizes};

@@ -2,21 +2,27 @@
 //! of changes of all parameters. The steps are the same whatever a run is differentiated by, tangents or a pullback.
 
 use super::{
-    Acceleration, BeginTangents, Carried, Directions, Model, Saddle, SensitivityModel, TangentState,
+    Acceleration, BeginTangents, Carried, Directions, Model, Saddle, SensitivityModel,
+    TangentSizes, TangentState,
 };
 use liouville_base::checkpoint::Checkpoint;
 use liouville_base::error::StepError;
 use liouville_base::linalg::{Matrix, copy};
-use liouville_base::method::{Estimating, Stats, Stepper, Symmetric};
-use liouville_base::newton::random_signs;
+use liouville_base::method::{Estimating, Stats, Stepper, Symmetric, Tolerance};
 use liouville_base::recorder::Recordable;
 
-/// Pseudo-random numbers of 1/2 to 1 and either sign, the same in every run.
+/// The golden section.
+const GOLDEN: f64 = 0.618_033_988_749_894_8;
+
+/// Quasi-random numbers of 1/2 to 1 and either sign, the same in every run. They are made of multiples of the golden
+/// section, of which two that are j apart differ by 1/(5 j) at least: where a force goes from one parameter to the next,
+/// a direction by both shows that.
 pub fn random_numbers() -> impl FnMut() -> f64 {
-    let mut sign = random_signs(1);
+    let mut count = 0.0;
     move || {
-        let size = (3..16).fold(0.75, |size, k| size + sign() * 0.5_f64.powi(k));
-        sign() * size
+        count += GOLDEN;
+        let s = 2.0 * f64::fract(count) - 1.0;
+        (0.5 + (s.abs() + s * s) / 4.0).copysign(s)
     }
 }
 
@@ -40,7 +46,40 @@ fn random_directions(params: &[f64]) -> Directions {
     }
 }
 
-/// Random tangents, carried beside a motion.
+/// The largest of several errors.
+#[derive(Clone, Copy, Debug)]
+pub struct LargestError {
+    /// The error, in units of the tolerance.
+    pub error: f64,
+    /// The power of h with which it falls.
+    pub order: f64,
+}
+
+impl LargestError {
+    /// The largest of a method's own error and of these.
+    pub fn of(method: &impl Estimating, others: impl Iterator<Item = Self>) -> Self {
+        let (error, order) = (method.error(), method.error_order());
+        let mut largest = Self { error, order };
+        for other in others {
+            largest.raise(other.error, other.order);
+        }
+        largest
+    }
+
+    /// An error whose order is not known.
+    fn new(error: f64) -> Self {
+        Self { error, order: 1.0 }
+    }
+
+    /// Takes another error where it is larger.
+    pub fn raise(&mut self, error: f64, order: f64) {
+        if error > self.error {
+            *self = Self { error, order };
+        }
+    }
+}
+
+/// Random tangents, carried beside a motion, and their errors.
 #[derive(Clone, Debug)]
 pub struct RandomTangents<B, S> {
     /// Their directions.
@@ -49,6 +88,10 @@ pub struct RandomTangents<B, S> {
     pub before: TangentState<S>,
     #[allow(missing_docs)]
     pub after: TangentState<S>,
+    /// The tolerances that their errors are measured by.
+    pub sizes: TangentSizes,
+    /// The largest error of the last step.
+    pub largest: LargestError,
     /// Writes them where a motion begins, which the next step may do.
     starts: B,
     begins: bool,
@@ -56,7 +99,12 @@ pub struct RandomTangents<B, S> {
 
 impl<B: BeginTangents<S>, S: Clone> RandomTangents<B, S> {
     /// Tangents of a motion with these parameters; `sizes` are the lengths of y, z and of what a state carries.
-    pub fn new(starts: B, motion: &S, sizes: [usize; 3], params: &[f64]) -> Self {
+    pub fn new(
+        starts: B,
+        (motion, params): (&S, &[f64]),
+        sizes: [usize; 3],
+        tolerance: &Tolerance,
+    ) -> Self {
         let directions = random_directions(params);
         let [y, z, carried] = sizes.map(|size| Matrix::zeros(directions.count(), size));
         let state = TangentState {
@@ -70,16 +118,20 @@ impl<B: BeginTangents<S>, S: Clone> RandomTangents<B, S> {
             directions,
             before: state.clone(),
             after: state,
+            sizes: TangentSizes::new(tolerance),
+            largest: LargestError::new(f64::INFINITY),
             starts,
             begins: true,
         }
     }
 
-    /// Begins a step from a motion at `t`.
+    /// Begins a step from a motion at `t`: the one before stands.
     ///
     /// # Errors
     /// A derivative where the motion begins that is not finite, or a singular matrix.
     pub fn begin(&mut self, t: f64, motion: &S) -> Result<(), StepError> {
+        self.sizes.begin();
+        self.largest = LargestError::new(0.0);
         self.after.motion.clone_from(motion);
         if self.begins {
             self.starts
@@ -93,6 +145,7 @@ impl<B: BeginTangents<S>, S: Clone> RandomTangents<B, S> {
     /// Leaves out the last step, which was rejected or failed.
     pub fn undo(&mut self) {
         self.after.clone_from(&self.before);
+        self.sizes.undo();
     }
 
     /// Lets the next step begin a motion.
@@ -101,7 +154,7 @@ impl<B: BeginTangents<S>, S: Clone> RandomTangents<B, S> {
     }
 }
 
-liouville_base::checkpoint!([B: Send + Sync, S: Checkpoint] RandomTangents<B, S> { after, begins });
+liouville_base::checkpoint!([B: Send + Sync, S: Checkpoint] RandomTangents<B, S> { after, sizes, begins });
 
 /// Begins random tangents of a mechanical motion, on its constraints: the first by an impulse, the others by what
 /// parameters move at once.

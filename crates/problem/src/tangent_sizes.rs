@@ -24,8 +24,9 @@ pub struct TangentSizes {
     /// α_k in units of the largest.
     weights: Vec<f64>,
     rtol: f64,
-    /// H of the steps that stand, or the first step that was tried, and the last step, which may yet be undone.
-    memory: [f64; 2],
+    /// H of the steps that stand, or the first step that was tried; the longest of those that stand; and the last step,
+    /// which may yet be undone.
+    memory: [f64; 3],
     part: Vec<f64>,
 }
 
@@ -42,6 +43,14 @@ pub struct TangentStep<'a> {
     pub parts: [f64; 2],
 }
 
+impl TangentStep<'_> {
+    /// ‖δ‖/‖δv‖
+    pub fn time_scale(&self, sizes: &TangentSizes) -> f64 {
+        let largest = |of: [&[f64]; 2]| sizes.norm(of[0]).max(sizes.norm(of[1]));
+        largest(self.y) / largest(self.v).max(f64::MIN_POSITIVE)
+    }
+}
+
 impl TangentSizes {
     /// Sizes of tangents, given the tolerance of their motion.
     pub fn new(tolerance: &Tolerance) -> Self {
@@ -52,27 +61,30 @@ impl TangentSizes {
         Self {
             weights: atol.iter().map(weight).collect(),
             rtol: tolerance.rtol,
-            memory: [0.0; 2],
+            memory: [0.0; 3],
             part: vec![0.0; atol.len()],
         }
     }
 
     /// Begins a step: the one before stands.
     pub fn begin(&mut self) {
-        let [longest, last] = self.memory;
-        self.memory = [
-            if last > 0.0 {
-                last.max(KEPT * longest)
-            } else {
-                longest
-            },
-            0.0,
-        ];
+        let [of_late, longest, last] = self.memory;
+        let of_late = if last > 0.0 {
+            last.max(KEPT * of_late)
+        } else {
+            of_late
+        };
+        self.memory = [of_late, longest.max(last), 0.0];
     }
 
     /// Leaves out the last step, which was rejected.
     pub fn undo(&mut self) {
-        self.memory[1] = 0.0;
+        self.memory[2] = 0.0;
+    }
+
+    /// The longest step so far.
+    pub fn longest(&self) -> f64 {
+        self.memory[1].max(self.memory[2])
     }
 
     /// ‖x‖
@@ -86,11 +98,12 @@ impl TangentSizes {
 
     /// Writes the absolute tolerances of a tangent in a step; returns what its largest is measured by, zero where all are.
     pub fn measure(&mut self, step: TangentStep, out: &mut Tolerance) -> f64 {
-        self.memory[1] = step.h.abs();
+        let h = step.h.abs();
+        self.memory[2] = h;
         if self.memory[0] == 0.0 {
-            self.memory[0] = self.memory[1];
+            self.memory[0] = h;
         }
-        let longest = self.memory[0].max(self.memory[1]);
+        let longest = self.memory[0].max(h);
         let largest = |of: [&[f64]; 2]| self.norm(of[0]).max(self.norm(of[1]));
         let y = largest(step.y);
         let size = y.max(longest * largest(step.v));

@@ -7,7 +7,9 @@
 //! where v' is that of the index-1 form. For a smooth motion of frequency ω that is ωh times the defect e of the
 //! velocities, a quarter of a period apart from it; from step to step e grows as h^s, and D as h^(s+1). A force that
 //! begins after the last stage or ends before the first changes D alone, by h Δf; one that begins between makes e grow
-//! by powers of ten. Either changes the velocity by about c_1 max(D, e), for as long as the time scale |y|/|v|.
+//! by powers of ten. Either changes the velocity by about c_1 max(D, e), for as long as the time scale |y|/|v|, but no
+//! longer than a thousand steps, or of a tangent the longest so far. Of tangents the same is asked where stages lie at
+//! the ends: Q has the velocities of the ends there.
 
 use super::predictor::Predictor;
 use liouville_base::checkpoint;
@@ -18,8 +20,8 @@ use liouville_problem::{Estimate, Model, State, StepVelocities};
 
 /// D of a smooth motion is at most so many times what e and the step before let expect.
 const SMOOTH: f64 = 20.0;
-/// An error of the velocity is held against the positions for at most so many steps.
-const LONGEST: f64 = 1000.0;
+/// An error of the velocity is held against the positions for so many steps, or longer.
+const HELD: f64 = 1000.0;
 /// Defects count by how much they are above so many roundings of the positions in a step, those of the accelerations
 /// above s² times as many.
 const ROUNDINGS: f64 = 1024.0;
@@ -52,21 +54,62 @@ const NONE: f64 = 0.0;
 const START: f64 = 1.0;
 const END: f64 = 2.0;
 
+/// What defects are roundoff of.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Roundoff {
+    /// Positions, in a step: of equations that are iterated to that, and of constraints.
+    Positions,
+    /// Velocities alone.
+    Velocities,
+}
+
+/// A motion or a tangent that is judged.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Judged {
+    /// The unit of its tolerance, which may differ from step to step.
+    pub(super) unit: f64,
+    /// For how long an error of the velocity is held at least, if the time scale is as long.
+    pub(super) held: f64,
+    /// What its defects are roundoff of.
+    pub(super) roundoff: Roundoff,
+}
+
+const OF_MOTION: Judged = Judged {
+    unit: 1.0,
+    held: 0.0,
+    roundoff: Roundoff::Positions,
+};
+
 impl Kinks {
     /// Memory for the steps of this method.
     pub(super) fn new(model: &Model, tableau: &tableau::Spark) -> Self {
-        let c = &tableau.c;
-        let (Some(first), Some(last)) = (c.first(), c.last()) else {
-            return Self::default();
-        };
-        if *first <= 0.0 || *last >= 1.0 {
-            return Self::default();
+        match tableau.c[..] {
+            [first, .., last] if first > 0.0 && last < 1.0 => Self::of_tangent(model, tableau),
+            [only] if 0.0 < only && only < 1.0 => Self::of_tangent(model, tableau),
+            _ => Self::default(),
         }
-        let nodes = [&[0.0], &c[..], &[1.0]].concat();
+    }
+
+    /// The same for a tangent.
+    pub(super) fn of_tangent(model: &Model, tableau: &tableau::Spark) -> Self {
+        // stages at the ends stand for nothing
+        let is_inner = |c: &f64| 0.0 < *c && *c < 1.0;
+        let inner: Vec<f64> = tableau.c.iter().copied().filter(is_inner).collect();
+        let nodes = [&[0.0], &inner[..], &[1.0]].concat();
+        let first = usize::from(tableau.c.first() == Some(&0.0));
+        let last = usize::from(tableau.c.last() == Some(&1.0));
         let zeros = vec![0.0; model.problem.n];
+        let weights = |end: usize| {
+            let mut of_rows = slopes(&nodes, end);
+            let before_last = of_rows.len() - 1;
+            of_rows.splice(before_last..before_last, vec![0.0; last]);
+            of_rows.splice(1..1, vec![0.0; first]);
+            of_rows
+        };
+        let is_at_end = first + last > 0;
         Self {
-            slopes: [0, nodes.len() - 1].map(|end| slopes(&nodes, end)),
-            part: *first,
+            slopes: [0, nodes.len() - 1].map(weights),
+            part: if is_at_end { nodes[1] / 2.0 } else { nodes[1] },
             ends: [zeros.clone(), zeros.clone()],
             defects: [zeros.clone(), zeros.clone()],
             lam: vec![0.0; model.problem.multipliers()],
@@ -121,7 +164,8 @@ impl Kinks {
             noise,
         };
         self.set_defects(velocities.rows, h);
-        self.judge(velocities, h, [&before.y, &after.y], (estimate, 1.0))
+        let y = [&before.y[..], &after.y];
+        self.judge(velocities, h, y, (estimate, &OF_MOTION))
     }
 
     /// Finds the accelerations at the start, 0, and at the end, 1, of a step by `at`, where they are not known from the
@@ -164,13 +208,13 @@ impl Kinks {
         self.memory.first() == Some(&END)
     }
 
-    /// The error from what the accelerations are off; `unit` is that of the tolerance, which may differ from step to step.
+    /// The error from what the accelerations are off.
     pub(super) fn judge(
         &mut self,
         velocities: StepVelocities,
         h: f64,
         y: [&[f64]; 2],
-        (estimate, unit): (&Estimate, f64),
+        (estimate, of): (&Estimate, &Judged),
     ) -> f64 {
         let (off, tolerance) = (estimate.off(), &estimate.tolerance);
         let (rows, n) = (velocities.rows.rows(), velocities.rows.cols());
@@ -179,6 +223,7 @@ impl Kinks {
         let [_, e, d, length] = self.memory[..] else {
             return 0.0;
         };
+        let Judged { unit, .. } = *of;
         let [e, d] = [e / unit, d / unit];
         let order = (rows - 2) as f64;
         let expected = |ratio: f64| (e * ratio.powf(order)).max(d * ratio.powf(order + 1.0));
@@ -195,9 +240,13 @@ impl Kinks {
         let speed = velocities.speed(tolerance, y).max(f64::MIN_POSITIVE);
         let time_scale = tolerance.weigh(y, y[1].iter().copied()) / speed;
         let largest = max_norm(y[1]);
-        let above = |roundings: f64, of: &dyn Fn(usize) -> f64| {
-            let roundoff = |k| roundings * tolerance.roundoff(y, k, largest) / h.abs();
-            tolerance.weigh(y, (0..n).map(|k| (of(k).abs() - roundoff(k)).max(0.0)))
+        let above = |roundings: f64, defect: &dyn Fn(usize) -> f64| {
+            let least = |k| match of.roundoff {
+                Roundoff::Positions => tolerance.roundoff(y, k, largest) / h.abs(),
+                Roundoff::Velocities => f64::EPSILON * velocities.largest(k),
+            };
+            let above = (0..n).map(|k| (defect(k).abs() - roundings * least(k)).max(0.0));
+            tolerance.weigh(y, above)
         };
         let misses = [0, 1].map(|end| {
             let of_e = above(ROUNDINGS, &|k| estimate.defect(velocities, end, k));
@@ -205,7 +254,7 @@ impl Kinks {
             of_e.max(above(most, &|k| self.defects[end][k]))
         });
         let missed = misses[0].max(misses[1]);
-        self.part * missed * time_scale.clamp(h.abs(), LONGEST * h.abs())
+        self.part * missed * time_scale.clamp(h.abs(), of.held.max(HELD * h.abs()))
     }
 }
 

@@ -477,7 +477,7 @@ pub fn turning() -> (Vec<Expr>, Vec<Expr>) {
     (f.to_vec(), vec![&y[0] - (input(T, 0) * 2.0).sin() * 0.25])
 }
 
-fn jacobian(of: &[Expr], group: usize, rows: usize, cols: usize) -> (Pattern, Vec<Expr>) {
+pub fn jacobian(of: &[Expr], group: usize, rows: usize, cols: usize) -> (Pattern, Vec<Expr>) {
     let (entries, values) = (0..cols)
         .flat_map(|j| (0..of.len()).map(move |i| (i, j)))
         .map(|(i, j)| ((i, j), of[i].d(group, j)))

@@ -2,6 +2,9 @@
 
 use super::{Expr, FOURTH, Functions, LAM, PARAMS, T, Y, Z, dot, inputs, jacobian, tape};
 use liouville_base::linalg::Pattern;
+use liouville_index2::semi_explicit::{
+    SemiExplicit, SemiExplicitSensitivity, SemiExplicitSensitivityPatterns,
+};
 use liouville_problem::{Mechanical, Sensitivity, SensitivityPatterns};
 use std::sync::Arc;
 
@@ -72,6 +75,32 @@ impl Functions {
         };
         Arc::new(found.checked().expect("tapes and patterns fit together"))
     }
+}
+
+/// The derivatives by time of a semi-explicit system without parameters, (f, k).
+pub fn semi_explicit_sensitivity(
+    f: &[Expr],
+    k: &[Expr],
+    system: &Arc<SemiExplicit>,
+) -> Arc<SemiExplicitSensitivity> {
+    let (n, l) = (f.len(), k.len());
+    let w: Vec<_> = k.iter().map(|k| rate(k, f)).collect();
+    let by_t = |of: &[Expr], rows| jacobian(of, T, rows, 1);
+    let (f_tau, k_tau) = (by_t(f, n), by_t(k, l));
+    let (w_y, w_tau) = (jacobian(&w, Y, l, n), by_t(&w, l));
+    let found = SemiExplicitSensitivity {
+        system: system.clone(),
+        field: tape([1, n, l, 0], &f_tau.1),
+        constraint: tape([1, n, 0], &k_tau.1),
+        hidden: tape([1, n, l, 0], &[w_y.1, w_tau.1].concat()),
+        patterns: SemiExplicitSensitivityPatterns {
+            f_tau: f_tau.0,
+            k_tau: k_tau.0,
+            w_y: w_y.0,
+            w_tau: w_tau.0,
+        },
+    };
+    Arc::new(found.checked().expect("tapes and patterns fit together"))
 }
 
 /// x_t + x_y v

@@ -1,26 +1,23 @@
 //! Errors of tangents in random directions, where errors control the steps: each is that of a motion with the velocities
-//! of the tangent, by a tolerance of its own, see [`TangentSizes`].
+//! of the tangent, by a tolerance of its own, see [`liouville_problem::TangentSizes`].
 
 use super::super::Index2;
 use super::linear_step::LinearCollocation;
 use super::start::SemiExplicitStart;
 use crate::semi_explicit::{SemiExplicitModel, SemiExplicitSensitivityModel, SemiExplicitState};
 use liouville_base::checkpoint;
-use liouville_base::error::StepError;
 use liouville_base::linalg::{Matrix, copy};
-use liouville_problem::{Estimate, RandomTangents, StepVelocities, TangentSizes, TangentStep};
+use liouville_problem::{Estimate, RandomTangents, StepVelocities, TangentStep};
 
-/// The errors of tangents, and the largest of the last step.
+/// Random tangents, and what their errors are found by.
 #[derive(Clone, Debug)]
 pub(super) struct TangentErrors {
-    tangents: RandomTangents<SemiExplicitStart, SemiExplicitState>,
-    sizes: TangentSizes,
+    pub(super) tangents: RandomTangents<SemiExplicitStart, SemiExplicitState>,
     estimate: Estimate<SemiExplicitState>,
     model: SemiExplicitModel,
     /// δf at the start of the step, δV_1..δV_s, and δf at its end; f_τ τ there.
     velocities: Matrix,
     forced: Vec<f64>,
-    error: f64,
 }
 
 impl TangentErrors {
@@ -34,40 +31,17 @@ impl TangentErrors {
         let (n, l) = (model.problem.n, model.problem.l);
         let starts = SemiExplicitStart::new(model.clone(), sensitivity.clone());
         Some(Self {
-            tangents: RandomTangents::new(starts, motion, [n, l, 0], params),
-            sizes: TangentSizes::new(&at.estimate.tolerance),
+            tangents: RandomTangents::new(
+                starts,
+                (motion, params),
+                [n, l, 0],
+                &at.estimate.tolerance,
+            ),
             estimate: at.estimate.clone(),
             model: index2.model.clone(),
             velocities: Matrix::zeros(index2.stages.count() + 2, n),
             forced: vec![0.0; n],
-            error: f64::INFINITY,
         })
-    }
-
-    /// The largest error of the last step, in units of the tolerance.
-    pub(super) fn largest(&self) -> f64 {
-        self.error
-    }
-
-    /// Lets the next step begin a motion.
-    pub(super) fn forget(&mut self) {
-        self.tangents.forget();
-    }
-
-    /// Leaves out the last step, which was rejected or failed.
-    pub(super) fn undo(&mut self) {
-        self.tangents.undo();
-        self.sizes.undo();
-    }
-
-    /// Begins a step from a motion: the one before stands.
-    ///
-    /// # Errors
-    /// A derivative where the motion begins that is not finite, or a singular matrix.
-    pub(super) fn begin(&mut self, t: f64, motion: &SemiExplicitState) -> Result<(), StepError> {
-        self.sizes.begin();
-        self.error = 0.0;
-        self.tangents.begin(t, motion)
     }
 
     /// Follows a step to its end, where it was linearised, and measures the errors.
@@ -99,21 +73,30 @@ impl TangentErrors {
         let by = &mut linear.solvers.sensitivity;
         self.write_end(0, by, t, direction);
         self.write_end(last, by, t + h, direction);
-        let ends = [&self.tangents.before, &self.tangents.after];
+        let RandomTangents {
+            before,
+            after,
+            sizes,
+            ..
+        } = &mut self.tangents;
+        let ends = [&*before, &*after];
         let y = ends.map(|state| state.y.row(direction));
         let step = TangentStep {
             h,
             y,
             v: [0, last].map(|row| self.velocities.row(row)),
-            parts: [self.sizes.norm(&self.forced), 0.0],
+            parts: [sizes.norm(&self.forced), 0.0],
         };
-        if self.sizes.measure(step, &mut self.estimate.tolerance) > 0.0 {
+        if sizes.measure(step, &mut self.estimate.tolerance) > 0.0 {
             let rows = StepVelocities {
                 rows: &self.velocities,
                 noise: &[],
             };
             self.estimate.measure_between(rows, h, y);
-            self.error = self.error.max(self.estimate.error());
+            let estimate = &self.estimate;
+            self.tangents
+                .largest
+                .raise(estimate.error(), estimate.order());
         }
     }
 
@@ -148,4 +131,4 @@ impl TangentErrors {
     }
 }
 
-checkpoint!(TangentErrors { tangents, sizes });
+checkpoint!(TangentErrors { tangents });

@@ -15,7 +15,7 @@ use linear_step::LinearCollocation;
 use liouville_base::error::StepError;
 use liouville_base::linalg::Matrix;
 use liouville_base::method::{Estimating, Stats, Stepper, Symmetric};
-use liouville_problem::{Directions, TangentState};
+use liouville_problem::{Directions, LargestError, TangentState};
 pub use observer::SemiExplicitTangentObserver;
 
 /// An index-2 method at work on a state and its tangents.
@@ -73,6 +73,12 @@ impl Index2Tangents {
         Ok((stepper, state))
     }
 
+    /// The largest error, of the motion or of a tangent.
+    fn largest(&self) -> LargestError {
+        let of_tangents = self.errors.iter().map(|errors| errors.tangents.largest);
+        LargestError::of(&self.index2, of_tangents)
+    }
+
     /// Makes the tangents at the end of the step that was just made.
     fn follow(
         &mut self,
@@ -121,20 +127,24 @@ impl Stepper for Index2Tangents {
     ) -> Result<(), StepError> {
         self.before.clone_from(state);
         for errors in &mut self.errors {
-            errors.begin(t, &state.motion)?;
+            errors.tangents.begin(t, &state.motion)?;
         }
         self.index2.step(t, h, &mut state.motion)?;
         let made = self.follow(t, h, state);
         made.inspect_err(|_| {
             state.clone_from(&self.before);
-            self.errors.iter_mut().for_each(TangentErrors::undo);
+            for errors in &mut self.errors {
+                errors.tangents.undo();
+            }
             self.index2.predictor.undo();
         })
     }
 
     fn forget(&mut self) {
         self.index2.forget();
-        self.errors.iter_mut().for_each(TangentErrors::forget);
+        for errors in &mut self.errors {
+            errors.tangents.forget();
+        }
     }
 
     fn stats(&self) -> Stats {
@@ -146,17 +156,16 @@ impl Symmetric for Index2Tangents {}
 
 impl Estimating for Index2Tangents {
     fn error(&self) -> f64 {
-        let of_tangents = self.errors.iter().map(TangentErrors::largest);
-        of_tangents.fold(self.index2.error(), f64::max)
+        self.largest().error
     }
 
     fn error_order(&self) -> f64 {
-        self.index2.error_order()
+        self.largest().order
     }
 
     fn undo(&mut self, state: &mut TangentState<SemiExplicitState>) {
         for errors in &mut self.errors {
-            errors.undo();
+            errors.tangents.undo();
         }
         self.index2.undo(&mut state.motion);
         state.clone_from(&self.before);

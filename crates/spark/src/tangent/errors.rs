@@ -5,7 +5,7 @@
 //! The step follows the largest error of these and of the motion, which may rest where they do not.
 
 use super::super::Spark;
-use super::super::kinks::{self, Kinks};
+use super::super::kinks::{self, Judged, Kinks, Roundoff};
 use super::super::stages::Stages;
 use super::equations::LinearEquations;
 use super::forward::{Forward, StepAlong};
@@ -16,19 +16,18 @@ use liouville_base::linalg::{Matrix, copy};
 use liouville_problem::{
     Acceleration, AccelerationTangents, Carried, Directions, Estimate, Mass, MechanicalStart,
     Model, MomentumTangents, RandomTangents, SensitivityModel, State, Step, StepVelocities,
-    TangentSizes, TangentState, TangentStep,
+    TangentState, TangentStep,
 };
 
 /// The errors of tangents, and what is known of the steps before.
 #[derive(Clone, Debug)]
 pub(super) struct TangentErrors {
-    tangents: RandomTangents<MechanicalStart<MomentumTangents>, State>,
-    sizes: TangentSizes,
+    pub(super) tangents: RandomTangents<MechanicalStart<MomentumTangents>, State>,
     of: Vec<DirectionErrors>,
     accelerations: EndAccelerations,
     impulse: Vec<f64>,
-    error: f64,
-    order: f64,
+    /// What defects of velocities are roundoff of.
+    roundoff: Roundoff,
 }
 
 /// Of one direction.
@@ -70,18 +69,18 @@ impl TangentErrors {
             sensitivity: sensitivity.clone(),
         };
         let starts = MechanicalStart::new(model.clone(), sensitivity.clone(), momenta);
-        let tangents = RandomTangents::new(starts, motion, [n; 3], params);
+        let at = (motion, params);
+        let tangents = RandomTangents::new(starts, at, [n; 3], &estimate.tolerance);
         let directions = tangents.directions.count();
         let of = DirectionErrors {
             estimate: (**estimate).clone(),
-            kinks: Kinks::new(model, &spark.tableau),
+            kinks: Kinks::of_tangent(model, &spark.tableau),
             unit: 0.0,
             momenta: (!is_velocity).then(|| rows.clone()),
             velocities: rows,
         };
         Some(Self {
             tangents,
-            sizes: TangentSizes::new(&estimate.tolerance),
             of: vec![of; directions],
             accelerations: EndAccelerations {
                 solver: Acceleration::new(model),
@@ -89,14 +88,12 @@ impl TangentErrors {
                 rates: Matrix::zeros(directions, n),
             },
             impulse: vec![0.0; n],
-            error: f64::INFINITY,
-            order: 1.0,
+            roundoff: if model.problem.multipliers() == 0 {
+                Roundoff::Velocities
+            } else {
+                Roundoff::Positions
+            },
         })
-    }
-
-    /// The largest error of the last step, in units of the tolerance, and the power of h with which it falls.
-    pub(super) fn largest(&self) -> (f64, f64) {
-        (self.error, self.order)
     }
 
     /// Forgets the steps before, as of another motion.
@@ -108,7 +105,6 @@ impl TangentErrors {
     /// Leaves out the last step, which was rejected or failed.
     pub(super) fn undo(&mut self) {
         self.tangents.undo();
-        self.sizes.undo();
         self.of.iter_mut().for_each(|of| of.kinks.undo());
     }
 
@@ -117,9 +113,7 @@ impl TangentErrors {
     /// # Errors
     /// A derivative where the motion begins that is not finite, or a singular matrix.
     pub(super) fn begin(&mut self, t: f64, motion: &State) -> Result<(), StepError> {
-        self.sizes.begin();
         self.of.iter_mut().for_each(|of| of.kinks.begin());
-        (self.error, self.order) = (0.0, 1.0);
         self.tangents.begin(t, motion)
     }
 
@@ -191,6 +185,8 @@ impl TangentErrors {
             directions,
             before,
             after,
+            sizes,
+            largest,
             ..
         } = &mut self.tangents;
         let State { y, z, .. } = &after.motion;
@@ -201,22 +197,22 @@ impl TangentErrors {
         for (direction, of) in self.of.iter_mut().enumerate() {
             let tau = directions.tau(direction, 0.0);
             let at = (t, [&y[..], z, lam]);
-            let parts = self.sizes.parts(mass, &mut linear.sensitivity, at, tau);
+            let parts = sizes.parts(mass, &mut linear.sensitivity, at, tau);
             let (velocities, last) = (&of.velocities, of.velocities.rows() - 1);
             let y = [&*before, &*after].map(|state| state.y.row(direction));
             let v = [velocities.row(0), velocities.row(last)];
             let step = TangentStep { h, y, v, parts };
-            of.unit = self.sizes.measure(step, &mut of.estimate.tolerance);
+            of.unit = sizes.measure(step, &mut of.estimate.tolerance);
             if of.unit > 0.0 {
                 let rows = StepVelocities {
                     rows: velocities,
                     noise: &[],
                 };
                 of.estimate.measure_between(rows, h, y);
-                raise(&mut self.error, &mut self.order, &of.estimate);
+                largest.raise(of.estimate.error(), of.estimate.order());
             }
         }
-        if self.error <= 1.0 {
+        if self.tangents.largest.error <= 1.0 {
             self.look_for_kinks(mass, (t0, h));
         }
         Ok(())
@@ -267,6 +263,8 @@ impl TangentErrors {
             directions,
             before,
             after,
+            sizes,
+            largest,
             ..
         } = &mut self.tangents;
         let ends = [(t0, &*before), (t0 + h, &*after)];
@@ -301,10 +299,15 @@ impl TangentErrors {
                 noise: &[],
             };
             let y = ends.map(|(_, state)| state.y.row(direction));
-            let unseen = of.kinks.judge(rows, h, y, (&of.estimate, of.unit));
+            let judged = Judged {
+                unit: of.unit,
+                held: sizes.longest(),
+                roundoff: self.roundoff,
+            };
+            let unseen = of.kinks.judge(rows, h, y, (&of.estimate, &judged));
             if unseen > 1.0 {
                 of.estimate.raise(unseen, kinks::ORDER);
-                raise(&mut self.error, &mut self.order, &of.estimate);
+                largest.raise(of.estimate.error(), of.estimate.order());
             }
         }
     }
@@ -330,19 +333,11 @@ impl EndAccelerations {
     }
 }
 
-/// Takes the error of a direction where it is larger.
-fn raise(error: &mut f64, order: &mut f64, of: &Estimate) {
-    if of.error() > *error {
-        (*error, *order) = (of.error(), of.order());
-    }
-}
-
 // Multipliers, where the next solve starts from; sizes and kinks of the steps before.
 checkpoint!(DirectionErrors { kinks });
 checkpoint!(EndAccelerations { solver });
 checkpoint!(TangentErrors {
     tangents,
-    sizes,
     of,
     accelerations
 });

@@ -19,7 +19,8 @@ use liouville_base::error::StepError;
 use liouville_base::linalg::Matrix;
 use liouville_base::method::{Estimating, Stats, Stepper, Symmetric};
 use liouville_problem::{
-    BeginTangents, Directions, MomentumTangents, SensitivityModel, State, Step, TangentState,
+    BeginTangents, Directions, LargestError, MomentumTangents, SensitivityModel, State, Step,
+    TangentState,
 };
 
 /// A SPARK method at work on a state and its tangents.
@@ -140,11 +141,10 @@ impl SparkTangents {
         }
     }
 
-    /// The larger error, of the motion or of a tangent, and its order.
-    fn largest(&self) -> (f64, f64) {
-        let own = (self.spark.error(), self.spark.error_order());
-        let of_tangents = self.errors.iter().map(TangentErrors::largest);
-        of_tangents.fold(own, |a, b| if b.0 > a.0 { b } else { a })
+    /// The largest error, of the motion or of a tangent.
+    fn largest(&self) -> LargestError {
+        let of_tangents = self.errors.iter().map(|errors| errors.tangents.largest);
+        LargestError::of(&self.spark, of_tangents)
     }
 }
 
@@ -181,11 +181,11 @@ impl Symmetric for SparkTangents {}
 
 impl Estimating for SparkTangents {
     fn error(&self) -> f64 {
-        self.largest().0
+        self.largest().error
     }
 
     fn error_order(&self) -> f64 {
-        self.largest().1
+        self.largest().order
     }
 
     fn undo(&mut self, state: &mut TangentState) {

@@ -1,6 +1,7 @@
 //! The hot loop allocates nothing. This binary counts what the global allocator hands out, which is why every stepper
 //! has its test in this one file.
 
+mod controlled;
 mod counting;
 mod events;
 
