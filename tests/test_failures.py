@@ -630,3 +630,34 @@ def test_an_exception_of_a_signal_handler_is_raised_as_it_is(name):
         signal.signal(signal.SIGALRM, before)
     assert raised.value is alarm
     assert not hasattr(alarm, "__notes__")
+
+
+STICKS = lv.Lagrangian(
+    lambda t, q, v, p: (v[0] ** 2 - q[0] ** 2) / 2,
+    force=lambda t, q, v, p: -p.mu * ca.sign(v[0]), q=("x",), params={"mu": 0.5},
+)  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    "method", [lv.Spark(2), lv.Spark(2, solver="node-schur"), lv.LobattoPair(2), lv.HHT()], ids=str
+)
+@pytest.mark.parametrize("x", [0.2, 1.0], ids=["from rest", "later"])
+def test_friction_that_sticks_is_named_with_what_takes_it(method, x):
+    """A smaller h does not help a block that its friction holds."""
+    with pytest.raises(lv.IntegrationError) as caught:
+        lv.integrate(STICKS, method, t=(0, 5), h=0.05, q=[x], v=[0.0])
+    message = str(caught.value)
+    assert "the equations jump with 'sign(v[0])' near there\nhint: friction that sticks" in message
+    assert "lv.Contact" in message
+    assert "smaller h" not in message
+    assert "solver='auto'" not in message
+
+
+def test_a_jump_far_from_a_step_that_fails_is_not_named():
+    system = lv.Lagrangian(
+        lambda t, q, v, p: v[0] ** 2 / 2 - 1e6 * ca.cos(q[0]),
+        force=lambda t, q, v, p: ca.sign(v[0] - 1e9), q=1,
+    )  # fmt: skip
+    with pytest.raises(lv.IntegrationError) as caught:
+        lv.integrate(system, lv.Spark(2), t=(0, 5), h=0.05, q=[0.3], v=[1.0])
+    assert "jump" not in str(caught.value)

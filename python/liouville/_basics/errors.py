@@ -112,6 +112,12 @@ def check_name(name: str, names: Collection[str], kind: str, of: str = "solution
         raise ValueError(hinted(f"the {of} has no {kind} {name!r}", f"it has {known}"))
 
 
+#: What helps where equations jump near the state from which a step cannot be made.
+JUMP = (
+    "friction that sticks is that of an lv.Contact; else write a smooth function, such as "
+    "ca.tanh(x / e) for ca.sign(x), or end steps there by switches= of the system with rtol="
+)
+
 #: Sentence, hint and quantity of an error of the core.
 Description = tuple[str, str, str]
 
@@ -121,6 +127,8 @@ def describe(
 ) -> Description:
     """Describe an error of the core in the user's names: sentence, hint and quantity."""
     sentence, hint, quantity = _described(error, coordinates, constraints)
+    if name := error.get("jump"):
+        return f"{sentence}; the equations jump with '{name}' near there", JUMP, quantity
     if names := error.get("dependent"):
         what = (
             f"the gradient of constraint {quoted(names)} nearly vanishes"

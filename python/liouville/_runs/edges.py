@@ -147,6 +147,26 @@ def kink_of(found: Branches, motion: Motion) -> Kink | None:
     return min(each, key=lambda kink: (kink.step, kink.is_jump), default=None)
 
 
+def jump_near(found: Branches, w: np.ndarray, move: np.ndarray) -> str | None:
+    """Return the function by cases with which the equations jump at a state or a move beside."""
+    sizes = np.where(w != 0, np.abs(w), 1.0)
+    moves = np.random.default_rng(SEED).choice([-1.0, 1.0], (4, len(w))) * sizes * ROUNDINGS
+    with np.errstate(all="ignore"):
+        sides = _map(found.sides, np.concatenate([w + moves, w - moves, [w + move, w - move]]))
+        changed = (sides != sides[0]) & found.may_jump
+        both = sides[[0, int(np.argmax(changed.any(axis=1)))]]
+        values = _map(found.values, np.array([w, w]), both)
+    if not changed.any() or not _differ(values, _largest(values)):
+        return None
+    return found.names[int(np.argmax(changed.any(axis=0)))]
+
+
+def _map(tape: Any, *columns: np.ndarray) -> np.ndarray:
+    """Return the outputs of a tape without parameters at rows of its inputs."""
+    found: np.ndarray = tape.map(np.empty(0), [np.ascontiguousarray(x) for x in columns])
+    return found
+
+
 class _Look:
     """Sides and switches of a motion, by which edges are found."""
 
@@ -155,21 +175,15 @@ class _Look:
         w = motion.w
         sizes = _largest(w)
         self._sizes = np.where(sizes > 0, sizes, 1.0)
-        self._sides = self._map(found.sides, w)
+        self._sides = _map(found.sides, w)
         if motion.ends_at_switches:
-            self._switches = _largest(self._map(found.switches, w))
-        self._values = _largest(self._map(found.values, w, self._sides))
+            self._switches = _largest(_map(found.switches, w))
+        self._values = _largest(_map(found.values, w, self._sides))
         slopes = [
-            _largest(self._map(found.slopes, w, self._sides, along))
+            _largest(_map(found.slopes, w, self._sides, along))
             for along in np.moveaxis(motion.along, 1, 0)
         ]
         self._slopes = np.array(slopes)
-
-    @staticmethod
-    def _map(tape: Any, *columns: np.ndarray) -> np.ndarray:
-        rows = [np.ascontiguousarray(x) for x in columns]
-        found: np.ndarray = tape.map(np.empty(0), rows)
-        return found
 
     def at_edges(self) -> Iterator[Kink]:
         """Give the states at edges, in order, where slopes along a tangent differ by the side."""
@@ -182,7 +196,7 @@ class _Look:
         w = motion.w[kept]
         is_near = np.zeros(len(kept), dtype=bool)
         for move in moves:
-            beside = [self._map(found.sides, w + way * move) for way in (1, -1)]
+            beside = [_map(found.sides, w + way * move) for way in (1, -1)]
             is_near |= (beside[0] != beside[1]).any(axis=1)
         for k in kept[is_near].tolist():
             if motion.ends_at_switches and self._is_at_switch(motion.w[k]):
@@ -198,20 +212,20 @@ class _Look:
     def _edge(self, k: int, direction: int, move: np.ndarray) -> str:
         """Return the function at whose edge a state has two slopes, empty if it has one."""
         found, w, along = self._found, self._motion.w[k], self._motion.along[k, direction]
-        beside = self._map(found.sides, np.array([w + move, w - move]))
+        beside = _map(found.sides, np.array([w + move, w - move]))
         is_edge = beside[0] != beside[1]
         if not is_edge.any():
             return ""
         sides = np.where(is_edge, beside, self._sides[k])
         at, way = np.array([w, w]), np.array([along, along])
-        values = self._map(found.values, at, sides)
-        slopes = self._map(found.slopes, at, sides, way)
+        values = _map(found.values, at, sides)
+        slopes = _map(found.slopes, at, sides, way)
         differs = _differ(values, self._values) or _differ(slopes, self._slopes[direction])
         return found.names[int(np.argmax(is_edge))] if differs else ""
 
     def _is_at_switch(self, w: np.ndarray) -> bool:
         """Whether one of the system's switches is zero there."""
-        found = np.abs(self._map(self._found.switches, w[None])[0])
+        found = np.abs(_map(self._found.switches, w[None])[0])
         return bool((found <= MET * self._switches).any())
 
     def over_edges(self) -> Iterator[Kink]:
@@ -233,7 +247,7 @@ class _Look:
             low, high = starts[open_], np.ones(open_.size)
             for _ in range(HALVINGS):
                 middle = (low + high) / 2
-                own = self._map(self._found.sides, a + (b - a) * middle[:, None])[:, may_jump]
+                own = _map(self._found.sides, a + (b - a) * middle[:, None])[:, may_jump]
                 is_before = (own == begin[open_]).all(axis=1)
                 low, high = np.where(is_before, middle, low), np.where(is_before, high, middle)
             for k, ends in zip(open_.tolist(), zip(low, high, strict=True), strict=True):
@@ -244,7 +258,7 @@ class _Look:
                     yield kink
                     return
             starts[open_] = high
-            begin[open_] = self._map(self._found.sides, a + (b - a) * high[:, None])[:, may_jump]
+            begin[open_] = _map(self._found.sides, a + (b - a) * high[:, None])[:, may_jump]
             open_ = open_[(begin[open_] != sides[last[open_]]).any(axis=1)]
 
     def _jump(self, first: int, low: float, high: float) -> Kink | None:
@@ -252,8 +266,8 @@ class _Look:
         found, motion = self._found, self._motion
         a, b = motion.w[first : first + 2]
         ends = np.array([a + (b - a) * low, a + (b - a) * high])
-        sides = self._map(found.sides, ends)
-        if not _differ(self._map(found.values, ends[[0, 0]], sides), self._values):
+        sides = _map(found.sides, ends)
+        if not _differ(_map(found.values, ends[[0, 0]], sides), self._values):
             return None
         if motion.ends_at_switches and self._is_at_switch(ends[0]):
             return None
@@ -264,7 +278,7 @@ class _Look:
         for way in motion.along[first : first + (1 if begins else 2)].reshape(-1, len(a)):
             largest = (np.abs(way) / self._sizes).max()
             move = way * (MOVED / largest if largest else 0.0)
-            moved = [self._map(found.sides, ends + sign * move) for sign in (1, -1)]
+            moved = [_map(found.sides, ends + sign * move) for sign in (1, -1)]
             if any((own[:, change] != sides[:, change]).any() for own in moved):
                 name = found.names[int(np.argmax(change))]
                 return Kink(int(motion.steps[first]), float(ends[1, 0]), name, True)

@@ -12,12 +12,14 @@ from liouville._basics.errors import Description, hinted, quoted
 from liouville._basics.job import AlphaTransposed, Job, WatchedSteps
 from liouville._methods import Composition, LobattoPair, Method
 from liouville._methods.control import Takes
+from liouville._runs.edges import jump_near
 from liouville._runs.mechanics.traced import TracedRunner
 from liouville._runs.runner import Request
 from liouville._solution.parts import AND
 from liouville._solution.tangents import Tangent
 from liouville._systems import Mechanical, Mechanics
 from liouville._systems.mechanics import motion as _motion
+from liouville._systems.mechanics.branches import branches
 from liouville._systems.mechanics.redundant import sizes
 
 if TYPE_CHECKING:
@@ -257,7 +259,7 @@ class MechanicalRunner(TracedRunner):
         return {"work": work, "dissipated": start + work - energy}
 
     def add_cause(self, error: dict[str, Any], t: np.ndarray, rows: np.ndarray) -> None:
-        """Name constraints nearly dependent where a step fails, or a tolerance near roundoff."""
+        """Name constraints nearly dependent, jumps near a step that fails, or a fine tolerance."""
         control = self.steps.control
         if error["kind"] == "step too small" and control and control[0] == "error":
             atol = float(control[2][0])
@@ -271,12 +273,28 @@ class MechanicalRunner(TracedRunner):
                 if names := self._stepped.nearly_dependent(at, point, params):
                     error["dependent"] = names
                     break
+            if (found := branches(self.system)) is not None:
+                last, before = (self._point(t[k], rows[k]) for k in (-1, max(-2, -len(t))))
+                gap, h = (
+                    t[-1] - t[max(-2, -len(t))],
+                    self.steps.mean(self.steps.t1, self.steps.count),
+                )
+                part = h / gap if gap and self.steps.control is None else 1.0
+                if name := jump_near(found, last, part * (last - before)):
+                    error["jump"] = name
+
+    def _point(self, t: float, row: np.ndarray) -> np.ndarray:
+        """Return time, states, multipliers and parameters at a record."""
+        parts = np.split(row, np.cumsum([*self.columns.values()])[:-1])
+        own = dict(zip(self.columns, parts, strict=True))
+        states = [own[name] for name in (*self.system.states, "lam") if name in own]
+        return np.concatenate([[t], *states, np.atleast_2d(self._each_values)[0]])
 
     def _described(self, error: dict[str, Any]) -> Description:
         own = self.system if error.get("part") is not None else self._stepped
         sentence, hint, quantity = self._described_by(own, error)
         node_schur = getattr(self._base, "solver", "") == "node-schur"
-        if error["kind"] == "not converged" and node_schur:
+        if error["kind"] == "not converged" and node_schur and "jump" not in error:
             hint += ", or solver='auto', which takes stiff forces too"
         return sentence, hint, quantity
 
