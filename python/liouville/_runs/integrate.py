@@ -14,9 +14,11 @@ from liouville._basics.options import by_name, started
 from liouville._basics.progress import Progress, reported
 from liouville._methods import Method
 from liouville._methods.control import CONTROLS, LEAST_TOLERANCE, Control, Takes
+from liouville._runs.choice import named as method_of
 from liouville._runs.choice import runner_of
 from liouville._runs.execute import checked
 from liouville._runs.runner import Request
+from liouville._runs.tangents import ALPHA
 from liouville._solution.solution import Solution
 from liouville._systems import Mechanics, System
 from liouville._systems.events import named
@@ -211,6 +213,10 @@ def _with_contacts(
     if steps.t1 <= steps.t0:
         raise ValueError("a run with contacts goes forwards in time: what has hit is not undone")
     request.every = count("every", request.every)
+    if not isinstance(request.states, bool):
+        raise TypeError(f"states must be True or False, not {request.states!r}")
+    # the alpha family counts work from each start
+    may_reset = not isinstance(method_of(system, method, request.rtol), ALPHA)
 
     with reported(progress, "of time") as report:
 
@@ -230,4 +236,4 @@ def _with_contacts(
                 report(found.t[-1] - steps.t0, steps.t1 - steps.t0)
             return found
 
-        return contacts.integrate(system, request, steps, stretch)
+        return contacts.integrate(system, request, steps, stretch, may_reset=may_reset)

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from liouville._basics.errors import hinted
 from liouville._solution.parts import system_of
+from liouville._solution.points import Points
 from liouville._solution.solution import Solution
 from liouville._systems import Mechanics
 from liouville._systems.events import sides_of
@@ -143,42 +143,57 @@ def _jumps(system: Mechanics, values: Array, solution: Solution) -> tuple[Array,
 
     The latter is None if no event has resets.
     """
-    observer, widths = system.observer(None, states=False)
-    place = sum([*widths.values()][: [*widths].index("invariant energy")])
-    times, changes = [np.empty(0)], [np.empty(0)]
     if solution.stretches:
-        own = _impacts(solution)
-        times, changes = [own[0]], [own[1]]
-    for points in solution.events.values():
-        sides = sides_of(points.states, system.states)
-        if sides is None:
-            continue
-        before, after = (
-            observer.map(values, [*map(np.ascontiguousarray, (points.t[:, None], *side))])[:, place]
-            for side in sides
-        )
-        times.append(points.t)
-        changes.append(after - before)
-    if not solution.stretches and len(times) == 1:
-        return times[0], None
-    at, change = np.concatenate(times), np.concatenate(changes)
+        at, change = _impacts(system, values, solution)
+    else:
+        own = [x for x in solution.events.values() if sides_of(x.states, system.states) is not None]
+        if not own:
+            return np.empty(0), None
+        at = np.concatenate([points.t for points in own])
+        before, after = np.hstack([_energies(system, values, points) for points in own])
+        change = after - before
     way = np.sign(solution.t[-1] - solution.t[0])
     # a record at the time of an event is that after its reset
     found: Array = (way * (solution.t[:, None] - at) >= 0) @ change
     return at, found
 
 
-def _impacts(solution: Solution) -> tuple[Array, Array]:
-    """Return the times of impacts of contacts, and what they have changed the energy by."""
-    runs = [run for run, _ in solution.stretches]
-    hits = [
-        (after.t[0], after.invariants["energy"][0] - before.invariants["energy"][-1])
-        for before, after in pairwise(runs)
-        # else the mode gave way within a step, where nothing jumps
-        if before.t[-1] == after.t[0] and solution.t[0] < after.t[0] <= solution.t[-1]
+def _energies(system: Mechanics, values: Array, points: Points) -> Array:
+    """Return the energies before resets and after them, in two rows."""
+    observer, widths = system.observer(None, states=False)
+    place = sum([*widths.values()][: [*widths].index("invariant energy")])
+    rows = [
+        observer.map(values, [*map(np.ascontiguousarray, (points.t[:, None], *side))])[:, place]
+        for side in sides_of(points.states, system.states) or ()
     ]
+    return np.array(rows)
+
+
+def _impacts(system: Mechanics, values: Array, solution: Solution) -> tuple[Array, Array]:
+    """Return the times of impacts of contacts, and what they have changed the energy by.
+
+    They are within stretches, where the core answers them, and between these. No energy jumps where
+    a mode gives way within a step.
+    """
+    runs = [run for run, _ in solution.stretches]
+    hits: list[tuple[float, float]] = []
+    for run, after in zip(runs, [*runs[1:], None], strict=True):
+        end = np.inf if after is None else after.t[0]
+        if after is not None and run.t[-1] == end:
+            hits.append((end, after.invariants["energy"][0] - run.invariants["energy"][-1]))
+        for points in run.events.values():
+            if len(points.t) and sides_of(points.states, system.states) is not None:
+                before, then = _energies(system, values, points)
+                changes = then - before
+                if after is not None:  # there the hit is answered anew
+                    changes = np.where(
+                        points.t == end, after.invariants["energy"][0] - before, changes
+                    )
+                counts = points.t <= end
+                hits += zip(points.t[counts], changes[counts], strict=True)
     times, changes = np.array(hits, dtype=float).reshape(-1, 2).T
-    return times, changes
+    inside = (solution.t[0] < times) & (times <= solution.t[-1])
+    return times[inside], changes[inside]
 
 
 def _powers_of_contacts(

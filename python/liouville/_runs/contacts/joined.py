@@ -11,8 +11,9 @@ import numpy as np
 from liouville._basics.errors import IntegrationError, hinted
 from liouville._runs.contacts.complementarity import Array
 from liouville._runs.contacts.margin import Shared
+from liouville._runs.contacts.mode import ModeSystem
 from liouville._runs.contacts.switching import AT_REST, Switching
-from liouville._runs.contacts.traced import Contacts, ModeSystem
+from liouville._runs.contacts.traced import Contacts
 from liouville._solution.contacts import ContactRecord
 from liouville._solution.parts import GROUPS
 from liouville._solution.points import Points
@@ -43,6 +44,8 @@ class Part:
     system: ModeSystem
     count: int
     shared: Sequence[Shared]
+    #: Its end, before that of the run where this does not count to its end.
+    until: float = np.inf
 
 
 @dataclass(frozen=True)
@@ -239,7 +242,8 @@ def _events(stretches: Sequence[Stretch]) -> dict[str, Points]:
             states = dict(points.states)
             if "lam" in states:
                 states["lam"] = states["lam"][:, system.own]
-            t = points.t
+            inside = points.t <= stretch.whole.until
+            t, states = points.t[inside], {key: x[inside] for key, x in states.items()}
             if (before := found.get(name)) is not None:
                 t = np.concatenate([before.t, t])
                 states = {key: np.concatenate([before.states[key], states[key]]) for key in states}

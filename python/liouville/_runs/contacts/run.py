@@ -9,11 +9,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from liouville._basics.errors import IntegrationError, hinted, quoted
+from liouville._runs.contacts.bouncing import LEAST, WINDOW, bounced
 from liouville._runs.contacts.complementarity import Array
 from liouville._runs.contacts.joined import PENETRATES, Part, Stretch, joined
 from liouville._runs.contacts.margin import Shared, shared
+from liouville._runs.contacts.mode import ModeSystem
 from liouville._runs.contacts.switching import EPS, ROUNDINGS, Switching
-from liouville._runs.contacts.traced import Contacts, Matrices, ModeSystem
+from liouville._runs.contacts.traced import Contacts, Matrices
 from liouville._runs.watch import given
 from liouville._systems.events import Event, named
 
@@ -49,10 +51,12 @@ def _recorded(*args: Any) -> Any:
 ENDING = Event(_recorded, "down", terminal=True)
 
 
-def integrate(system: Mechanics, request: Request, steps: Steps, make: Make) -> Solution:
+def integrate(
+    system: Mechanics, request: Request, steps: Steps, make: Make, *, may_reset: bool
+) -> Solution:
     """Integrate a system with contacts from a checked request, with these steps."""
     assert system.contacts is not None
-    course = Course(system.contacts, make, request, steps)
+    course = Course(system.contacts, make, request, steps, may_reset=may_reset)
     y, z = system.start(request.start)
     system.check(course.now.t, y, z, course.now.params)
     course.check(y, z)
@@ -87,10 +91,15 @@ class Course:
         What is asked for.
     steps : Steps
         The steps asked for.
+    may_reset : bool
+        Whether the method goes on after an event with a reset as after a start.
     """
 
-    def __init__(self, contacts: Contacts, make: Make, request: Request, steps: Steps) -> None:
+    def __init__(
+        self, contacts: Contacts, make: Make, request: Request, steps: Steps, *, may_reset: bool
+    ) -> None:
         self.contacts, self.make, self.request = contacts, make, request
+        self.may_reset = may_reset
         start, self.end = steps.t0, steps.t1
         self.steps, self.is_controlled = steps, steps.control is not None
         #: The longest step that a stretch begins with: a time scale of accelerations knows no rest.
@@ -107,6 +116,10 @@ class Course:
         #: The largest acceleration without contact forces at the beginning of a stretch.
         self.accelerated = 0.0
         self.events = named(request.events)
+        #: How often each was met.
+        self.met = dict.fromkeys(self.events, 0)
+        #: So many steps the next stretch through hits goes.
+        self.window = WINDOW
         #: The times of the records, where they are given.
         self.times = given(request.t_eval, (start, self.end), request.every)
         self.stretches: list[Stretch] = []
@@ -132,46 +145,98 @@ class Course:
         self.accelerated = max(self.accelerated, float(np.abs(at.free).max()))
         system = self.contacts.mode(now.modes, at)
         start = self._moved(system, at, y, z)
-        events = dict.fromkeys(system.own_events, ENDING)
         begin, (until, h) = now.t, self._limits(y, z)
-        asked = system, (now.t, until), h, {**events, **of_own(self.events, system)}, start
+        bounces = self._has_window(system, until)
+        if bounces and h is not None:
+            until = min(until, now.t + self.window * h)
+        asked = self._asked(system, (now.t, until), h, start, bounces=bounces)
         try:
             run = self.make(*asked)
         except IntegrationError as error:
+            if bounces:  # of a part that may not count
+                self.window = 0
+                return self.advance(y, z)
             if error.solution is not None and len(error.solution.t):
                 run = error.solution
                 now.t = float(run.t[-1])
-                self._keep(run, system, len(run.t), self._shared(run, system), asked)
+                whole = Part(run, system, len(run.t), self._shared(run, system), now.t)
+                self._keep(whole, asked)
             raise
-        count, now.t = len(run.t), float(run.t[-1])
+        end, changes = None, []
+        if bounces:
+            found = bounced(run, system, now, self.accelerated, (until, self.request.observe))
+            run, count, end, changes = found.run, found.count, found.end, found.changes
+            self.window = 2 * self.window if end is None else max(LEAST, self.window // 2)
+        else:
+            count = len(run.t)
+        now.t = float(run.t[-1])
         y, z = run.states[first][-1].copy(), run.states[second][-1].copy()
         forces = self._shared(run, system)
         if len(forces) > 1 and forces[-1].gives_way:
             count, now.t, (y, z) = self._torn(run, len(forces) - 1)
-        self._keep(run, system, count, forces, asked)
+        if end is not None:
+            now.t, y, z = end
+        for k, change in changes:
+            now.changes[k].append(change)
+        self._keep(Part(run, system, count, forces, now.t), asked)
         self._go_on(run, begin, h)
+        return y, z, self._ended(run, system)
+
+    def _ended(self, run: Solution, system: ModeSystem) -> set[int]:
+        """Take how a stretch ended; return the contacts whose slip came to zero there."""
+        now = self.now
+        is_whole = now.t == run.t[-1]
         if run.status != "done":
             self.status, self.ending = run.status, run.message
-        ends = [name for name, event in self.events.items() if event.terminal]
-        if any(now.t in run.events[name].t[-1:] for name in ends):
-            self.ending = run.message
-        stopped = {
+        for name, event in self.events.items():
+            met = int(np.sum(run.events[name].t <= now.t))
+            self.met[name] += met
+            if event.terminal and met and self.met[name] >= event.terminal and is_whole:
+                self.ending = run.message
+        return {
             k
             for name, (k, kind) in system.own_events.items()
             if kind == "stop" and now.t in run.events[name].t
         }
-        return y, z, stopped
 
-    def _keep(
-        self, run: Solution, system: ModeSystem, count: int, forces: list[Shared], asked: Any
-    ) -> None:
+    def _asked(
+        self,
+        system: ModeSystem,
+        span: tuple[float, float],
+        h: float | None,
+        start: dict[str, Array],
+        *,
+        bounces: bool,
+    ) -> tuple[Any, ...]:
+        """Return the arguments of a stretch."""
+        events = dict.fromkeys(system.own_events, ENDING)
+        if bounces:
+            events |= system.resets()
+        left = {
+            name: replace(event, terminal=int(event.terminal) - self.met[name])
+            if event.terminal
+            else event
+            for name, event in self.events.items()
+        }
+        return system, span, h, {**events, **of_own(left, system)}, start
+
+    def _has_window(self, system: ModeSystem, until: float) -> bool:
+        """Whether the next stretch goes through hits that the core answers."""
+        if self.is_controlled or not self.may_reset or until < self.end or not system.bounces:
+            return False
+        if self.window:
+            return True
+        self.window = LEAST  # once by the laws of contacts
+        return False
+
+    def _keep(self, whole: Part, asked: Any) -> None:
         """Keep a stretch; where times are given, it is made again with records at these."""
-        whole = Part(run, system, count, forces)
         if self.times is None:
             self.stretches.append(Stretch(whole))
             return
+        system = whole.system
         own = self.times[(asked[1][0] <= self.times) & (self.times <= self.now.t)]
-        kept = run
+        kept = whole.run
         if own.size:
             try:
                 kept = self.make(*asked, own)

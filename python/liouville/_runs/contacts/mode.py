@@ -1,0 +1,176 @@
+"""Systems in one mode of their contacts."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from liouville._basics import casadi as ca
+from liouville._runs.contacts.complementarity import Array
+from liouville._systems.events import Event, Impact
+from liouville._systems.mechanics.contact import Mode
+from liouville._systems.mechanics.form import Nonholonomic
+from liouville._systems.mechanics.general import Mechanics
+from liouville._systems.mechanics.traced import INVARIANT, SWITCH
+from liouville._systems.tape import record
+
+if TYPE_CHECKING:
+    from liouville._runs.contacts.traced import Contacts
+
+
+class ModeSystem(Mechanics):
+    """A system in one mode of its contacts: smooth, with the constraints and reactions of the mode.
+
+    Attributes
+    ----------
+    modes : tuple of Mode
+        What each contact does.
+    normals, tangents : dict of int to int
+        The places of the multipliers -N and -T among all, by the number of the contact.
+    own : ndarray
+        The places of the multipliers of the system's own constraints.
+    is_shared : bool
+        Whether more contacts bear than rows are independent: their forces are not determined.
+    own_events : dict of str to tuple
+        The events of the mode by name: the contact, and what happens there.
+    bounces : dict of str to int
+        The hits among them that the core answers by itself, and their contacts: of contacts without
+        friction that do not stay, where none is closed.
+    is_redundant : bool
+        Whether constraints of the system itself imply one another.
+    """
+
+    may_rest = True
+
+    def __init__(
+        self,
+        contacts: Contacts,
+        modes: tuple[Mode, ...],
+        rows: tuple[int, ...],
+        is_redundant: bool,
+    ) -> None:
+        base, c, its = contacts.system, len(modes), contacts.columns
+        s, model = base._symbols, base._model
+        self.modes, self.is_redundant = modes, is_redundant
+        stuck = sum(mode is Mode.STICK for mode in modes)
+        self.is_shared = len(rows) < stuck + sum(mode is not Mode.OPEN for mode in modes)
+        self._counts = len(base._holonomic), len(base.nonholonomic)
+        gaps = [k for k in rows if k < c]
+        slips = [k - c for k in rows if k >= c]
+        m, own = model.lam.numel(), model.nonholonomic
+        lam = ca.SX.sym("lam", m + len(gaps))
+        nu = ca.SX.sym("nu", own.nu.numel() + len(slips))
+        r = ca.substitute(model.r, model.lam, lam[:m]) if m else model.r
+        for place, k in enumerate(gaps):
+            friction = contacts.friction[k] * modes[k].sign
+            across = its["across"][k, :].T
+            r += (-across + friction * its["along"][k, :].T) * lam[m + place]
+        count = own.nu.numel()
+        rn = ca.substitute(own.rn, own.nu, nu[:count]) if count else ca.SX(s.y.numel(), 1)
+        for place, k in enumerate(slips):
+            rn -= its["along"][k, :].T * nu[count + place]
+        names = contacts.names
+        holonomic = base.constraints[:m] + tuple(names[k] for k in gaps)
+        rolling = base.nonholonomic + tuple(f"{names[k]} sticks" for k in slips)
+        self.normals = {k: m + place for place, k in enumerate(gaps)}
+        first = m + len(gaps)
+        self.tangents = {k: first + own.nu.numel() + place for place, k in enumerate(slips)}
+        self.own = np.r_[np.arange(m), first + np.arange(own.nu.numel())].astype(int)
+        columns = base._expressions.columns
+        invariants = {name: columns[INVARIANT + name] for name in base.invariants}
+        rows_g = [its["phi"][k] for k in gaps]
+        power = columns.get("power")
+        if power is not None:
+            power = ca.substitute(power, model.lam, lam[:m]) if m else power
+            drives = contacts.drives
+            for place, k in enumerate(gaps):
+                friction = contacts.friction[k] * modes[k].sign
+                power += lam[m + place] * (friction * drives[len(modes) + k] - drives[k])
+        super().__init__(
+            s,
+            replace(
+                model,
+                r=r,
+                g=ca.vertcat(model.g, *rows_g),
+                lam=lam,
+                is_ideal=model.is_ideal and not any(mode.sign for mode in modes),
+                nonholonomic=Nonholonomic(
+                    ca.vertcat(own.k, *(its["slips"][k] for k in slips)), rn, nu
+                ),
+                g_y=None,
+            ),
+            states=base.states,
+            coordinates=base.coordinates,
+            constraints=holonomic + rolling,
+            invariants=invariants,
+            power=power,
+            switches={name: columns[SWITCH + name] for name in base.switch_tapes},
+        )
+        # friction and impacts take from the energy, and walls that move may give
+        self.is_conservative, self.may_only_lose = False, False
+        self.own_events: dict[str, tuple[int, str]] = {}
+        self._tapes_of_events: dict[str, Any] = {}
+        self._record_events(contacts)
+        self.bounces: dict[str, int] = {}
+        self._resets: dict[str, Event] = {}
+        self._tapes_of_resets: dict[str, Any] = {}
+        if not any(modes):
+            self._add_resets(contacts)
+
+    def _record_events(self, contacts: Contacts) -> None:
+        """Record the functions whose fall to zero ends the mode."""
+        found: dict[str, tuple[int, str, ca.SX]] = {}
+        multipliers = self._multipliers
+        for k, (name, mode) in enumerate(zip(contacts.names, self.modes, strict=True)):
+            if mode is Mode.OPEN:
+                found[f"{name}: hit"] = k, "hit", contacts.columns["phi"][k]
+                continue
+            if mode.sign:
+                found[f"{name}: stop"] = k, "stop", mode.sign * contacts.columns["slips"][k]
+            if self.is_shared:
+                continue  # how long forces last is found by the margin
+            normal = -multipliers[self.normals[k]]
+            found[f"{name}: leave"] = k, "leave", normal
+            if mode is Mode.STICK:
+                tangent, most = -multipliers[self.tangents[k]], contacts.static[k] * normal
+                found[f"{name}: tear up"] = k, "tear", most - tangent
+                found[f"{name}: tear down"] = k, "tear", most + tangent
+        inputs = self._symbols.inputs(z=self._symbols.z, lam=multipliers)
+        for name, (k, kind, value) in found.items():
+            self.own_events[name] = k, kind
+            needs = kind in ("leave", "tear")
+            self._tapes_of_events[name] = record(f"event '{name}'", inputs, value), needs, None
+
+    def _add_resets(self, contacts: Contacts) -> None:
+        """Let hits of contacts without friction be events with an impact."""
+        for name, (k, _) in self.own_events.items():
+            if contacts.restitution[k] and not contacts.static[k]:
+                self.bounces[name] = k
+                gap = contacts.columns["phi"][k]
+                impact = Impact(float(contacts.restitution[k]))
+                self._resets[name] = Event(lambda *_, gap=gap: gap, "down", reset=impact)
+
+    def resets(self) -> dict[str, Event]:
+        """Return the events of hits that the core answers by itself."""
+        for name, event in self._resets.items():
+            if name not in self._tapes_of_resets:
+                self._tapes_of_resets[name] = super().event(name, event)
+        return self._resets
+
+    def stepped(  # type: ignore[override]
+        self, t: float, y: Array, z: Array, params: Array
+    ) -> Mechanics:
+        """Return the system without redundant constraints, which are its own ones."""
+        return super().stepped(t, y, z, params) if self.is_redundant else self
+
+    def rows_of(self, residual: str) -> int:
+        """Return how many rows of residuals are those of the system itself."""
+        return self._counts[residual == "nonholonomic"]
+
+    def event(self, name: str, event: Event) -> Any:
+        """Return the tapes of an event, those of the mode as they were recorded."""
+        tapes = self._tapes_of_events if event.reset is None else self._tapes_of_resets
+        own = tapes.get(name)
+        return own if own is not None else super().event(name, event)
