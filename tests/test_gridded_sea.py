@@ -9,7 +9,7 @@ import xarray
 from scipy.io import netcdf_file
 
 import liouville as lv
-from liouville._systems.fields.gridded import conventions, potential, reading
+from liouville._systems.fields.gridded import conventions, names, potential, reading
 
 V = lv.VolumeSplitting
 
@@ -375,7 +375,8 @@ def test_dates_of_other_calendars_are_times():
     sea = {name: reading.Variable(name, data[name].dims, data[name].values, data[name].attrs)
            for name in data.variables}  # fmt: skip
     sea["time"] = reading.Variable("time", ("time",), dates)
-    assert conventions.arguments(sea, {"u": None, "v": None}, {})["t"][-1] == 20 * 86400
+    components = names.components(sea, {"u": None, "v": None})
+    assert conventions.arguments(sea, components, {})["t"][-1] == 20 * 86400
 
 
 @pytest.mark.parametrize(

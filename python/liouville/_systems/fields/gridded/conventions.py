@@ -2,125 +2,66 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from liouville._basics.errors import hinted
-from liouville._systems.fields.dates import Dates
-from liouville._systems.fields.gridded import sphere, units
+from liouville._systems.fields.gridded import names, sphere, units
 from liouville._systems.fields.gridded.axis import Array
+from liouville._systems.fields.gridded.places import letters_of, place
 from liouville._systems.fields.gridded.reading import Variable, Variables
-
-#: Names of the components, and what CF's standard names of them contain.
-COMPONENTS = {
-    "u": (("u", "uo", "U", "vozocrtx"), r"eastward_.*(velocity|wind)|x_(velocity|wind)"),
-    "v": (("v", "vo", "V", "vomecrty"), r"northward_.*(velocity|wind)|y_(velocity|wind)"),
-    "w": (("w", "wo", "W"), r"(up|down)ward_.*(velocity|air)|z_velocity"),
-}
-
-#: Names of levels that count downwards where the attribute ``positive`` says nothing.
-DOWNWARD = ("depth", "deptht", "depthu", "depthv", "depthw")
-
-#: Names, standard names and units by which an axis is known.
-AXES = {
-    "X": (("x", "lon", "longitude", "nav_lon"), ("longitude", "projection_x_coordinate")),
-    "Y": (("y", "lat", "latitude", "nav_lat"), ("latitude", "projection_y_coordinate")),
-    "Z": (
-        ("z", "height", "lev", "level", "altitude", *DOWNWARD),
-        ("depth", "height", "altitude"),
-    ),
-    "T": (("t", "time", "time_counter"), ("time",)),
-}
-
-#: Longitudes and latitudes by their names.
-ANGLES = ("lon", "longitude", "nav_lon", "lat", "latitude", "nav_lat")
-
-#: Names of levels that count upwards where the attribute ``positive`` says nothing.
-UPWARD = ("z", "height", "altitude")
-
-#: What helps on curvilinear grids.
-RECTANGULAR = "curvilinear grids are not taken: interpolate to a rectangular one"
-
-#: Units of angles that are no degrees.
-RADIANS = ("rad", "radian", "radians")
 
 
 def arguments(
-    variables: Variables, given: Mapping[str, str | None], options: Mapping[str, Any]
+    variables: Variables, components: dict[str, Variable], options: Mapping[str, Any]
 ) -> dict[str, Any]:
-    """Return the arguments of a gridded field for a data set."""
-    found = {key: _component(variables, key, name) for key, name in given.items()}
-    components = {key: x for key, x in found.items() if x is not None}
-    for key in ("u", "v"):
-        if key not in components:
-            known = ", ".join(variables)
-            sentence = f"the data set has no component {key} of a velocity; it has {known}"
-            raise ValueError(hinted(sentence, f"name it: {key}='...'"))
+    """Return the arguments of a gridded field for components at the same points."""
     first = components["u"]
-    _check_places(variables, first, components["v"])
+    variables = _with_places(variables, first)
     axes = _axes(variables, first)
     if "Z" not in axes:
         components.pop("w", None)
     order = [key for key in "TXYZ" if key in axes]
     arrays = [_ordered(x, axes, order) for x in components.values()]
     space = [axes[key] for key in order if key != "T"]
-    is_sphere = _is_sphere(space, first, options)
-    _check_units(components, space, is_sphere)
+    made = frame(components, space, axes.get("T"), options)
+    is_sphere = made["coordinates"] == "spherical"
     if "Z" in axes and "w" not in components:
         _check_without_w(first, axes["Z"], is_sphere, options)
         arrays.append(np.zeros_like(arrays[0]))
-    elif "Z" in axes and _is_against(axes["Z"], components["w"], arrays[-1]):
+    elif "Z" in axes and names.is_against(axes["Z"], components["w"], arrays[-1]):
         arrays[-1] = -arrays[-1]
-    made: dict[str, Any] = {
-        "xyz": [np.asarray(axis.values) for axis in space],
-        "velocity": arrays,
-    }
-    if "T" in axes:
-        made["t"] = _times(axes["T"], first)
-        made["dates"] = _dates(axes["T"], first)
-    if is_sphere:
-        metres = units.needed(first.name, first.units)[0]
-        made |= {"coordinates": "spherical", "radius": sphere.EARTH / metres}
-        made["xyz"] = [_degrees(axis) for axis in space[:2]]
-        made["height"] = _unit_of_heights(space[2], first) / metres if space[2:] else 1.0
-        made["xyz"] += [np.asarray(axis.values) * made["height"] for axis in space[2:]]
-        made["level"] = _said_of(space[2]) if space[2:] else {}
-        made["names"] = ("lon", "lat", *(axis.name for axis in space[2:]))
-    else:
-        made["names"] = tuple(axis.name for axis in space)
-    names = dict(zip((axis.name for axis in space), made["names"], strict=True))
-    made |= {key: _renamed(key, x, names, options) for key, x in options.items()}
+    made["velocity"] = arrays
+    known = {axis.name: name for axis, name in zip(space, made["names"], strict=True)}
+    made |= {key: names.renamed(key, x, known, options) for key, x in options.items()}
     return sphere.closed(made) if is_sphere else made
 
 
-def _renamed(key: str, value: Any, names: Mapping[str, str], options: Mapping[str, Any]) -> Any:
-    """Return names of axes as the field has them, where they may be those of the data set."""
-    if key not in ("walls", "periodic") or "names" in options:
-        return value
-    if isinstance(value, Mapping):
-        return {names.get(name, name): period for name, period in value.items()}
-    given = (value,) if isinstance(value, str) else value
-    return tuple(names.get(name, name) for name in given)
-
-
-def _component(variables: Variables, key: str, name: str | None) -> Variable | None:
-    if name is not None:
-        if name not in variables:
-            known = ", ".join(variables)
-            raise ValueError(f"the data set has no variable {name!r}; it has {known}")
-        return variables[name]
-    names, pattern = COMPONENTS[key]
-    standard = [
-        x for x in variables.values() if re.search(pattern, str(x.attrs.get("standard_name", "")))
-    ]
-    if len(standard) > 1:
-        found = ", ".join(x.name for x in standard)
-        raise ValueError(hinted(f"{key} may be one of {found}", f"name it: {key}='...'"))
-    named = [variables[each] for each in names if each in variables]
-    return next(iter(standard or named), None)
+def frame(
+    components: Mapping[str, Variable],
+    space: Sequence[Variable],
+    time: Variable | None,
+    options: Mapping[str, Any],
+) -> dict[str, Any]:
+    """Return the arguments of a gridded field that follow from its axes and units."""
+    first, is_sphere = components["u"], _is_sphere(space, components["u"], options)
+    _check_units(components, space, is_sphere)
+    made: dict[str, Any] = {"coordinates": "spherical" if is_sphere else "cartesian"}
+    if time is not None:
+        made |= {"t": names.times(time, first), "dates": names.dates(time, first)}
+    if not is_sphere:
+        made["xyz"] = [np.asarray(axis.values) for axis in space]
+        return made | {"names": tuple(axis.name for axis in space)}
+    metres = units.needed(first.name, first.units)[0]
+    made["radius"] = sphere.EARTH / metres
+    made["height"] = names.unit_of_heights(space[2], first) / metres if space[2:] else 1.0
+    made["xyz"] = [names.degrees(axis) for axis in space[:2]]
+    made["xyz"] += [np.asarray(axis.values) * made["height"] for axis in space[2:]]
+    made["level"] = names.said_of(space[2]) if space[2:] else {}
+    return made | {"names": ("lon", "lat", *(axis.name for axis in space[2:]))}
 
 
 def _axes(variables: Variables, component: Variable) -> dict[str, Variable]:
@@ -138,10 +79,10 @@ def _axes(variables: Variables, component: Variable) -> dict[str, Variable]:
             if size == 1:
                 continue
             sentence = f"dimension '{dim}' of '{component.name}' has no coordinate of its own"
-            raise ValueError(hinted(sentence, RECTANGULAR))
+            raise ValueError(hinted(sentence, "add it: dataset.assign_coords(...)"))
         if size == 1:
             continue
-        letter = _letter(own)
+        letter = names.letter(own)
         if letter is None or letter in found:
             unknown.append(own)
         else:
@@ -155,41 +96,13 @@ def _axes(variables: Variables, component: Variable) -> dict[str, Variable]:
         raise ValueError(hinted(sentence, hint))
     if missing:
         for dim in component.dims:
-            if dim in variables and _letter(variables[dim]) == missing[0]:  # left out before
+            if dim in variables and names.letter(variables[dim]) == missing[0]:  # left out before
                 sentence = f"'{component.name}' has one node along '{dim}', and a field is no line"
                 raise ValueError(hinted(sentence, "choose several nodes along two axes at least"))
         dims = ", ".join(component.dims)
         sentence = f"'{component.name}' has no {missing[0]} axis among {dims}"
         raise ValueError(hinted(sentence, 'say so by an attribute: axis="X"'))
     return found
-
-
-def _letter(axis: Variable) -> str | None:
-    """Return X, Y, Z or T, by CF's attributes or else by the name."""
-    said = str(axis.attrs.get("axis", "")).upper()
-    if said in AXES:
-        return said
-    standard = str(axis.attrs.get("standard_name", ""))
-    for letter, (names, standards) in AXES.items():
-        if standard in standards or axis.name.lower() in names:
-            return letter
-    if " since " in axis.units or np.asarray(axis.values).dtype.kind in "mM":
-        return "T"
-    return None
-
-
-def _is_angle(axis: Variable) -> bool:
-    unit = axis.units.lower()
-    return unit.startswith("degree") or unit in RADIANS or _is_named(axis, ANGLES)
-
-
-def _is_named(x: Variable, known: Sequence[str]) -> bool:
-    return x.name.lower() in known or str(x.attrs.get("standard_name", "")) in known
-
-
-def _degrees(axis: Variable) -> Array:
-    values = np.asarray(axis.values)
-    return np.degrees(values) if axis.units.lower() in RADIANS else values
 
 
 def _is_sphere(space: Sequence[Variable], first: Variable, options: Mapping[str, Any]) -> bool:
@@ -199,7 +112,7 @@ def _is_sphere(space: Sequence[Variable], first: Variable, options: Mapping[str,
     """
     if options.get("coordinates", "spherical") != "spherical":
         return False
-    angles = [axis.name for axis in space[:2] if _is_angle(axis)]
+    angles = [axis.name for axis in space[:2] if names.is_angle(axis)]
     if not angles:
         return False
     if len(angles) == 1:
@@ -207,35 +120,6 @@ def _is_sphere(space: Sequence[Variable], first: Variable, options: Mapping[str,
         sentence = f"'{angles[0]}' is an angle, and '{other}' is none"
         raise ValueError(hinted(sentence, f"say its unit: dataset['{other}'].attrs['units']"))
     return True
-
-
-def _said_of(axis: Variable) -> dict[str, str]:
-    """Return the attributes of CF for levels: unit, standard name, and direction."""
-    known = ("units", "standard_name", "positive")
-    said = {"units": "m"} | {key: str(axis.attrs[key]) for key in known if axis.attrs.get(key)}
-    if (is_down := _axis_is_down(axis)) is not None:
-        usual = ("down", "depth") if is_down else ("up", "height")
-        said = dict(zip(("positive", "standard_name"), usual, strict=True)) | said
-    return said
-
-
-def _unit_of_heights(axis: Variable, first: Variable) -> float:
-    """Return the unit of heights or depths in metres.
-
-    Raises
-    ------
-    ValueError
-        They are no lengths: pressures, densities, or the numbers of levels.
-    """
-    own = units.length(axis.units)
-    if own is None and axis.units.lower() in units.NONE and _is_named(axis, (*DOWNWARD, *UPWARD)):
-        own = 1.0
-    if own is None:
-        what = f"in {axis.units!r}" if axis.units else "without a unit"
-        sentence = f"'{first.name}' has levels along '{axis.name}' {what}, which are no lengths"
-        hint = f"choose one: dataset.isel({axis.name}=0), or interpolate to depths in metres"
-        raise ValueError(hinted(sentence, hint))
-    return own
 
 
 def _check_without_w(
@@ -255,79 +139,32 @@ def _check_without_w(
     raise ValueError(hinted(sentence, hint))
 
 
-def _is_against(axis: Variable, w: Variable, values: Array) -> bool:
-    """Return whether the component w is against its axis, upward on one of depths or so.
+def _with_places(variables: Variables, u: Variable) -> Variables:
+    """Return the variables with longitudes and latitudes of two dimensions along one of them each.
 
     Raises
     ------
     ValueError
-        One of them has a direction, and the other says none.
+        They depend on both: the grid is curvilinear.
     """
-    levels, velocity = _axis_is_down(axis), _is_down(w)
-    if levels == velocity or not np.any(values):
-        return False
-    if levels is None:
-        way = "downward" if velocity else "upward"
-        sentence = f"'{w.name}' is {way}, and '{axis.name}' does not say which way it counts"
-        hint = f"say so: dataset['{axis.name}'].attrs['positive'] = 'down', or 'up'"
-        raise ValueError(hinted(sentence, hint))
-    if velocity is None and levels:
-        sentence = f"'{axis.name}' counts downwards, and '{w.name}' does not say which way it is"
-        hint = f"say so: dataset['{w.name}'].attrs['standard_name'] = 'upward_sea_water_velocity'"
-        raise ValueError(hinted(sentence, hint))
-    return velocity is not None
-
-
-def _axis_is_down(axis: Variable) -> bool | None:
-    """Return whether an axis of levels counts downwards, None where nothing says it."""
-    said = str(axis.attrs.get("positive", "")).lower()
-    if said in ("up", "down"):
-        return said == "down"
-    if _is_named(axis, DOWNWARD):
-        return not np.any(np.asarray(axis.values) < 0)
-    return False if _is_named(axis, UPWARD) else None
-
-
-def _is_down(w: Variable) -> bool | None:
-    """Return whether a vertical velocity is downward by its names, None where they do not say."""
-    for words in (str(w.attrs.get(key, "")).lower() for key in ("standard_name", "long_name")):
-        if ("upward" in words) != ("downward" in words):
-            return "downward" in words
-    return None
-
-
-def _check_places(variables: Variables, u: Variable, v: Variable) -> None:
-    """Refuse the points of a C-grid, and curvilinear grids whose axes are mere numbers."""
-    dims = [
-        {dim for dim, size in zip(x.dims, np.shape(x.values), strict=True) if size > 1}
-        for x in (u, v)
-    ]
-    if dims[0] != dims[1]:
-        sentence = (
-            f"'{u.name}' is on {', '.join(u.dims)} and '{v.name}' on {', '.join(v.dims)}: other "
-            "points of a C-grid"
-        )
-        hint = (
-            "give what flows through the faces of cells, each velocity times the length of its "
-            "face: lv.GriddedField(x, y, fluxes=...); or interpolate both to the same points"
-        )
-        raise ValueError(hinted(sentence, hint))
-    for x in variables.values():
-        if np.ndim(x.values) < 2 or not (_is_named(x, ANGLES) or "degrees_" in x.units.lower()):
-            continue
-        bare = [
-            dim for dim in x.dims if dim in dims[0] and np.shape(x.values)[x.dims.index(dim)] > 1
-            and (dim not in variables or _is_bare(variables[dim]))
-        ]  # fmt: skip
-        if len(bare) > 1:
-            sentence = f"'{x.name}' depends on {' and '.join(bare)}: the grid is curvilinear"
-            raise ValueError(hinted(sentence, RECTANGULAR))
-
-
-def _is_bare(axis: Variable) -> bool:
-    """Return whether an axis has numbers without a unit, and no name that says what they are."""
-    is_named = _is_angle(axis) or "projection" in str(axis.attrs.get("standard_name", ""))
-    return axis.units.lower() in units.NONE and not is_named
+    sizes = zip(u.dims, np.shape(u.values), strict=True)
+    dims = {dim for dim, size in sizes if size > 1}
+    bare = {dim for dim in dims if dim not in variables or names.is_bare(variables[dim])}
+    places = [
+        x for x in variables.values()
+        if names.is_named(x, names.ANGLES) or "degrees_" in x.units.lower()
+    ]  # fmt: skip
+    if not any(len(bare & set(x.dims)) > 1 for x in places):
+        return variables
+    letters = letters_of(variables, u)
+    found = dict(variables)
+    for letter in "XY":
+        if letter in letters and letters[letter] in bare:
+            x = place(variables, "w", letters, letter)
+            found[letters[letter]] = replace(
+                x, name=letters[letter], attrs={**x.attrs, "axis": letter}
+            )
+    return found
 
 
 def _ordered(x: Variable, axes: Mapping[str, Variable], order: Sequence[str]) -> Array:
@@ -337,7 +174,7 @@ def _ordered(x: Variable, axes: Mapping[str, Variable], order: Sequence[str]) ->
     for dim in [dim for dim in dims if dim not in wanted]:
         if values.shape[dims.index(dim)] != 1:
             sentence = f"'{x.name}' is on axes {', '.join(x.dims)}, and not on those of the others"
-            hint = "for faces of a C-grid take lv.GriddedField(..., fluxes=...)"
+            hint = "interpolate it to the points of the others"
             raise ValueError(hinted(sentence, hint))
         values = values.take(0, axis=dims.index(dim))
         dims.remove(dim)
@@ -367,19 +204,3 @@ def _check_units(
                 f": dataset['{axis.name}'] * {own / rate[0]:g}" if own else ""
             )
             raise ValueError(hinted(sentence, hint))
-
-
-def _times(axis: Variable, velocity: Variable) -> Array:
-    """Return the times in the velocity's unit of time, dates from the first one on."""
-    values = np.asarray(axis.values)
-    found = units.seconds(axis.name, axis.units, values)
-    if found is None:
-        return np.asarray(values, dtype=float)
-    return found / units.needed(velocity.name, velocity.units)[1]
-
-
-def _dates(axis: Variable, velocity: Variable) -> Dates | None:
-    """Return the date of the first time, None where times are no dates."""
-    known = units.velocity(velocity.units)
-    calendar = str(axis.attrs.get("calendar", "")).lower()
-    return units.dates(np.asarray(axis.values), axis.units, calendar, known[1] if known else 1.0)

@@ -106,9 +106,9 @@ class Given:
         if land is None:
             return None, None
         cells = land if what == "fluxes" else islands.cells_of_nodes(land, axes)
-        if len(axes) == 3:
+        if len(axes) == 3 and cells.any():
             checks.check_floor(cells, axes)
-        return (None if what == "fluxes" else land), cells
+        return (None if what == "fluxes" else land), cells if cells.any() else None
 
     def stepped(self) -> list[Axis]:
         """Return the axes in the coordinates that are stepped."""

@@ -13,7 +13,14 @@ from numpy.typing import ArrayLike
 
 from liouville._basics.errors import hinted
 from liouville._systems.fields.dates import Dates
-from liouville._systems.fields.gridded import checks, conventions, islands, reading
+from liouville._systems.fields.gridded import (
+    checks,
+    conventions,
+    islands,
+    names,
+    reading,
+    staggered,
+)
 from liouville._systems.fields.gridded.axis import Array
 from liouville._systems.fields.gridded.coordinates import KINDS, Coordinates
 from liouville._systems.fields.gridded.data import Given
@@ -219,10 +226,14 @@ class GriddedField(PlaneField):
             "eastward_sea_water_velocity", or by names such as "u"; axes by the attribute ``axis``,
             standard names, units, or names such as "x", "lon", "time". NaN is land. An upward
             velocity is turned where levels count downwards, by the attribute ``positive`` or by
-            names such as "depth".
+            names such as "depth". Components on the faces of a C-grid, as MITgcm, NEMO and ROMS
+            have them, are taken as what flows through these faces, by the lengths and thicknesses
+            of the data set where it has them: "dyG", "hFacW", "e2u", "e3u" and so on. Longitudes
+            and latitudes may have two dimensions if they depend on one each.
         u, v, w : str, optional
             Names of the components, if they are to be others. Without levels there is no w; with
-            levels on the earth that have walls w may be missing, and follows from u and v.
+            levels on the earth that have walls w may be missing, and follows from u and v; so it
+            does on a C-grid whose data say between which levels its cells are.
         **options
             As for :class:`GriddedField`: ``walls``, ``periodic``, ``degree`` and so on, with the
             names of axes as the data set has them or as the field has them. Of longitudes and
@@ -242,7 +253,7 @@ class GriddedField(PlaneField):
             It is no data set.
         ValueError
             A component or an axis is not found, units do not fit or are not known, a grid is
-            curvilinear or a C-grid, or as for the class.
+            curvilinear, the faces and centres of a C-grid do not alternate, or as for the class.
 
         Warns
         -----
@@ -294,7 +305,10 @@ class GriddedField(PlaneField):
         given: Mapping[str, str | None],
         options: Mapping[str, Any],
     ) -> Self:
-        made = conventions.arguments(variables, given, options)
+        components = names.components(variables, given)
+        is_staggered = staggered.is_staggered(variables, components)
+        read = staggered.arguments if is_staggered else conventions.arguments
+        made = read(variables, components, options)
         dates, height = made.pop("dates", None), made.pop("height", 1.0)
         level = made.pop("level", {})
         found = cls(*made.pop("xyz"), **made)

@@ -38,26 +38,35 @@ def closed(made: Mapping[str, Any]) -> dict[str, Any]:
     lon, lat, *levels = made["xyz"]
     lon, keep = in_order(lon), [slice(None)] * len(made["xyz"])
     step, whole = _steps(lon)
-    has_walls = "lon" in _names(made.get("walls", ()))
+    has_walls = "lon" in names(made.get("walls", ()))
     if abs(whole - ROUND) < MEETS * step and not has_walls:
         _check_one(made["velocity"], lon, -len(keep))
         keep[0], whole = slice(-1), whole - step
     if abs(whole + step - ROUND) < MEETS * step and not has_walls:
         made.setdefault("periodic", ("lon",))
-    if np.abs(lat).max() > 90 * (1 - POLE):
-        inner = np.flatnonzero(np.abs(lat) <= LAST)
-        keep[1] = slice(inner[0], inner[-1] + 1) if inner.size else slice(0)
-        ends = np.sort(lat[keep[1]])[[0, -1]] if inner.size else lat[:2]
-        warnings.warn(
-            f"latitudes were cut at {ends[0]:g} and {ends[1]:g}: coordinates are singular at the "
-            "poles",
-            stacklevel=5,
-        )
+    keep[1] = inner(lat, 6)
     made["xyz"] = [lon[keep[0]], lat[keep[1]], *levels]
     made["velocity"] = [x[(..., *keep)] for x in made["velocity"]]
     if made.get("mask") is not None and np.shape(made["mask"])[:2] == (lon.size, lat.size):
         made["mask"] = np.asarray(made["mask"])[tuple(keep)]
     return made
+
+
+def inner(lat: Array, depth: int) -> slice:
+    """Return the latitudes before the poles, all of them but for data that reach a pole.
+
+    A warning is about a call so many frames above.
+    """
+    if np.abs(lat).max() <= 90 * (1 - POLE):
+        return slice(None)
+    kept = np.flatnonzero(np.abs(lat) <= LAST)
+    part = slice(int(kept[0]), int(kept[-1]) + 1) if kept.size else slice(0)
+    ends = np.sort(lat[part])[[0, -1]] if kept.size else lat[:2]
+    warnings.warn(
+        f"latitudes were cut at {ends[0]:g} and {ends[1]:g}: coordinates are singular at the poles",
+        stacklevel=depth,
+    )
+    return part
 
 
 def in_order(longitudes: Array) -> Array:
@@ -89,5 +98,6 @@ def _check_one(arrays: list[Array], longitudes: Array, axis: int) -> None:
             raise ValueError(hinted(sentence, "leave one of them out"))
 
 
-def _names(given: Any) -> tuple[str, ...]:
+def names(given: Any) -> tuple[str, ...]:
+    """Return names, of which one may be given by itself."""
     return (given,) if isinstance(given, str) else tuple(given)
