@@ -327,7 +327,9 @@ class WaveRunner(Runner):
         if not self.system.may_absorb or not len(rows):
             return {}
         norm = rows[..., 2 * self.system.size if self._states else 0]
-        share = 1 - (norm[-1] / norm[0]) ** 2
+        # an absorber that is zero takes nothing, and no other one less than that
+        lost = 1 - (norm[-1] / norm[0]) ** 2
+        share = np.fmax(0.0, lost) if self.system.absorber is not None else np.zeros_like(lost)
         return {"absorbed": share if self.members else float(share)}
 
     @property
