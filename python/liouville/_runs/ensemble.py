@@ -36,6 +36,7 @@ def ensemble(
     steps: int | None = None,
     every: int = 1,
     t_eval: ArrayLike | None = None,
+    release: ArrayLike | None = None,
     events: Mapping[str, Any] | None = None,
     observe: Mapping[str, Any] | None = None,
     params: Mapping[str, ArrayLike] | None = None,
@@ -68,6 +69,10 @@ def ensemble(
         As for :func:`integrate`; with events, and on constraints with `t_eval`, members are not in
         lock-step. What is kept of all members is what takes memory: ``every=steps`` keeps starts
         and ends, ``states=False`` only invariants and `observe`.
+    release : array_like, shape (P,), optional
+        Times of release of the members of a field, from the start of the run to before its end, or
+        dates: a member begins there with its start values, and what it has before is NaN. All end
+        together, each by equal steps. A drift of an invariant is counted from its own release.
     params : mapping, optional
         Parameters that differ from the defaults. They may have a further, first axis of members: a
         number as shape (P,), a vector of j numbers as (P, j). Fields of such members are split
@@ -128,6 +133,15 @@ def ensemble(
         params=params, states=states, tangents=tangents, threads=threads, start=given,
         is_ensemble=True,
     )  # fmt: skip
+    if release is not None:
+        # imported here: few ensembles have times of release
+        from liouville._runs.released import released
+
+        if executor is not None:
+            sentence = "an ensemble on an executor must have one start, and no release="
+            hint = "leave executor= out: threads of this process take the members"
+            raise TypeError(hinted(sentence, hint))
+        return released(system, method, request, release, progress)
     runner = runner_of(system, method, request)
     if executor is None:
         if chunk is not None:

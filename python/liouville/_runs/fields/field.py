@@ -227,6 +227,22 @@ class FieldRunner(Runner):
         assert order is not None, "a plan leaves nothing open"
         return method, order, h
 
+    @property
+    def record_times(self) -> np.ndarray:
+        """The times of the records: the given ones, or those of kept steps."""
+        steps = self.steps
+        if self._watch.times is not None:
+            return self._watch.times
+        made = np.unique([*range(0, steps.count, self.every), steps.count])
+        times = steps.t0 + made * steps.mean(steps.t1, steps.count)
+        times[-1] = steps.t1
+        return np.asarray(times)
+
+    def remark_on(self, t: np.ndarray, x: np.ndarray) -> str:
+        """Return sentences on starts and records that cannot be right; by default none."""
+        del t, x
+        return ""
+
     def start(self) -> _core.Run | dict[str, Any]:
         """Start the run, or return the error of its start."""
         return _core.run(to_core(self.split), self.choice.method, self.job)

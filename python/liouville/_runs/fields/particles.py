@@ -37,7 +37,11 @@ class ParticleRunner(FieldRunner):
 
     def remark(self, run: _core.Run, t: np.ndarray, rows: np.ndarray) -> str:
         """Return sentences on a run that cannot be right, as gyrations have too few steps."""
-        return "; ".join(filter(None, [super().remark(run, t, rows), self._too_long(t, rows)]))
+        return "; ".join(filter(None, [super().remark(run, t, rows), self.remark_on(t, rows)]))
+
+    def remark_on(self, t: np.ndarray, x: np.ndarray) -> str:
+        """Return a sentence on gyrations that have too few steps."""
+        return self._too_long(t, x)
 
     def _too_long(self, t: np.ndarray, rows: np.ndarray) -> str:
         """Say where a gyration has the fewest steps, if too few; some of many records are taken."""

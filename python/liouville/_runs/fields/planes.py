@@ -85,7 +85,11 @@ class PlaneRunner(FieldRunner):
         Those are where steps are longer than any that is taken there.
         """
         said = super().remark(run, t, rows)
-        return "; ".join(filter(None, [said, self._on_land(), self._too_long(t, rows)]))
+        return "; ".join(filter(None, [said, self.remark_on(t, rows)]))
+
+    def remark_on(self, t: np.ndarray, x: np.ndarray) -> str:
+        """Return sentences on starts on land, and on steps that are too long."""
+        return "; ".join(filter(None, [self._on_land(), self._too_long(t, x)]))
 
     def _on_land(self) -> str:
         """Say which starts are on land, where nothing moves."""

@@ -54,7 +54,13 @@ def _coordinates(solution: Solution, system: Field) -> dict[str, Any]:
     x, role = solution.x, {"cf_role": "trajectory_id", "long_name": "the number of the member"}
     rows = _rows(solution, x)
     missing = np.isnan(rows).any(-1)
-    times = np.where(missing, np.nan, solution.t)
+    times = _rows(
+        solution,
+        np.broadcast_to(
+            solution.t if solution.members is None else solution.t[:, None], x.shape[:-1]
+        ),
+    )
+    times = np.where(missing, np.nan, times)
     found: dict[str, Any] = {
         # with labels, so that trajectories of other lengths can be joined to these
         "trajectory": (DIMS[0], np.arange(len(rows)), role),
@@ -87,6 +93,18 @@ def _variables(solution: Solution, places: Container[str]) -> dict[str, Any]:
 
 
 def _rows(solution: Solution, values: Array) -> Array:
-    """Return values of records as those of members, a row for each."""
+    """Return values of records as those of members, a row for each, from its release on."""
     records = values[:, None] if solution.members is None else values
-    return np.ascontiguousarray(np.swapaxes(records, 0, 1))
+    rows = np.ascontiguousarray(np.swapaxes(records, 0, 1))
+    for member, first in _late(solution).items():
+        rows[member] = np.roll(rows[member], -first, axis=0)  # what was NaN comes last
+    return rows
+
+
+def _late(solution: Solution) -> dict[int, int]:
+    """Return the members that are released after the first record, and their own first ones."""
+    if solution.members is None or not len(solution.t):
+        return {}
+    missing = np.isnan(solution.x).any(-1)
+    first = np.argmin(missing, axis=0)
+    return {int(k): int(first[k]) for k in np.flatnonzero(first)}
