@@ -245,11 +245,14 @@ def test_land_that_cannot_be_is_refused():
     lv.GriddedField(x, x, z, walls=("x", "y", "z"), **(box | {"mask": land[..., ::-1]}))
     floating = land.copy()
     floating[3:6, 3:6, 7:] = False
+    floating[6:, 6:, 6:] = True
     sentence = (
-        r"water above and below along 'z', in 4 columns, first at \(x, y\) = \(0.375, 0.375\)"
+        r"water between it and the floor at 'z' = 1, in 4 columns, first at \(x, y\) = \(0.375, 0.3"
     )
     with pytest.raises(ValueError, match=sentence):
         lv.GriddedField(x, x, z, walls=("x", "y", "z"), **(box | {"mask": floating}))
+    with pytest.raises(ValueError, match=r"at 'z' = 0, .*\nhint: mask= this water too"):
+        lv.GriddedField(x, x, z, walls=("z",), **(box | {"mask": floating[..., ::-1]}))
     ring = np.zeros((8, 9, 9), dtype=bool)
     ring[:, 3:6, 4:] = True
     v = np.ones(ring.shape)

@@ -178,11 +178,13 @@ def check_floor(land: Any, axes: Sequence[Axis]) -> None:
         place = np.argwhere(wrong)[0][:2].tolist()
         names = ", ".join(axis.name for axis in level)
         where = ", ".join(f"{axis.edges[k]:g}" for axis, k in zip(level, place, strict=True))
+        floor = up.edges[0 if wrong is under else -1]
         sentence = (
-            f"land has water above and below along '{up.name}', in {int(wrong.any(-1).sum())} "
-            f"columns, first at ({names}) = ({where})"
+            f"land has water between it and the floor at '{up.name}' = {floor:g}, in "
+            f"{int(wrong.any(-1).sum())} columns, first at ({names}) = ({where})"
         )
-        raise ValueError(hinted(sentence, "mask= the water on the side of the sea floor too"))
+        hint = "mask= this water too, as that below a shelf of ice"
+        raise ValueError(hinted(sentence, hint))
 
 
 def gauge_of(gauge: str | None, what: str, axes: Sequence[Axis]) -> str:
@@ -197,7 +199,7 @@ def gauge_of(gauge: str | None, what: str, axes: Sequence[Axis]) -> str:
     return gauge
 
 
-def check_divergence(part: float, most: float) -> None:
+def check_divergence(part: float, most: float, has_land: bool) -> None:
     """Warn of a divergence that was taken off, or refuse it."""
     if part > most:
         sentence = (
@@ -208,6 +210,8 @@ def check_divergence(part: float, most: float) -> None:
             "look at units, at the order of axes and at periodic= and walls=, through which "
             "nothing may flow; or allow more with most_divergence="
         )
+        if has_land:
+            hint += ", as is usual of velocities that are not small beside land"
         raise ValueError(hinted(sentence, hint))
     if part > SILENT:
         warnings.warn(

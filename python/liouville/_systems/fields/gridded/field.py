@@ -320,7 +320,7 @@ class GriddedField(PlaneField):
         """Check what was taken off, and make the planes."""
         axes, lead = self._axes, int(self._time is not None)
         self.divergence, self.mean, self.islands = found.divergence, found.mean, found.islands
-        checks.check_divergence(found.divergence, most)
+        checks.check_divergence(found.divergence, most, land is not None)
         a, self._land = found.a, land
         if land is not None and len(axes) == 2:
             psi, self.islands = islands.with_islands(a[0], self.mean, land, axes, lead)

@@ -20,11 +20,11 @@ UPWARD_W = ("vovecrtz", "wovecrtz")
 #: Names of the components, and what CF's standard names of them contain.
 COMPONENTS = {
     "u": (
-        ("u", "uo", "U", "UVEL", "uVel", "vozocrtx"),
+        ("u", "uo", "U", "UVEL", "uVel", "vozocrtx", "water_u", "u10"),
         r"eastward_.*(velocity|wind)|x_(velocity|wind)",
     ),
     "v": (
-        ("v", "vo", "V", "VVEL", "vVel", "vomecrty"),
+        ("v", "vo", "V", "VVEL", "vVel", "vomecrty", "water_v", "v10"),
         r"northward_.*(velocity|wind)|y_(velocity|wind)",
     ),
     "w": (
