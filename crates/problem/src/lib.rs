@@ -53,7 +53,7 @@ pub use nonholonomic::diagnose_rank_all;
 pub use nonholonomic::{Nonholonomic, NonholonomicPatterns};
 pub use observe::{Carried, Observer, Observers};
 pub use observe_point::ObservePoint;
-pub use points::{Points, Times};
+pub use points::{PointRows, Points, Times};
 pub use projection::{Projection, project, project_linear};
 pub use random_tangents::{
     LargestError, MechanicalStart, RandomTangents, TangentLed, random_numbers,

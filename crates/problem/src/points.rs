@@ -30,8 +30,7 @@ impl<R: Real> TapeRegisters<R> {
     pub(super) fn at<'a, const N: usize>(
         &'a mut self,
         tape: &'a Tape,
-        times: Times<'a>,
-        args: [&'a Matrix<R>; 2],
+        (times, args): PointRows<'a, R>,
         sizes: [usize; N],
     ) -> Points<'a, N, R> {
         if let Some(batch) = &mut self.batch {
@@ -65,6 +64,9 @@ impl Times<'_> {
         self.t + self.c[i] * self.h
     }
 }
+
+/// The times of several points, and the matrices whose rows are two other arguments there.
+pub type PointRows<'a, R> = (Times<'a>, [&'a Matrix<R>; 2]);
 
 /// A tape at several points, whose arguments are the rows of matrices.
 #[derive(Debug)]
@@ -141,78 +143,48 @@ impl<R: Real> Model<R> {
         ])
     }
 
-    /// [`Model::stage`] at several points.
+    /// [`Model::stage`] at several points (t, y, z).
     #[inline(always)]
-    pub fn stages<'a>(
-        &'a mut self,
-        times: Times<'a>,
-        y: &'a Matrix<R>,
-        z: &'a Matrix<R>,
-    ) -> Points<'a, 3, R> {
+    pub fn stages<'a>(&'a mut self, at: PointRows<'a, R>) -> Points<'a, 3, R> {
         let sizes = self.stage_sizes();
-        self.stage.at(&self.problem.stage, times, [y, z], sizes)
+        self.stage.at(&self.problem.stage, at, sizes)
     }
 
     /// [`Model::stage_blocks`] at several points.
     #[inline(always)]
-    pub fn stages_blocks<'a>(
-        &'a mut self,
-        times: Times<'a>,
-        y: &'a Matrix<R>,
-        z: &'a Matrix<R>,
-    ) -> Points<'a, 2, R> {
+    pub fn stages_blocks<'a>(&'a mut self, at: PointRows<'a, R>) -> Points<'a, 2, R> {
         let (tape, sizes) = (&self.problem.stage_blocks, self.stage_blocks_sizes());
-        self.stage_blocks.at(tape, times, [y, z], sizes)
+        self.stage_blocks.at(tape, at, sizes)
     }
 
     /// [`Model::stage_jacobian`] at several points.
     #[inline(always)]
-    pub fn stages_jacobian<'a>(
-        &'a mut self,
-        times: Times<'a>,
-        y: &'a Matrix<R>,
-        z: &'a Matrix<R>,
-    ) -> Points<'a, 4, R> {
+    pub fn stages_jacobian<'a>(&'a mut self, at: PointRows<'a, R>) -> Points<'a, 4, R> {
         let (tape, sizes) = (&self.problem.stage_jacobian, self.stage_jacobian_sizes());
-        self.stage_jacobian.at(tape, times, [y, z], sizes)
+        self.stage_jacobian.at(tape, at, sizes)
     }
 
-    /// [`Model::node`] at several points.
+    /// [`Model::node`] at several points (t, y, λ).
     #[inline(always)]
-    pub fn nodes<'a>(
-        &'a mut self,
-        times: Times<'a>,
-        y: &'a Matrix<R>,
-        lam: &'a Matrix<R>,
-    ) -> Points<'a, 2, R> {
+    pub fn nodes<'a>(&'a mut self, at: PointRows<'a, R>) -> Points<'a, 2, R> {
         let sizes = self.node_sizes();
-        self.node.at(&self.problem.node, times, [y, lam], sizes)
+        self.node.at(&self.problem.node, at, sizes)
     }
 
     /// [`Model::node_blocks`] at several points.
     #[inline(always)]
-    pub fn nodes_blocks<'a>(
-        &'a mut self,
-        times: Times<'a>,
-        y: &'a Matrix<R>,
-        lam: &'a Matrix<R>,
-    ) -> Points<'a, 2, R> {
+    pub fn nodes_blocks<'a>(&'a mut self, at: PointRows<'a, R>) -> Points<'a, 2, R> {
         let (tape, sizes) = (&self.problem.node_blocks, self.node_blocks_sizes());
-        self.node_blocks.at(tape, times, [y, lam], sizes)
+        self.node_blocks.at(tape, at, sizes)
     }
 
     /// [`Model::node_jacobian`] at several points.
     #[inline(always)]
-    pub fn nodes_jacobian<'a>(
-        &'a mut self,
-        times: Times<'a>,
-        y: &'a Matrix<R>,
-        lam: &'a Matrix<R>,
-    ) -> Points<'a, 1, R> {
+    pub fn nodes_jacobian<'a>(&'a mut self, at: PointRows<'a, R>) -> Points<'a, 1, R> {
         let (tape, sizes) = (
             &self.problem.node_jacobian,
             [self.problem.patterns.r_y.len()],
         );
-        self.node_jacobian.at(tape, times, [y, lam], sizes)
+        self.node_jacobian.at(tape, at, sizes)
     }
 }

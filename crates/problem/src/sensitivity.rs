@@ -5,8 +5,8 @@
 use super::model::Parts;
 use super::points::TapeRegisters;
 use super::{Mechanical, Mismatch, check, check_pattern, cut};
-use super::{Points, Times};
-use liouville_base::linalg::{Matrix, Pattern};
+use super::{PointRows, Points};
+use liouville_base::linalg::Pattern;
 use liouville_base::real::Real;
 use liouville_base::tape::{Registers, Tape};
 use std::sync::Arc;
@@ -182,29 +182,19 @@ impl<R: Real> SensitivityModel<R> {
         [at.p_tau.len(), at.f_tau.len(), v]
     }
 
-    /// [`SensitivityModel::stage`] at several points.
+    /// [`SensitivityModel::stage`] at several points (t, y, z).
     #[inline(always)]
-    pub fn stages<'a>(
-        &'a mut self,
-        times: Times<'a>,
-        y: &'a Matrix<R>,
-        z: &'a Matrix<R>,
-    ) -> Points<'a, 3, R> {
+    pub fn stages<'a>(&'a mut self, at: PointRows<'a, R>) -> Points<'a, 3, R> {
         let sizes = self.stage_sizes();
-        self.stage.at(&self.problem.stage, times, [y, z], sizes)
+        self.stage.at(&self.problem.stage, at, sizes)
     }
 
     /// g_τ, r_τ at several points (t, y, λ).
     #[inline(always)]
-    pub fn nodes<'a>(
-        &'a mut self,
-        times: Times<'a>,
-        y: &'a Matrix<R>,
-        lam: &'a Matrix<R>,
-    ) -> Points<'a, 2, R> {
-        let at = &self.problem.patterns;
-        let sizes = [at.g_tau.len(), at.r_tau.len()];
-        self.node.at(&self.problem.node, times, [y, lam], sizes)
+    pub fn nodes<'a>(&'a mut self, at: PointRows<'a, R>) -> Points<'a, 2, R> {
+        let SensitivityPatterns { g_tau, r_tau, .. } = &self.problem.patterns;
+        let sizes = [g_tau.len(), r_tau.len()];
+        self.node.at(&self.problem.node, at, sizes)
     }
 
     /// g_τ, r_τ at one point (t, y, λ).

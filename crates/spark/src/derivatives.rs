@@ -165,14 +165,14 @@ impl<R: Real> Derivatives<R> {
         take(
             out,
             times,
-            model.stages_blocks(times, y, z),
+            model.stages_blocks((times, [y, z])),
             (y.rows(), self.is_ready),
         )?;
         let out = [&mut self.p_y, &mut self.f_y, &mut self.f_z, &mut self.v_y];
         take(
             out,
             times,
-            model.stages_jacobian(times, y, z),
+            model.stages_jacobian((times, [y, z])),
             (y.rows(), self.is_ready),
         )?;
         if model.problem.m == 0 {
@@ -185,10 +185,10 @@ impl<R: Real> Derivatives<R> {
         take(
             out,
             times,
-            model.nodes_blocks(times, y, lam),
+            model.nodes_blocks((times, [y, lam])),
             (y.rows(), self.is_ready),
         )?;
-        let points = model.nodes_jacobian(times, y, lam);
+        let points = model.nodes_jacobian((times, [y, lam]));
         take([&mut self.r_y], times, points, (nodes, self.is_ready))?;
         self.is_ready = true;
         Ok(())

@@ -220,7 +220,7 @@ impl<R: Real> Stages<R> {
         self.move_points(step);
         let s = self.tableau.stages;
         let at = times(step, &self.tableau.c);
-        let mut stages = model.stages(at, &self.y, &self.unknowns.z);
+        let mut stages = model.stages((at, [&self.y, &self.unknowns.z]));
         for i in 0..s {
             let [p, f, v] = stages.at(i);
             let (residual, impulse) = (&mut self.velocity_residual, &mut self.impulses);
@@ -238,7 +238,7 @@ impl<R: Real> Stages<R> {
         }
         if model.problem.m > 0 {
             let at = times(step, &self.tableau.c_hat);
-            let mut nodes = model.nodes(at, &self.node_y, &self.unknowns.lam);
+            let mut nodes = model.nodes((at, [&self.node_y, &self.unknowns.lam]));
             for j in 0..=last {
                 let [g, r] = nodes.at(j);
                 copy(self.g.row_mut(j), g);

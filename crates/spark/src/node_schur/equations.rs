@@ -42,7 +42,7 @@ impl<R: Real> SchurEquations<'_, R> {
             return Ok(());
         }
         let times = stages.node_times(*step);
-        let mut blocks = model.nodes_blocks(times, &stages.node_y, &stages.unknowns.lam);
+        let mut blocks = model.nodes_blocks((times, [&stages.node_y, &stages.unknowns.lam]));
         for j in 0..=nodes {
             let t = times.at(j);
             let [g_y, r_lam] = blocks.at(j);
@@ -65,7 +65,7 @@ impl<R: Real> SchurEquations<'_, R> {
         let (stages, reactions) = (&*self.stages, &mut self.solver.reactions);
         let times = stages.node_times(self.step);
         let (y, lam) = (&stages.node_y, &stages.unknowns.lam);
-        let mut points = self.model.nodes_jacobian(times, y, lam);
+        let mut points = self.model.nodes_jacobian((times, [y, lam]));
         for l in 0..reactions.r_y.rows() {
             let [r_y] = points.at(l);
             finite(r_y, Quantity::Derivative, times.at(l))?;

@@ -133,7 +133,7 @@ impl<R: Real> LinearStep<R> {
         let times = stages.stage_times(step);
         let (y, z) = (&stages.y, &stages.unknowns.z);
         let out = [&mut self.p_tau, &mut self.f_tau, &mut self.v_tau];
-        let points = self.sensitivity.stages(times, y, z);
+        let points = self.sensitivity.stages((times, [y, z]));
         take(out, times, points, (y.rows(), self.is_ready))
     }
 
@@ -141,7 +141,7 @@ impl<R: Real> LinearStep<R> {
         let times = stages.node_times(step);
         let (y, lam) = (&stages.node_y, &stages.unknowns.lam);
         let out = [&mut self.g_tau, &mut self.r_tau];
-        let points = self.sensitivity.nodes(times, y, lam);
+        let points = self.sensitivity.nodes((times, [y, lam]));
         take(out, times, points, (y.rows(), self.is_ready))
     }
 
