@@ -1,8 +1,7 @@
 //! The attempts at a step of the α family.
 
 use super::Alpha;
-use super::reaction::Reaction;
-use super::solve::{AlphaSolver, AlphaStep};
+use super::solve::{AlphaSolver, AlphaStep, KeptAlpha};
 use liouville_base::error::StepError;
 use liouville_base::linalg::{furthest, max_norm};
 use liouville_base::newton::{Attempts, Backoff, BranchAttempts, Slot, Solved, Start};
@@ -124,30 +123,5 @@ impl AlphaSolver {
         for ((phi, y), wanted) in self.phi.iter_mut().zip(&self.y).zip(&self.delta) {
             *phi = (wanted - y) / unit;
         }
-    }
-}
-
-/// A solution kept beside the present one.
-#[derive(Clone, Debug, Default)]
-pub(super) struct KeptAlpha {
-    h: f64,
-    y: Vec<f64>,
-    phi: Vec<f64>,
-    reactions: [Reaction; 2],
-}
-
-impl KeptAlpha {
-    /// Keeps the unknowns, and y1 with them.
-    pub(super) fn copy_from(&mut self, solver: &AlphaSolver) {
-        self.y.clone_from(&solver.y);
-        self.phi.clone_from(&solver.phi);
-        self.reactions.clone_from(&solver.reactions);
-    }
-
-    /// Puts the unknowns back, and y1.
-    pub(super) fn put_back(&self, solver: &mut AlphaSolver) {
-        solver.y.clone_from(&self.y);
-        solver.phi.clone_from(&self.phi);
-        solver.reactions.clone_from(&self.reactions);
     }
 }

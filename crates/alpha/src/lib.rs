@@ -32,7 +32,7 @@ mod tangent;
 mod tangent_errors;
 
 pub use adjoint::{AlphaAdjoint, AlphaTransposed};
-use attempt::{AlphaAttempt, KeptAlpha};
+use attempt::AlphaAttempt;
 use liouville_base::error::StepError;
 use liouville_base::linalg::{Matrix, add_scaled, copy};
 use liouville_base::method::{Estimating, Stats, Stepper, Tolerance};
@@ -41,36 +41,11 @@ use liouville_base::tableau;
 use liouville_problem::{Acceleration, Saddle, SecondOrderModel};
 use newton_matrix::AlphaMatrix;
 use reaction::Reaction;
+pub use reaction::Reactions;
 pub use restart::AlphaRestart;
-use solve::{AlphaSolver, AlphaStep};
+use solve::{AlphaSolver, AlphaStep, KeptAlpha};
 pub use state::AlphaState;
 pub use tangent::{AlphaSlopes, AlphaStartTangents, AlphaTangents};
-
-/// How the constraints' reactions enter a step.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Reactions {
-    /// By A0 and A1, with the weight b; A1 at the predicted position if it is said so.
-    Extended {
-        /// The weight of A1 in the position.
-        b: f64,
-        /// Whether r is taken at y0 + h z0.
-        predicted: bool,
-    },
-    /// As a part of φ, by the constraint on the position alone.
-    Position,
-}
-
-impl Reactions {
-    /// The tolerance of equations that are solved to roundoff.
-    pub fn roundoff(self) -> f64 {
-        match self {
-            // the errors left are damped, unlike in a symplectic method
-            Self::Extended { .. } => f64::EPSILON,
-            // errors left in the position are divided by h in the velocity
-            Self::Position => 1e-3 * f64::EPSILON,
-        }
-    }
-}
 
 /// Corrections a step may take.
 const MOST_ITERATIONS: usize = 30;

@@ -1,6 +1,32 @@
-//! The part of the acceleration that constraints bring.
+//! The part of the acceleration that constraints bring, and how it enters a step.
 
 use liouville_base::linalg::{add_scaled, copy};
+
+/// How the constraints' reactions enter a step.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Reactions {
+    /// By A0 and A1, with the weight b; A1 at the predicted position if it is said so.
+    Extended {
+        /// The weight of A1 in the position.
+        b: f64,
+        /// Whether r is taken at y0 + h z0.
+        predicted: bool,
+    },
+    /// As a part of φ, by the constraint on the position alone.
+    Position,
+}
+
+impl Reactions {
+    /// The tolerance of equations that are solved to roundoff.
+    pub fn roundoff(self) -> f64 {
+        match self {
+            // the errors left are damped, unlike in a symplectic method
+            Self::Extended { .. } => f64::EPSILON,
+            // errors left in the position are divided by h in the velocity
+            Self::Position => 1e-3 * f64::EPSILON,
+        }
+    }
+}
 
 /// An acceleration by the constraints, and the multipliers it comes from.
 #[derive(Clone, Debug, Default)]

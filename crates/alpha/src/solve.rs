@@ -1,6 +1,5 @@
 //! The equations of one step of the α family, and how their unknowns are corrected.
 
-use super::attempt::KeptAlpha;
 use super::coupling::Coupling;
 use super::newton_matrix::AlphaMatrix;
 use super::reaction::Reaction;
@@ -56,6 +55,31 @@ pub(super) struct AlphaSolver {
     broyden: Broyden,
     /// The unknowns before a perturbation that measures roundoff, made at its first use.
     pub(super) probe: Option<Box<KeptAlpha>>,
+}
+
+/// A solution kept beside the present one.
+#[derive(Clone, Debug, Default)]
+pub(super) struct KeptAlpha {
+    pub(super) h: f64,
+    pub(super) y: Vec<f64>,
+    phi: Vec<f64>,
+    reactions: [Reaction; 2],
+}
+
+impl KeptAlpha {
+    /// Keeps the unknowns, and y1 with them.
+    pub(super) fn copy_from(&mut self, solver: &AlphaSolver) {
+        self.y.clone_from(&solver.y);
+        self.phi.clone_from(&solver.phi);
+        self.reactions.clone_from(&solver.reactions);
+    }
+
+    /// Puts the unknowns back, and y1.
+    pub(super) fn put_back(&self, solver: &mut AlphaSolver) {
+        solver.y.clone_from(&self.y);
+        solver.phi.clone_from(&self.phi);
+        solver.reactions.clone_from(&self.reactions);
+    }
 }
 
 /// The equations of one step in the middle of being solved.

@@ -1,9 +1,9 @@
 //! The attempts at a step of an index-2 method.
 
-use super::stages::{CollocationStages, CollocationStep};
+use super::stages::{CollocationStep, KeptCollocation};
 use super::{Index2, predictor};
 use liouville_base::error::StepError;
-use liouville_base::linalg::{Matrix, copy, furthest, max_norm};
+use liouville_base::linalg::{furthest, max_norm};
 use liouville_base::newton::{
     Attempts, Backoff, BranchAttempts, Continuation, Slot, Solved, Start,
 };
@@ -113,33 +113,5 @@ impl BranchAttempts for CollocationAttempt<'_> {
 
     fn backoff(&mut self) -> &mut Backoff {
         &mut self.index2.backoff
-    }
-}
-
-/// Unknowns kept beside the present ones.
-#[derive(Clone, Debug)]
-pub(super) struct KeptCollocation {
-    h: f64,
-    pub(super) v: Matrix,
-    pub(super) z: Matrix,
-}
-
-impl KeptCollocation {
-    pub(super) fn new(stages: &CollocationStages) -> Self {
-        Self {
-            h: f64::NAN,
-            v: stages.v.clone(),
-            z: stages.z.clone(),
-        }
-    }
-
-    pub(super) fn copy_from(&mut self, stages: &CollocationStages) {
-        copy(self.v.flat_mut(), stages.v.flat());
-        copy(self.z.flat_mut(), stages.z.flat());
-    }
-
-    pub(super) fn put_back(&self, stages: &mut CollocationStages) {
-        copy(stages.v.flat_mut(), self.v.flat());
-        copy(stages.z.flat_mut(), self.z.flat());
     }
 }

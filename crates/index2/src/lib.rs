@@ -24,7 +24,7 @@ mod stages;
 mod tangent;
 
 use crate::semi_explicit::{Algebraic, SemiExplicitModel, SemiExplicitState};
-use attempt::{CollocationAttempt, KeptCollocation};
+use attempt::CollocationAttempt;
 use estimate::EndVelocities;
 use liouville_base::error::StepError;
 use liouville_base::linalg::{add_scaled, copy, max_norm, sum_compensated};
@@ -33,7 +33,7 @@ use liouville_base::newton::{self, Backoff, Continuation, Equations, Predictor, 
 use liouville_base::tableau::Spark;
 use liouville_problem::finite_state;
 use newton_matrix::CollocationMatrix;
-use stages::{CollocationStages, CollocationStep};
+use stages::{CollocationStages, CollocationStep, KeptCollocation};
 pub use tangent::{Index2Adjoint, Index2Tangents, SemiExplicitTangentObserver};
 
 /// Corrections a step may take.

@@ -1,14 +1,10 @@
 //! Roundoff of the stage equations, measured by perturbing the unknowns by a few ε.
 
 use super::CollocationEquations;
-use super::attempt::KeptCollocation;
-use super::stages::{CollocationStages, CollocationStep};
+use super::stages::{CollocationStages, CollocationStep, KeptCollocation};
 use liouville_base::error::StepError;
 use liouville_base::linalg::{copy, furthest, max_norm};
 use liouville_base::newton::{PERTURBATION, RESIDUAL_MARGIN, random_signs};
-
-/// Unknowns, and residuals or corrected unknowns, before they were moved; made when it is first wanted.
-pub(super) type CollocationProbe = Option<Box<(KeptCollocation, KeptCollocation)>>;
 
 impl CollocationStages {
     /// Moves the unknowns by so many ε of their sizes.

@@ -1,6 +1,5 @@
 //! The stage equations of one step, evaluated; see the module above for the letters.
 
-use super::probe::CollocationProbe;
 use crate::semi_explicit::{SemiExplicitModel, SemiExplicitState};
 use liouville_base::error::{Quantity, StepError};
 use liouville_base::linalg::{Matrix, add_scaled, combine, copy, copy_scaled, max_norm};
@@ -28,7 +27,8 @@ pub(super) struct CollocationStages {
     pub(super) evaluations: usize,
     /// The velocity that moves the coordinates by their size at the start, which no iterate changes.
     pub(super) yardstick: f64,
-    pub(super) probe: CollocationProbe,
+    /// Unknowns, and residuals or corrected unknowns, before they were moved; made when it is first wanted.
+    pub(super) probe: Option<Box<(KeptCollocation, KeptCollocation)>>,
     k: Matrix,
     /// h b_j V_j
     pub(super) displacements: Matrix,
@@ -36,6 +36,34 @@ pub(super) struct CollocationStages {
     pub(super) weights: Matrix,
     /// The stages' basis polynomials at 1.
     ends: Matrix,
+}
+
+/// Unknowns kept beside the present ones.
+#[derive(Clone, Debug)]
+pub(super) struct KeptCollocation {
+    pub(super) h: f64,
+    pub(super) v: Matrix,
+    pub(super) z: Matrix,
+}
+
+impl KeptCollocation {
+    pub(super) fn new(stages: &CollocationStages) -> Self {
+        Self {
+            h: f64::NAN,
+            v: stages.v.clone(),
+            z: stages.z.clone(),
+        }
+    }
+
+    pub(super) fn copy_from(&mut self, stages: &CollocationStages) {
+        copy(self.v.flat_mut(), stages.v.flat());
+        copy(self.z.flat_mut(), stages.z.flat());
+    }
+
+    pub(super) fn put_back(&self, stages: &mut CollocationStages) {
+        copy(stages.v.flat_mut(), self.v.flat());
+        copy(stages.z.flat_mut(), self.z.flat());
+    }
 }
 
 impl CollocationStages {

@@ -1,9 +1,9 @@
 //! The stage equations of one step: what all solvers of them share.
 #![allow(clippy::inline_always)] // other functions are compiled without the caller's instruction set
 
-use super::probe;
 use super::stages::Stages;
 use liouville_base::error::StepError;
+use liouville_base::linalg::{copy, max_norm};
 use liouville_base::newton::{Equations, Stop};
 use liouville_base::real::Real;
 use liouville_problem::{Model, Step};
@@ -94,8 +94,38 @@ where
         self.stages.is_residual_roundoff(self.model, self.step)
     }
 
+    /// The largest change of a correction by one ε in the unknowns, relative, of two perturbations; leaves the unknowns
+    /// corrected.
     fn roundoff_floor(&mut self) -> Result<f64, StepError> {
-        probe::roundoff_floor(self)
+        let mut largest = 0.0_f64;
+        for seed in [2, 3] {
+            let stages = &mut *self.stages;
+            let mut probe = stages.take_probe();
+            probe.unknowns.copy_from(&stages.unknowns);
+            self.correct()?;
+            let (stages, step) = (&mut *self.stages, self.step);
+            probe.corrected.copy_from(&stages.unknowns);
+            stages.unknowns.copy_from(&probe.unknowns);
+            stages.perturb(step, 1.0, seed);
+            copy(probe.momentum.flat_mut(), stages.unknowns.v.flat());
+            self.correct()?;
+            let (stages, step) = (&mut *self.stages, self.step);
+            // the part of the perturbation that is left after both corrections
+            let moves = probe
+                .momentum
+                .flat_mut()
+                .iter_mut()
+                .zip(stages.unknowns.v.flat());
+            let before = probe.unknowns.v.flat().iter().zip(probe.corrected.v.flat());
+            for ((out, moved), (start, corrected)) in moves.zip(before) {
+                *out = (*moved - *out) - (*corrected - *start);
+            }
+            let size = max_norm(probe.momentum.flat());
+            largest = largest.max(stages.relative(size, step).member(0));
+            stages.unknowns.copy_from(&probe.corrected);
+            stages.probe = Some(probe);
+        }
+        Ok(largest)
     }
 
     fn correct(&mut self) -> Result<R, StepError> {

@@ -4,23 +4,12 @@
 //! the residual, or of the correction, is that by roundoff of the data. A bound by norms would be far too large for
 //! stiff forces, whose noise lies in directions that the inverse of the Newton matrix damps.
 
-use super::equations::StageEquations;
-use super::stages::{Stages, Unknowns};
+use super::stages::{Probe, Stages, Unknowns};
 use liouville_base::error::StepError;
 use liouville_base::linalg::{Matrix, copy, max_norm};
-use liouville_base::newton::{Equations, PERTURBATION, RESIDUAL_MARGIN, random_signs};
+use liouville_base::newton::{PERTURBATION, RESIDUAL_MARGIN, random_signs};
 use liouville_base::real::Real;
 use liouville_problem::{Model, Step};
-
-/// Unknowns and residuals before they were moved.
-#[derive(Clone, Debug)]
-pub(super) struct Probe<R> {
-    unknowns: Unknowns<R>,
-    corrected: Unknowns<R>,
-    momentum: Matrix<R>,
-    velocity: Matrix<R>,
-    g: Matrix<R>,
-}
 
 impl<R: Real> Probe<R> {
     fn new(stages: &Stages<R>) -> Self {
@@ -51,7 +40,7 @@ fn apart<R: Real>(a: &Matrix<R>, b: &Matrix<R>) -> R {
 
 impl<R: Real> Stages<R> {
     /// Moves the unknowns by this many ε of their sizes.
-    fn perturb(&mut self, step: Step<R>, units: f64, seed: u64) {
+    pub(super) fn perturb(&mut self, step: Step<R>, units: f64, seed: u64) {
         let mut sign = random_signs(seed);
         let size = R::splat(units * f64::EPSILON);
         let rest = max_norm(&step.state.y) * (1.0 / step.h.abs());
@@ -111,48 +100,9 @@ impl<R: Real> Stages<R> {
         perturbed.map(|()| is_solved)
     }
 
-    fn take_probe(&mut self) -> Box<Probe<R>> {
+    pub(super) fn take_probe(&mut self) -> Box<Probe<R>> {
         self.probe
             .take()
             .unwrap_or_else(|| Box::new(Probe::new(self)))
     }
-}
-
-/// The largest change of a correction by one ε in the unknowns, relative, of two perturbations; leaves the unknowns
-/// corrected.
-pub(super) fn roundoff_floor<'a, S, R: Real>(
-    equations: &mut StageEquations<'a, S, R>,
-) -> Result<f64, StepError>
-where
-    StageEquations<'a, S, R>: Equations<R>,
-{
-    let mut largest = 0.0_f64;
-    for seed in [2, 3] {
-        let stages = &mut *equations.stages;
-        let mut probe = stages.take_probe();
-        probe.unknowns.copy_from(&stages.unknowns);
-        equations.correct()?;
-        let (stages, step) = (&mut *equations.stages, equations.step);
-        probe.corrected.copy_from(&stages.unknowns);
-        stages.unknowns.copy_from(&probe.unknowns);
-        stages.perturb(step, 1.0, seed);
-        copy(probe.momentum.flat_mut(), stages.unknowns.v.flat());
-        equations.correct()?;
-        let (stages, step) = (&mut *equations.stages, equations.step);
-        // the part of the perturbation that is left after both corrections
-        let moves = probe
-            .momentum
-            .flat_mut()
-            .iter_mut()
-            .zip(stages.unknowns.v.flat());
-        let before = probe.unknowns.v.flat().iter().zip(probe.corrected.v.flat());
-        for ((out, moved), (start, corrected)) in moves.zip(before) {
-            *out = (*moved - *out) - (*corrected - *start);
-        }
-        let size = max_norm(probe.momentum.flat());
-        largest = largest.max(stages.relative(size, step).member(0));
-        stages.unknowns.copy_from(&probe.corrected);
-        stages.probe = Some(probe);
-    }
-    Ok(largest)
 }

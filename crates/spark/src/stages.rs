@@ -1,7 +1,6 @@
 //! The stage equations of one step, evaluated; see the module above for the letters.
 #![allow(clippy::inline_always)] // other functions are compiled without the caller's instruction set
 
-use super::probe::Probe;
 use liouville_base::error::{Quantity, StepError};
 use liouville_base::linalg::{Matrix, all_finite, combine, copy, copy_scaled, sum_compensated};
 use liouville_base::newton::Stop;
@@ -58,6 +57,16 @@ impl<R: Real> Unknowns<R> {
             }
         }
     }
+}
+
+/// Unknowns and residuals before they were moved.
+#[derive(Clone, Debug)]
+pub(super) struct Probe<R> {
+    pub(super) unknowns: Unknowns<R>,
+    pub(super) corrected: Unknowns<R>,
+    pub(super) momentum: Matrix<R>,
+    pub(super) velocity: Matrix<R>,
+    pub(super) g: Matrix<R>,
 }
 
 /// Unknowns and values at the stages 1..s (rows 0..s) and at the nodes 0..k.

@@ -9,6 +9,7 @@ mod dependent;
 mod factor;
 mod fill;
 mod kernels;
+mod lu;
 mod matrix;
 mod members;
 mod node_block;
@@ -23,11 +24,12 @@ pub use assembly::Assembly;
 pub use blocks::{BlockPlan, Blocks};
 pub(crate) use choice::prefers_sparse;
 pub use dependent::{IndependentRows, dependencies, dependent_rows, independent_rows};
-pub use factor::{Factor, Lu, Singular, inverse};
+pub use factor::Factor;
 pub use kernels::{
     add_compensated, add_scaled, all_finite, as_is, combine, copy, copy_scaled, dot, furthest,
     max_norm, scale_each, sum_compensated,
 };
+pub use lu::{Lu, Singular, inverse};
 pub use matrix::Matrix;
 pub use members::SparseOf;
 pub use node_gram::{GramPlan, NodeGram};

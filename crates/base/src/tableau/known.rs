@@ -1,8 +1,36 @@
 //! Coefficients that this process has computed: a run of a few steps takes less time than they do.
 
-use super::lobatto::Force;
 use std::collections::BTreeMap;
 use std::sync::{Mutex, PoisonError};
+
+/// The Lobatto coefficients of the forces.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Force {
+    /// IIIA, as positions.
+    A,
+    /// IIIB, as reactions: symplectic.
+    B,
+    /// IIIC.
+    C,
+    /// IIIC*, the adjoint of IIIC.
+    CStar,
+    /// IIID.
+    D,
+}
+
+impl Force {
+    /// The one of this name: "A", "B", "C", "C*" or "D".
+    pub fn named(name: &str) -> Option<Self> {
+        Some(match name {
+            "A" => Self::A,
+            "B" => Self::B,
+            "C" => Self::C,
+            "C*" => Self::CStar,
+            "D" => Self::D,
+            _ => return None,
+        })
+    }
+}
 
 /// A family of SPARK methods, which the number of stages makes one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]

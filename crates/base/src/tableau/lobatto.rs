@@ -11,39 +11,10 @@
 //! five; with B the pair is symplectic, A and D leave it symmetric. Source: jay1996, jay1998.
 
 use super::collocation::{lobatto, top};
-use super::known::{Family, Key};
+use super::known::{Family, Force, Key};
 use super::spark::{Between, Coefficients, Spark, complementary, rows};
 use crate::linalg::Matrix;
 use twofloat::TwoFloat;
-
-/// The Lobatto coefficients of the forces.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Force {
-    /// IIIA, as positions.
-    A,
-    /// IIIB, as reactions: symplectic.
-    B,
-    /// IIIC.
-    C,
-    /// IIIC*, the adjoint of IIIC.
-    CStar,
-    /// IIID.
-    D,
-}
-
-impl Force {
-    /// The one of this name: "A", "B", "C", "C*" or "D".
-    pub fn named(name: &str) -> Option<Self> {
-        Some(match name {
-            "A" => Self::A,
-            "B" => Self::B,
-            "C" => Self::C,
-            "C*" => Self::CStar,
-            "D" => Self::D,
-            _ => return None,
-        })
-    }
-}
 
 impl Spark {
     /// The Lobatto IIIA–IIIB pair with `points` stages, and these coefficients of the forces.

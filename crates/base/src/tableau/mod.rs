@@ -15,10 +15,9 @@ mod stability;
 
 pub use alpha::Alpha;
 pub use composition::Scheme;
-pub use known::{Key, Known};
+pub use known::{Force, Key, Known};
 pub use ladder::Ladder;
 pub use lagrange::lagrange;
-pub use lobatto::Force;
 pub use moments::moments;
 pub use spark::{Coefficients, Spark};
 pub use splitting::{Turn, split_program};
