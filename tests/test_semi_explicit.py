@@ -153,6 +153,18 @@ def test_a_start_is_moved_onto_the_constraints_and_z_is_found():
     np.testing.assert_allclose(found.z[0], near["z"], rtol=0, atol=1e-14)
 
 
+@pytest.mark.parametrize("method", [lv.Spark(1), lv.Spark(3), lv.Spark(2, points="radau")], ids=str)
+def test_z_is_found_where_corrections_grow_at_first(method):
+    """At rest at zero z + z**3 = 2, where Newton's corrections from zero are 2 and then larger."""
+    system = lv.SemiExplicit(
+        field=lambda t, y, z, p: [y[1] - y[0] ** 3, z[0] + z[0] ** 3 - 2],
+        constraint=lambda t, y, p: y[1] - ca.sin(y[0]), y=2, z=1,
+    )  # fmt: skip
+    found = lv.integrate(system, method, t=(0, 1), h=0.1, y=[0.0, 0.0])
+    assert np.abs(found.y).max() < 1e-14
+    assert found.z == pytest.approx(1.0, abs=1e-12)
+
+
 def test_the_guess_chooses_among_solutions_for_z():
     system = lv.SemiExplicit(
         field=lambda t, y, z, params: [z[0] ** 2, y[0]],

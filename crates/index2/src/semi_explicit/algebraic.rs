@@ -70,7 +70,12 @@ impl Algebraic {
                 })
             }
         } else {
-            newton::solve(&mut solve, MOST_ITERATIONS).map(|_| ())
+            // far from a solution the first corrections may grow
+            match newton::solve(&mut solve, MOST_ITERATIONS) {
+                Err(StepError::NotConverged { .. }) => newton::solve_full(&mut solve),
+                solved => solved,
+            }
+            .map(|_| ())
         }
     }
 }
