@@ -1,7 +1,7 @@
 //! The attempts at a step of the α family.
 
 use super::Alpha;
-use super::solve::{AlphaSolver, AlphaStep, KeptAlpha};
+use super::solve::{AlphaSolver, AlphaStep, KeptAlpha, Signs};
 use liouville_base::error::StepError;
 use liouville_base::linalg::{furthest, max_norm};
 use liouville_base::newton::{Attempts, Backoff, BranchAttempts, Slot, Solved, Start};
@@ -82,6 +82,15 @@ impl BranchAttempts for AlphaAttempt<'_> {
         kept.map_or((0.0, 0), |kept| {
             furthest(y, &kept.y, max_norm(y).max(max_norm(&kept.y)))
         })
+    }
+
+    fn tells_branches(&self) -> bool {
+        self.alpha.solver.signs != Signs::Disregarded
+    }
+
+    fn disregards_signs(&mut self) -> bool {
+        let signs = &mut self.alpha.solver.signs;
+        std::mem::replace(signs, Signs::Disregarded) == Signs::Reversed
     }
 
     fn is_refused(&self) -> bool {

@@ -43,7 +43,7 @@ use newton_matrix::AlphaMatrix;
 use reaction::Reaction;
 pub use reaction::Reactions;
 pub use restart::AlphaRestart;
-use solve::{AlphaSolver, AlphaStep, KeptAlpha};
+use solve::{AlphaSolver, AlphaStep, KeptAlpha, Signs};
 pub use state::AlphaState;
 pub use tangent::{AlphaSlopes, AlphaStartTangents, AlphaTangents};
 
@@ -312,6 +312,11 @@ impl Stepper for Alpha {
 impl Alpha {
     fn make(&mut self, t: f64, h: f64, state: &mut AlphaState) -> Result<(), StepError> {
         self.leave_cut(t, h, state)?;
+        self.solver.signs = if self.model.problem.mechanical.m == 0 {
+            Signs::Regarded
+        } else {
+            Signs::Disregarded
+        };
         let step = AlphaStep { t, h, state };
         let attempted = newton::attempt(&mut AlphaAttempt { alpha: self, step }, h);
         attempted.inspect_err(|_| self.is_warm = false)?;

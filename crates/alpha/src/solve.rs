@@ -16,6 +16,17 @@ const NOISE: f64 = 64.0 * f64::EPSILON;
 /// The step being made.
 pub(super) type AlphaStep<'a> = liouville_base::method::Step<'a, AlphaState>;
 
+/// What the sign of the determinant of a matrix means in a step.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Signs {
+    /// A solution with the other sign than that of a small step is on another branch; none was found.
+    Regarded,
+    /// The same, and one was found.
+    Reversed,
+    /// Nothing: there are constraints, or the branch turns as a stretched spring does that ends compressed.
+    Disregarded,
+}
+
 /// The unknowns of a step, and the memory of solving for them.
 #[derive(Clone, Debug)]
 pub(super) struct AlphaSolver {
@@ -26,6 +37,7 @@ pub(super) struct AlphaSolver {
     /// Whether one correction solves the equations: no derivative depends on anything but parameters.
     pub(super) is_affine: bool,
     pub(super) coupling: Coupling,
+    pub(super) signs: Signs,
     /// φ1
     pub(super) phi: Vec<f64>,
     /// A0 with Λ0, and A1 with Λ1; where there is no A, λ1 is in the second.
@@ -113,6 +125,7 @@ impl AlphaSolver {
             newton_tol: None,
             is_affine: model.problem.is_affine(),
             coupling: Coupling::new(weights, reactions),
+            signs: Signs::Disregarded,
             phi: zeros(),
             reactions: [reaction(), reaction()],
             y: zeros(),
@@ -364,6 +377,19 @@ impl Equations for AlphaEquations<'_> {
         }
         let (moved, _) = furthest(&self.solver.y, &self.solver.predicted, self.yardstick);
         moved
+    }
+
+    fn is_reversed(&mut self) -> bool {
+        let (signs, at) = (&mut self.solver.signs, &*self.matrix);
+        if self.yardstick == 0.0 || *signs == Signs::Disregarded {
+            return false;
+        }
+        let both = at.matrix.is_negative().zip(at.mass.is_negative());
+        let is_reversed = both.is_some_and(|(own, of_mass)| own != of_mass);
+        if is_reversed {
+            *signs = Signs::Reversed;
+        }
+        is_reversed
     }
 
     fn refresh(&mut self) {

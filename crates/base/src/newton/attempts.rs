@@ -88,6 +88,11 @@ pub trait BranchAttempts: Attempts {
         false
     }
 
+    /// Takes the signs of matrices for nothing from here on, where one was against a solution; returns whether one was.
+    fn disregards_signs(&mut self) -> bool {
+        false
+    }
+
     /// Whether a step is refused, and made shorter, where the modified iteration fails.
     fn is_refused(&self) -> bool {
         false
@@ -149,12 +154,24 @@ pub fn attempt_modified(step: &mut impl Attempts, h: f64) -> Result<bool, StepEr
     step.iterate(h).map_err(|error| failed.unwrap_or(error))
 }
 
-/// Solves the equations of a step of `h`, by the first attempt that does.
+/// Solves the equations of a step of `h`, by the first attempt that does. Where there is no solution that the sign of its
+/// matrix has nothing against, others may be on the branch for all that.
 ///
 /// # Errors
 /// [`StepError::StepTooLarge`] where the branch of the present state ends before `h`; else that of the modified
 /// iteration.
 pub fn attempt(step: &mut impl BranchAttempts, h: f64) -> Result<(), StepError> {
+    match attempt_on_branch(step, h) {
+        Err(StepError::StepTooLarge { .. } | StepError::NotConverged { .. })
+            if step.disregards_signs() =>
+        {
+            attempt_on_branch(step, h)
+        }
+        outcome => outcome,
+    }
+}
+
+fn attempt_on_branch(step: &mut impl BranchAttempts, h: f64) -> Result<(), StepError> {
     if step.backoff().skip() {
         return from_uniform(step, h);
     }
