@@ -14,7 +14,6 @@ import skfem
 
 import liouville as lv
 from liouville import plot
-from liouville._bridges.fem import Body
 
 plt.style.use(plot.STYLE)
 
@@ -30,7 +29,7 @@ basis = skfem.Basis(skfem.MeshQuad.init_tensor(x, y), skfem.ElementVector(skfem.
 nodes = {name: basis.get_dofs(nodes=basis.mesh.nodes_satisfying(at)) for name, at in sides.items()}
 left = basis.get_dofs(basis.mesh.facets_satisfying(sides["left"], boundaries_only=True))
 
-body = Body.elastic(basis, young=210e9, poisson=0.0, density=7800.0, clamped=left)
+body = lv.fem.Body.elastic(basis, young=210e9, poisson=0.0, density=7800.0, clamped=left)
 along, across = body.at(nodes["tip"])
 (loaded,) = body.at(nodes["middle"].all("u^2"))
 

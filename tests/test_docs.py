@@ -91,6 +91,12 @@ def test_an_example_of_the_gallery_is_a_notebook_of_prose_and_code(script):
     assert cells[-1].endswith("plt.show()\n") or "print(" in cells[-1]
 
 
+def test_programs_for_users_have_no_private_modules():
+    programs = {name(page): "\n".join(blocks(page, "python")) for page in PAGES}
+    programs |= {name(script): script.read_text(encoding="utf-8") for script in GALLERY}
+    assert not [where for where, program in programs.items() if "liouville._" in program]
+
+
 def test_every_source_cited_is_in_the_list():
     bibliography = (ROOT / "docs" / "references.bib").read_text(encoding="utf-8")
     known = re.findall(r"^@\w+\{(\w+),", bibliography, re.M)
