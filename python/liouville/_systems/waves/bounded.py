@@ -208,6 +208,11 @@ class Bounded(Pickled):
     def _join(self) -> None:
         """Make the core's H of the terms and of functions of time."""
         flat = [operator for term in self._terms for operator in term.operators]
+        more = self._beside_the_terms()
+        self.hamiltonian = _core.Hamiltonian(flat, self.frame.is_doubled, **more)
+
+    def _beside_the_terms(self) -> dict[str, Any]:
+        """Return the arguments of H beside its constant terms: a drive, a moving potential."""
         params = self._params.values(None)
         more: dict[str, Any] = {}
         if self._functions:
@@ -216,7 +221,7 @@ class Bounded(Pickled):
             tape = self._moving.tape(1 / self.hbar)
             points = np.tile(self.grid.points, (1 + self.frame.is_doubled, 1))
             more["potential"] = (tape, params, points.ravel())
-        self.hamiltonian = _core.Hamiltonian(flat, self.frame.is_doubled, **more)
+        return more
 
     def points_between(self, t0: float, t1: float) -> tuple[float, ...]:
         """Return the times within a run at which H(t) is looked at besides, in its order."""

@@ -93,23 +93,15 @@ class OnGrid(Bounded):
             sentence = f"{what} is for a Hermitian H, and this one has an absorber"
             raise TypeError(hinted(sentence, hint))
 
-    def _join(self) -> None:
-        """Make the core's H of the terms and of functions of time."""
-        flat = [operator for term in self._terms for operator in term.operators]
-        params = self._params.values(None)
-        more: dict[str, Any] = {}
-        if self._functions:
-            more["drive"] = (self._weights, params)
-        if self._moving is not None and self.grid is not None:
-            tape = self._moving.tape(1 / self.hbar)
-            points = np.tile(self.grid.points, (1 + self.frame.is_doubled, 1))
-            more["potential"] = (tape, params, points.ravel())
+    def _beside_the_terms(self) -> dict[str, Any]:
+        """Return the arguments of H beside its constant terms, with those of a grid alone."""
+        more = super()._beside_the_terms()
         if self.nonlinearity is not None and self.grid is not None:
             tapes = self.nonlinearity.tapes(1 / self.hbar)
-            more["nonlinearity"] = (*tapes, params, self.grid.cell)
+            more["nonlinearity"] = (*tapes, self._params.values(None), self.grid.cell)
         if self.absorber is not None:
             more["absorber"] = self.absorber / self.hbar
-        self.hamiltonian = _core.Hamiltonian(flat, self.frame.is_doubled, **more)
+        return more
 
     def _of_grid(self, grid: Grid, found: TimeFunction | np.ndarray) -> Term:
         kinetic = [energies / self.hbar for energies in grid.kinetic(self.hbar)]
