@@ -347,3 +347,51 @@ def test_gyrations_of_too_few_steps_are_said():
         system, V(), t=(0, 0.6), h=0.6, x=start, params={"mass": [1.0, 0.2], "charge": 1.0}
     )
     assert "a gyration of member 1 has" in many.message
+
+
+def test_fields_on_grids_are_those_of_their_potentials():
+    """A tokamak's flux, an electric potential and a field in time, by tables against formulas."""
+    r, z = np.linspace(0.6, 1.4, 33), np.linspace(-0.4, 0.4, 33)
+
+    def shape(r, z, exp):
+        return ((r - 1) ** 2 + z**2) / 4 * exp(-z)
+
+    grids = np.meshgrid(r, z, indexing="ij")
+    flux = lv.table((r, z), shape(*grids, np.exp), "not-a-knot")
+    volts = lv.table((r, z), 1e-7 * np.cos(3 * grids[0]) * grids[1], "not-a-knot")
+
+    def particles(flux, volts):
+        def potential(t, x, params):
+            r = ca.sqrt(x[0] ** 2 + x[1] ** 2)
+            around = flux(r, x[2]) / r
+            return [-around * x[1] / r, around * x[0] / r, -ca.log(r)]
+
+        def electric(t, x, params):
+            return volts(ca.sqrt(x[0] ** 2 + x[1] ** 2), x[2])
+
+        return lv.ChargedParticles(A=potential, phi=electric)
+
+    on_grid = particles(flux, volts)
+    by_formula = particles(lambda r, z: shape(r, z, ca.exp), lambda r, z: 1e-7 * ca.cos(3 * r) * z)
+    start = [[1.05, 0, 0, 0, 4e-4, 3e-4], [0.9, 0, 0.1, 2e-4, 0, 4e-4]]
+    runs = [
+        lv.ensemble(system, V(composition="BM4"), t=(0, 1200), h=0.6, every=100, x=start)
+        for system in (on_grid, by_formula)
+    ]
+    moved = np.abs(runs[1].x[-1] - runs[1].x[0])[:, :3].max()
+    assert moved > 0.1
+    assert np.abs(runs[0].x - runs[1].x)[..., :3].max() < 1e-4 * moved
+    # the energy of the spline's own field is bounded, and volume is kept
+    assert runs[0].invariant_drift("energy").max() < 1e-6
+    defect = lv.analysis.determinant(on_grid, V(), t=(0, 60), h=0.6, x=start[0]).observed["defect"]
+    assert defect.max() < 1e-13
+
+
+def test_a_particle_that_leaves_its_grid_is_told_so():
+    x = np.linspace(-1, 1, 9)
+    one = lv.table((x, x), np.ones((9, 9)), "natural")
+    system = lv.ChargedParticles(B=lambda t, x, params: [0, 0, one(x[0], x[1])])
+    run = lv.integrate(system, V(), t=(0, 3), h=0.1, x=[0, 0, 0, 0.5, 0, 0])
+    assert run.x[-1, :2] == pytest.approx([0.5 * np.sin(3), 0.5 * (np.cos(3) - 1)], abs=1e-7)
+    with pytest.raises(lv.IntegrationError, match=r"B is not finite(.|\n)*end of a table"):
+        lv.integrate(system, V(), t=(0, 3), h=0.1, x=[0, 0, 0, 2.0, 0, 0])

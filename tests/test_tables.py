@@ -207,3 +207,82 @@ def test_functions_of_numpy_are_taken_without_a_word():
 def test_a_table_whose_slopes_overflow_is_refused(points):
     with pytest.raises(ValueError, match=r"a table with x from 0 to .* are not finite\nhint: take"):
         lv.table(*points)
+
+
+GRID = np.array([0.0, 0.3, 0.5, 1.1, 1.6, 2.0]), np.linspace(-1, 1, 7), np.linspace(0, 3, 8)
+
+
+def of_spline(axes, values, x, ends):
+    """Evaluate by splines along one axis after another."""
+    for nodes, each, end in zip(axes, x, ends, strict=True):
+        values = CubicSpline(nodes, values, bc_type=end)(each)
+    return values
+
+
+@pytest.mark.parametrize("count", [2, 3])
+@pytest.mark.parametrize("ends", ["natural", "not-a-knot"])
+def test_a_table_of_several_variables_is_the_product_of_splines(count, ends):
+    axes, rng = GRID[:count], np.random.default_rng(0)
+    values = rng.normal(size=[x.size for x in axes])
+    table = lv.table(axes, values, ends)
+    nodes = np.meshgrid(*axes, indexing="ij")
+    assert table(*nodes) == pytest.approx(values, abs=1e-13)
+    x = ca.SX.sym("x", count)
+    made = table(*ca.vertsplit(x))
+    function = ca.Function("f", [x], [made, ca.gradient(made, x)])
+    for at in rng.uniform([0, -1, 0][:count], [2, 1, 3][:count], (10, count)):
+        wanted = of_spline(axes, values, at, [ends] * count)
+        assert table(*at) == pytest.approx(wanted, abs=1e-12)
+        own, slopes = function(at)
+        assert float(own) == pytest.approx(table(*at), abs=1e-14)
+        for k in range(count):
+            h = 1e-6 * np.eye(count)[k]
+            slope = (table(*(at + h)) - table(*(at - h))) / 2e-6
+            assert float(slopes[k]) == pytest.approx(slope, abs=1e-6 * np.abs(values).max() * 40)
+    again = pickle.loads(pickle.dumps(table))
+    assert np.array_equal(again(*nodes), table(*nodes))
+    assert np.isnan(table(*[9.0] * count))
+
+
+def test_a_table_may_be_periodic_along_one_of_its_axes():
+    x, y = np.linspace(0, 2 * np.pi, 33), np.linspace(0, 1, 9)
+    values = np.sin(x)[:, None] * (1 + y)
+    table = lv.table((x, y), values, ends=("periodic", "natural"))
+    at = np.array([-7.0, 0.3, 20.0])
+    assert table(at, 0.5) == pytest.approx(1.5 * np.sin(at), abs=2e-5)
+    assert np.isnan(table(at, 1.1)).all()
+    assert repr(table) == "<Table of 33 x 9 points, periodic, natural>"
+
+
+def test_a_table_of_several_variables_stands_in_models():
+    """A potential of a mass point in the plane, of which the spline is exact."""
+    x = np.linspace(-2, 2, 9)
+    well = lv.table((x, x), (x[:, None] ** 2 + 2 * x**2) / 2, "not-a-knot")
+    point = lv.Lagrangian(
+        lambda t, q, v, params: (v[0] ** 2 + v[1] ** 2) / 2 - well(q[0], q[1]), q=("x", "y")
+    )
+    run = lv.integrate(point, lv.Spark(4), t=(0, 3), h=0.1, q=[1.0, 0.5], v=[0.0, 0.0])
+    wanted = np.cos(3), 0.5 * np.cos(np.sqrt(2) * 3)
+    assert run.q[-1] == pytest.approx(wanted, abs=1e-11)
+    with pytest.raises(lv.IntegrationError):
+        lv.integrate(point, lv.Spark(4), t=(0, 3), h=0.1, q=[1.0, 0.5], v=[9.0, 0.0])
+
+
+@pytest.mark.parametrize(
+    ("x", "y", "ends", "error", "words"),
+    [
+        ((GRID[0], GRID[1]), np.ones((7, 6)), "natural", ValueError, r"shape \(6, 7\), not of"),
+        ((GRID[0], [0, 1, 2]), np.ones((6, 3)), "natural", ValueError, "four nodes at least"),
+        ((GRID[0], [0, 2, 1, 3]), np.ones((6, 4)), "natural", ValueError, "which increase"),
+        ((GRID[0], GRID[1]), np.full((6, 7), np.nan), "natural", ValueError, "some that are not"),
+        ((GRID[0], GRID[1]), np.ones((6, 7)), "open", ValueError, "ends must be of 'natural'"),
+        ((GRID[0], GRID[1]), np.ones((6, 7)), ["natural"], ValueError, "ends must be 2 words"),
+        ((GRID[0], "ab"), np.ones((6, 7)), "natural", TypeError, "x of a table must be a 1-D"),
+        (GRID[:2], GRID[0][:, None] + GRID[1], "periodic", ValueError, r"along x\[0\] it does not"),
+    ],
+)
+def test_bad_tables_of_several_variables_are_refused(x, y, ends, error, words):
+    with pytest.raises(error, match=words):
+        lv.table(x, y, ends)
+    with pytest.raises(TypeError, match="a table of 2 variables takes as many, not 1"):
+        lv.table(GRID[:2], np.ones((6, 7)))(0.5)

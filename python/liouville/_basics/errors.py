@@ -352,7 +352,8 @@ def _singular_piece(piece: str) -> Description:
 def _singular_function(function: str, t: float) -> Description:
     return (
         f"{function} is not finite in the step from t = {t:.6g}",
-        "look for a division by zero, a root or a logarithm there; begin elsewhere, or take a "
+        "look for a division by zero, a root, a logarithm, or the end of a table of several "
+        "variables there; begin elsewhere, or take a "
         "smaller h",
         function,
     )

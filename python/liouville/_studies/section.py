@@ -149,8 +149,8 @@ def section(
         The name of a coordinate, or the normal a; or a function :math:`s(t, x, params)` of which
         the surface :math:`s = c` is meant: it is an :class:`Event`, with two crossings seen within
         a step, and members are not in lock-step. Or ``"t"`` for the states at the times
-        :math:`c + k T` after the start, with ``period`` T: the strobe map of a driven field. The
-        steps are then the longest up to h of which a period is a whole number.
+        :math:`c + k T` of the field within the run, with ``period`` T: the strobe map of a driven
+        field. The steps are then the longest up to h of which a period is a whole number.
     offset : float, default 0
         The c of the plane.
     period : float, optional

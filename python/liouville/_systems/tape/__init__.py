@@ -265,14 +265,19 @@ def _with_columns(
     calls = _called(function, np.where(lines[:, 0] == search, ca.OP_CALL, 0))
     if not calls:
         return lines, values, []
-    first, columns, slots = lines[:, 1].max() + 1, dict[Column, int](), dict[int, list[int]]()
+    first, columns, slots = lines[:, 1].max() + 1, dict[Column, int](), dict[int, int]()
     for at, lookup in calls.items():
-        held = columns_of(lookup)
-        slots[lines[at, 1]] = [first + columns.setdefault(x, len(columns)) for x in held]
-        lines[at, 3] = slots[lines[at, 1]][0]
+        starts, column = columns_of(lookup)
+        held = [x for x in (starts, column) if x is not None]
+        own = [first + columns.setdefault(x, len(columns)) for x in held]
+        slots[lines[at, 1]] = own[-1]
+        if starts is None:  # the place is there, a whole number
+            lines[at, 0] = floor
+        else:
+            lines[at, 3] = own[0]
     is_looked_up = (lines[:, 0] == floor) & np.isin(lines[:, 2], [*slots])
     for at in np.flatnonzero(is_looked_up).tolist():
-        lines[at, 0], lines[at, 3] = entry, slots[lines[at, 2]][1]
+        lines[at, 0], lines[at, 3] = entry, slots[lines[at, 2]]
     numbers = np.zeros((len(columns), 4), dtype=np.int64)
     numbers[:, 0], numbers[:, 1] = _CONSTANT, first + np.arange(len(columns))
     values = np.concatenate([np.arange(len(columns), dtype=float), values])

@@ -31,7 +31,11 @@ class Lookup(str):
     @classmethod
     def of(cls, function: ca.Function) -> Lookup:
         """Name a function by its numbers."""
-        digests = (hashlib.blake2b(x.data, digest_size=4).hexdigest() for x in numbers_of(function))
+        digests = (
+            hashlib.blake2b(x.data, digest_size=4).hexdigest()
+            for x in numbers_of(function)
+            if x is not None
+        )
         found = cls("_".join((LOOKUP, *digests)))
         found.function = function
         return found
@@ -46,10 +50,12 @@ class LookedUp:
     Attributes
     ----------
     starts, column : Column
-        Where pieces start, and the number of each.
+        Where pieces start, and the number of each; no starts where x is the number of the piece.
     """
 
-    def __init__(self, name: str, piece: ca.MX, x: ca.MX, starts: Column, column: np.ndarray):
+    def __init__(
+        self, name: str, piece: ca.MX, x: ca.MX, starts: Column | None, column: np.ndarray
+    ):
         exponents = np.frexp(column[column != 0])[1]
         shift = np.clip(53 - exponents.min(initial=53), 0, 1022 - exponents.max(initial=0))
         self._shift, whole = int(shift), np.rint(np.ldexp(column, shift))
@@ -104,8 +110,19 @@ def lookups(what: str, starts: np.ndarray, *columns: np.ndarray) -> list[LookedU
     return found
 
 
-def numbers_of(lookup: ca.Function) -> tuple[np.ndarray, np.ndarray]:
-    """Return the starts and the column of a function that looks numbers up."""
+def gathered(column: np.ndarray) -> LookedUp:
+    """Make a function that looks up the number at a place of a column, a whole number from 0."""
+    x = ca.MX.sym("x")
+    digest = hashlib.blake2b(column.data, digest_size=16).hexdigest()
+    name = f"{LOOKUP}_{digest}"
+    own = _KNOWN.get(name)
+    if own is None:
+        own = _KNOWN[name] = LookedUp(name, x, x, None, column)
+    return own
+
+
+def numbers_of(lookup: ca.Function) -> tuple[np.ndarray | None, np.ndarray]:
+    """Return the starts, if there are any, and the column of a function that looks numbers up."""
     each = range(lookup.n_instructions())
     constants = (k for k in each if lookup.instruction_id(k) == ca.OP_CONST)
     found = [lookup.instruction_MX(k).to_DM().full().ravel() for k in constants]
@@ -113,13 +130,13 @@ def numbers_of(lookup: ca.Function) -> tuple[np.ndarray, np.ndarray]:
     return starts[1:-1].copy(), column
 
 
-def columns_of(lookup: ca.Function) -> tuple[Column, Column]:
+def columns_of(lookup: ca.Function) -> tuple[Column | None, Column]:
     """Return the starts and the column of a function as the core holds them."""
     known = _KNOWN.get(lookup.name())
     if known is not None:
         return known.starts, known.column
     starts, column = numbers_of(lookup)
-    return column_of(starts), column_of(column)
+    return None if starts is None else column_of(starts), column_of(column)
 
 
 def column_of(column: np.ndarray) -> Column:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,6 +15,7 @@ from liouville._basics.errors import hinted
 from liouville._basics.scipy import scipy
 from liouville._core import Column
 from liouville._systems.tape.lookups import LookedUp, lookups
+from liouville._systems.tracing.grid_table import GridTable, grid_table
 from liouville._systems.tracing.trace import numbers
 
 Array = NDArray[np.float64]
@@ -116,7 +118,13 @@ class Table:
         return x - period * floor((x - first) / period)
 
 
-def table(x: ArrayLike, y: ArrayLike, ends: str = "natural") -> Table:
+@overload
+def table(
+    x: tuple[ArrayLike, ...], y: ArrayLike, ends: str | Sequence[str] = "natural"
+) -> GridTable: ...
+@overload
+def table(x: ArrayLike, y: ArrayLike, ends: str | Sequence[str] = "natural") -> Table: ...
+def table(x: Any, y: ArrayLike, ends: str | Sequence[str] = "natural") -> Table | GridTable:
     r"""Make a smooth function of a table: the cubic spline through its points.
 
     It has two continuous derivatives, between the points and beyond them, where a natural spline
@@ -126,20 +134,21 @@ def table(x: ArrayLike, y: ArrayLike, ends: str = "natural") -> Table:
 
     Parameters
     ----------
-    x : array_like, shape (k,)
-        Where the values are, increasing.
-    y : array_like, shape (k,)
+    x : array_like, shape (k,), or tuple of them
+        Where the values are, increasing; of a table of several variables the nodes of each.
+    y : array_like, shape (k,), or (k, l, ...)
         The values.
-    ends : {"natural", "not-a-knot", "periodic"}
-        A natural spline has no curvature at its ends, and its error there is of order 2. One with
-        "not-a-knot" has order 4 up to the ends, goes on straight beyond them too, and has a jump
-        of its curvature there. A periodic one repeats itself; its last value is the first,
-        but for roundoff.
+    ends : {"natural", "not-a-knot", "periodic"}, or a sequence of them
+        Of several variables one for all or one for each. A natural spline has no curvature at its
+        ends, and its error there is of order 2. One with "not-a-knot" has order 4 up to the ends,
+        goes on straight beyond them too, and has a jump of its curvature there. A periodic one
+        repeats itself; its last value is the first, but for roundoff.
 
     Returns
     -------
-    Table
-        Called with an expression it gives an expression, with numbers numbers.
+    Table or GridTable
+        Called with an expression it gives an expression, with numbers numbers; with as many as it
+        has variables. Beyond a grid there is no value: it is NaN, and a step there fails.
 
     Raises
     ------
@@ -160,7 +169,12 @@ def table(x: ArrayLike, y: ArrayLike, ends: str = "natural") -> Table:
     >>> spring(1.0), spring(3.0)
     (1.0, 7.666666666666667)
     """
-    if ends not in FEWEST:
+    if isinstance(x, tuple | list) and len(x) > 1 and all(np.ndim(each) == 1 for each in x):
+        for word in (ends,) if isinstance(ends, str) else ends:
+            if word not in FEWEST:
+                raise ValueError(f"ends must be of {', '.join(map(repr, FEWEST))}, not {word!r}")
+        return grid_table(x, y, ends)
+    if not isinstance(ends, str) or ends not in FEWEST:
         raise ValueError(f"ends must be one of {', '.join(map(repr, FEWEST))}, not {ends!r}")
     at, values = _points("x", x), _points("y", y)
     if at.shape != values.shape:
