@@ -313,11 +313,27 @@ def test_bad_calls_are_refused_in_a_sentence():
         lv.integrate(system, lv.SplitOperator(), t=(0, 1), psi=psi)
     with pytest.raises(TypeError, match="psi is missing"):
         lv.plan(system, method, t=(0, 1))
-    with pytest.raises(TypeError, match="leaves nothing to plan"):
+    with pytest.raises(TypeError, match=r"leaves nothing to plan\nhint: .* lv.integrate"):
         lv.plan(system, lv.SplitOperator(), t=(0, 1), psi=psi)
+    with pytest.raises(TypeError, match=r"takes no h=\nhint: .* give h to lv.integrate"):
+        lv.plan(system, method, t=(0, 1), psi=psi, h=0.1)
     with pytest.raises(ValueError, match="tol must be from"):
         lv.SplitOperator(tol=2.0)
     with pytest.raises(TypeError, match="steps a Grid"):
         lv.integrate(lv.Schrodinger(lv.Lattice(20)), method, t=(0, 1), psi=np.eye(20)[3])
     with pytest.raises(ValueError, match="out of reach"):
         lv.integrate(system, lv.SplitOperator(tol=1e-13), t=(0, 1e4), psi=psi)
+
+
+def test_a_state_is_given_in_the_shape_of_its_grid_and_laid_out_by_it():
+    own = lv.Grid([-5, -6], [5, 6], [16, 20], potential=lambda t, x, params: ca.sumsqr(x) / 2)
+    psi = np.exp(-((own.points - [1.0, 0.0]) ** 2).sum(axis=1) / 2)
+    runs = [
+        lv.integrate(lv.Schrodinger(own), lv.SplitOperator(tol=1e-6), t=(0, 1), psi=each)
+        for each in (psi, psi.reshape(own.shape))
+    ]
+    assert np.array_equal(runs[0].psi, runs[1].psi)
+    density = np.abs(runs[0].psi.reshape(-1, *own.shape)) ** 2
+    centre = (density.sum(axis=2) @ own.axes[0]) / density.sum(axis=(1, 2))
+    assert centre == pytest.approx([1.0, np.cos(1.0)], abs=1e-3)
+    assert lv.Lattice([3, 4]).shape == (3, 4)

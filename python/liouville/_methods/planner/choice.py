@@ -127,7 +127,10 @@ def _refuse(system: Any, **given: Any) -> None:
     """Refuse arguments that are for another kind of system."""
     for name, value in given.items():
         if value is not None:
-            raise TypeError(f"a plan for {system!r} takes no {name}=")
+            hint = f"leave {name} out"
+            if name == "h":
+                hint = "steps of a given size leave nothing to plan: give h to lv.integrate"
+            raise TypeError(hinted(f"a plan for {system!r} takes no {name}=", hint))
 
 
 def _of_field(
@@ -174,8 +177,9 @@ def _of_wave(system: Schrodinger, method: Any, t: Any, psi: Any) -> WavePlan:
     if method is None or (isinstance(method, str) and method == "auto"):
         method = AUTO
     if isinstance(method, SplitOperator) and method.tol is None:
-        raise TypeError(hinted(f"{method!r} leaves nothing to plan", "give it a tol="))
+        hint = "give it a tol=, or call lv.integrate with h= or steps="
+        raise TypeError(hinted(f"{method!r} leaves nothing to plan", hint))
     if not isinstance(method, Planned | SplitOperator):
-        kinds = "SchrodingerSplitting, Chebyshev, Lanczos, Magnus or SplitOperator"
-        raise TypeError(f"method must be a {kinds}, not {method!r}")
+        kinds = "'auto', SchrodingerSplitting, Chebyshev, Lanczos, Magnus or SplitOperator"
+        raise TypeError(f"method must be {kinds}, not {method!r}")
     return plan_run(system, method, times_of(t), None if psi is None else system.inward(psi))

@@ -49,7 +49,8 @@ class Grid:
     potential : ndarray, callable or None
         As given, an array in the grid's shape.
     size : int
-        Number of points N; components of a state follow one another as in a flat NumPy array.
+        Number of points N; components of a state follow one another as in a flat NumPy array:
+        ``run.psi.reshape(-1, *grid.shape)`` has one on the axes for each record.
     axes, k : tuple of ndarray
         Coordinates along each axis, and wave numbers in the order of ``numpy.fft.fftfreq``.
     points : ndarray
@@ -85,7 +86,7 @@ class Grid:
         potential: ArrayLike | Callable[..., Any] | None = None,
         mass: float | tuple[float, ...] = 1.0,
     ) -> None:
-        given = points if isinstance(points, tuple) else (points,)
+        given = points if isinstance(points, (tuple, list, np.ndarray)) else (points,)
         shape = tuple(count("a number of points", n) for n in given)
         if not 1 <= len(shape) <= 3:
             raise ValueError(f"a grid has 1, 2 or 3 axes, not {len(shape)}")

@@ -72,7 +72,7 @@ class Lattice:
         potential: ArrayLike | None = None,
         periodic: bool | tuple[bool, ...] = False,
     ) -> None:
-        sites = shape if isinstance(shape, tuple) else (shape,)
+        sites = shape if isinstance(shape, (tuple, list, np.ndarray)) else (shape,)
         sites = tuple(count("a number of sites", n) for n in sites)
         if not sites:
             raise ValueError("a lattice has at least one axis")
