@@ -24,7 +24,6 @@ from liouville._methods.planner.waves.propagators import (
 )
 from liouville._runs.tangents import PARAMS, Directions, Place, check_names
 from liouville._runs.waves.windows import (
-    CUBIC,
     DEGREE,
     LEFT_OUT,
     at_times,
@@ -81,7 +80,7 @@ def places_of(system: Schrodinger) -> dict[str, Place]:
         found[PARAMS + name] = (system.size + cut.start, shape)
     place = system.size + sum(int(np.prod(shape)) for _, shape in drive.params.values())
     for name in drive.samples:
-        size = drive.times(name).size
+        size = drive.number(name)
         found[name] = (place, (size,))
         place += size
     return found
@@ -165,7 +164,8 @@ def _resolve(
     nodes = np.array([first.nodes(k) for k in range(len(first))])
     windows, count = nodes.shape
     parts = [slice(k, k + AT_ONCE) for k in range(0, windows, AT_ONCE)]
-    degrees = np.full(windows, CUBIC if samples.keys() & each.keys() else 0)
+    known = [system.sensitivity.degree(name) for name in samples.keys() & each.keys()]
+    degrees = np.full(windows, max(known, default=0))
     largest = {what: np.full(1, 1e-300) for what in each}
     for part in parts:
         for what, slopes in each.items():
@@ -276,10 +276,10 @@ class WaveDerivative:
             found[..., 1:] += np.einsum("dp,npk->dnk", changes[:, :count], drive.slopes(nodes))
         place = count
         for name, k in drive.samples.items():
-            size = drive.times(name).size
+            size = drive.number(name)
             own = changes[:, place : place + size]
             if own.any():
-                found[..., 1 + k] += own @ drive.basis(name, nodes).T
+                found[..., 1 + k] += drive.of_samples(name, nodes, own)
             place += size
         return found
 
@@ -319,7 +319,7 @@ class WaveDerivative:
                 gradients[PARAMS + name] = by_params[cut].reshape(shape)
         for name, k in drive.samples.items():
             if name in names:
-                gradients[name] = w[:, k] @ drive.basis(name, t)
+                gradients[name] = drive.to_samples(name, t, w[:, k])
         return {name: gradients[name] for name in names}
 
     def _parts(self, *, is_single: bool) -> list[tuple[int, int]]:

@@ -20,9 +20,8 @@ from liouville._systems import Schrodinger
 
 Array = NDArray[Any]
 
-#: The highest degree in time of changes of H within a window, which the core has nodes for, and
-#: that of a spline between two samples.
-DEGREE, CUBIC = 14, 3
+#: The highest degree in time of changes of H within a window, which the core has nodes for.
+DEGREE = 14
 
 #: The part that a polynomial may leave out of a derivative of H, relative to the largest.
 LEFT_OUT = 1e-11
@@ -89,6 +88,8 @@ def slopes_of(system: Schrodinger, names: Sequence[str]) -> dict[str, Callable[[
 
 
 def _of_samples(system: Schrodinger, name: str, t: Array) -> Array:
+    if system.sensitivity.degree(name) == 0:  # one sample holds in each window
+        return np.ones((t.size, 1, 1))
     return system.sensitivity.basis(name, t)[..., None]
 
 
@@ -120,7 +121,7 @@ def with_breaks(plan: WavePlan, system: Schrodinger, names: Sequence[str]) -> Wa
     for what, slopes in each.items():
         if what not in drive.samples:  # polynomials between their times
             breaks |= set(_resolved(what, slopes, plan))
-    inside = sorted(t for t in breaks if min(t0, t1) < t < max(t0, t1))
+    inside = sorted(t for t in breaks if min(t0, t1) <= t <= max(t0, t1))
     assert isinstance(plan.method, SchrodingerSplitting | Chebyshev), "methods by series in time"
     core = replace(plan.core, breaks=tuple(inside if t1 > t0 else inside[::-1]))
     powers, bessel, products, theta, beyond = _core.driven_cost(system.hamiltonian, core, t0, t1)

@@ -22,6 +22,8 @@ Array = NDArray[np.float64]
 
 #: The fewest points, by what holds at the ends.
 FEWEST = {"natural": 2, "not-a-knot": 4, "periodic": 3}
+#: What a table of constant values between its points has for ends.
+STEPS = "steps"
 #: No number of a model is below it.
 LEAST = float(np.finfo(float).min)
 #: The ends of a periodic table are the same but for this part of its largest value, roundoff.
@@ -35,7 +37,7 @@ class Table:
     Attributes
     ----------
     x, y : ndarray, shape (k,)
-        The points.
+        The points; of constant values between points y may have one fewer.
     ends : str
         What holds at the ends.
     name : str
@@ -80,9 +82,11 @@ class Table:
     def replaced(self, other: Table) -> list[tuple[Column, Column]] | None:
         """Return pairs of columns that make a tape of this table one of another at the same points.
 
-        None where numbers would overflow.
+        None where numbers would overflow, or are not as many.
         """
         found = []
+        if self._powers.shape != other._powers.shape:
+            return None
         for own, powers in zip(self._lookups[1:], other._powers, strict=True):
             new = own.other(powers)
             if new is None:
@@ -193,6 +197,17 @@ def table(x: Any, y: ArrayLike, ends: str | Sequence[str] = "natural") -> Table 
         values = np.append(values[:-1], values[0])
         values.setflags(write=False)
     return _spline(at, values, ends)
+
+
+def steps(x: Array, y: Array) -> Table:
+    """Make a table of values that hold from one x to the next, the outer ones beyond the ends.
+
+    A value for the last x holds nowhere.
+    """
+    count = x.size - 1
+    powers = np.zeros((4, count))
+    powers[0] = y[:count]
+    return Table(x, y, STEPS, np.append(-np.inf, x[1:count]), powers, np.array(x[:count]))
 
 
 def _points(name: str, given: Any) -> Array:

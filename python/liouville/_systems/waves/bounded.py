@@ -224,8 +224,10 @@ class Bounded(Pickled):
         return more
 
     def points_between(self, t0: float, t1: float) -> tuple[float, ...]:
-        """Return the times within a run at which H(t) is looked at besides, in its order."""
-        found = tuple(t for t in self.points if min(t0, t1) < t < max(t0, t1))
+        """Return the times of a run at which H(t) is looked at besides and jumps, in its order."""
+        low, high = min(t0, t1), max(t0, t1)
+        jumps = foreign.times_of_samples(self._drive, 0)
+        found = tuple(sorted({t for t in (*self.points, *jumps) if low <= t <= high}))
         return found if t1 > t0 else found[::-1]
 
     @property

@@ -61,6 +61,9 @@ class Schrodinger(OnGrid):
     times : array_like, optional
         When samples are taken: the function is the cubic spline through them. A run that leaves
         these times by more than half the distance of two is refused.
+    order : {3, 0}
+        Of order 0 a sample holds from its time up to the next one, as controls in slots do. There
+        may be one fewer than times, and no run leaves these.
     points : array_like, optional
         Times at which H(t) is looked at and steps end, as in the middle of a short pulse.
     params : mapping of str to float or 1-D array_like, optional
@@ -161,13 +164,14 @@ class Schrodinger(OnGrid):
         hbar: float = 1.0,
         drive: Sequence[tuple[Callable[..., Any] | ArrayLike, Any]] = (),
         times: ArrayLike | None = None,
+        order: int = 3,
         points: ArrayLike = (),
         params: Mapping[str, ArrayLike] | None = None,
         nonlinearity: Callable[..., Any] | None = None,
         absorber: Callable[..., Any] | ArrayLike | None = None,
     ) -> None:
         self.points = foreign.points_of(points)
-        self.source, self._drive = foreign.parted(hamiltonian, drive, times)
+        self.source, self._drive = foreign.parted(hamiltonian, drive, times, order)
         self.hbar = positive("hbar", hbar)
         self._params = _trace.Parameters(params)
         self._given, self._way = interval(bounds, self.hbar), way(bounds)

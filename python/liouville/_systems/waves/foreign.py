@@ -21,6 +21,9 @@ Drive = list[tuple[Any, Any]]
 #: The fewest samples of a function.
 FEWEST = 2
 
+#: Orders of what stands for samples, the default first.
+ORDERS = (3, 0)
+
 #: A run may leave the times of samples by so much of their distance: these may be midpoints.
 ROOM = 0.5 + 1e-9
 
@@ -79,13 +82,16 @@ def state(psi: Any, size: int, is_ensemble: bool) -> Any:
 
 
 def parted(
-    hamiltonian: Any, drive: Sequence[Any], times: ArrayLike | None
+    hamiltonian: Any, drive: Sequence[Any], times: ArrayLike | None, order: int = 3
 ) -> tuple[Any, list[Any]]:
     """Return H without time, and pairs of a function and a matrix.
 
     ``[H0, [H1, f], [H2, samples]]`` is a Hamiltonian as QuTiP has it. A sequence of samples at
-    `times` stands for its spline.
+    `times` stands for its spline, or of order 0 for values between times.
     """
+    if isinstance(order, bool) or order not in ORDERS:
+        hint = "3 is the cubic spline through samples, 0 values that hold to the next time"
+        raise ValueError(hinted(f"order must be 0 or 3, not {order!r}", hint))
     pairs: list[Any] = list(drive)
     if _is_listed(hamiltonian):
         still = [part for part in hamiltonian if not _is_pair(part)]
@@ -114,17 +120,19 @@ def parted(
             hint = "write it as a function of t and params, with ca.cos and ca.exp"
             raise TypeError(hinted(f"drive[{k}] is the text {function!r}", hint))
         if isinstance(function, (np.ndarray, list, tuple)):
-            function = Samples(f"drive[{k}]", function, at)
+            function = Samples(f"drive[{k}]", function, at, order)
         found.append((function, plain(f"H{k + 1}", matrix)))
     if at is not None and not any(isinstance(function, Samples) for function, _ in found):
         raise TypeError("times are those of samples, and no drive has any")
+    if order != ORDERS[0] and at is None:
+        raise TypeError("order is that of samples, and no drive has any")
     return plain("H", hamiltonian), found
 
 
 def resampled(drive: Drive, samples: Mapping[str, ArrayLike]) -> Drive:
     """Return pairs with other samples at the same times, by names such as ``drive[0]``."""
     return [
-        (Samples(name, samples[name], function.table.x), matrix)
+        (Samples(name, samples[name], function.table.x, function.order), matrix)
         if (name := f"drive[{k}]") in samples
         else (function, matrix)
         for k, (function, matrix) in enumerate(drive)
@@ -187,13 +195,16 @@ class Named:
 class Samples:
     """The spline through samples, which has an error of the fourth order in their distance.
 
+    Of order 0 a sample holds up to the next time; there may be one fewer than times.
+
     Raises
     ------
     TypeError, ValueError
         There are no times, or not as many, or the samples are complex.
     """
 
-    def __init__(self, name: str, samples: Any, times: np.ndarray | None) -> None:
+    def __init__(self, name: str, samples: Any, times: np.ndarray | None, order: int = 3) -> None:
+        self.order = order
         values = array_of(f"the function of {name}", samples)
         if times is None:
             hint = "give times=, or a function of t and params"
@@ -205,17 +216,22 @@ class Samples:
                 hint = "z K + h.c. is Re z with K + K^+, and Im z with i (K - K^+)"
                 raise ValueError(hinted(f"the samples of {name} are complex", hint))
             values = values.real
-        if values.shape != times.shape:
+        fewest = times.size - (order == 0)
+        if values.shape not in (times.shape, (fewest,)):
             sentence = f"{name} has samples of shape {values.shape}"
-            raise ValueError(f"{sentence}, and there are {times.size} times")
+            slots = f", with {fewest} slots between them" * (order == 0)
+            raise ValueError(f"{sentence}, and there are {times.size} times{slots}")
         with np.errstate(over="ignore"):  # of longer types, which are infinite then
             values = values.astype(float)
         bad = np.flatnonzero(~np.isfinite(values))
         if bad.size:
             which = f"sample {bad[0]} of {name}, at t = {times[bad[0]]:g},"
             raise ValueError(f"{which} is {values[bad[0]]}, wanted a finite number")
-        from liouville._systems.tracing.table import table
+        from liouville._systems.tracing.table import steps, table
 
+        if order == 0:
+            self.table = replace(steps(times, values), name=name)
+            return
         ends = "not-a-knot" if times.size > 3 else "natural"
         self.table = replace(table(times, values, ends=ends), name=name)
 
@@ -231,16 +247,18 @@ def check_sampled(drive: Drive, start: float, end: float) -> None:
         if not isinstance(function, Samples):
             continue
         first, second, before, last = function.table.x[[0, 1, -2, -1]]
-        if t0 < first - ROOM * (second - first) or t1 > last + ROOM * (last - before):
+        room = ROOM if function.order else ROOM - 0.5
+        if t0 < first - room * (second - first) or t1 > last + room * (last - before):
             run = f"{start:g}" if start == end else f"({start:g}, {end:g})"
             sentence = f"t = {run} leaves the samples of drive[{k}]"
             hint = "integrate within them, or give samples beyond, such as zeros after a pulse"
             raise ValueError(hinted(f"{sentence}, which are from {first:g} to {last:g}", hint))
 
 
-def times_of_samples(drive: Drive) -> tuple[float, ...]:
-    """Return the times of all samples, in order."""
-    found = [function.table.x for function, _ in drive if isinstance(function, Samples)]
+def times_of_samples(drive: Drive, order: int) -> tuple[float, ...]:
+    """Return the times of all samples of an order, in order."""
+    given = (function for function, _ in drive if isinstance(function, Samples))
+    found = [function.table.x for function in given if function.order == order]
     return tuple(np.unique(np.concatenate(found)).tolist()) if found else ()
 
 

@@ -15,6 +15,7 @@ from liouville._basics.errors import hinted
 from liouville._basics.scipy import scipy
 from liouville._systems.tape import record
 from liouville._systems.tracing.expressions import Expressions, Symbols
+from liouville._systems.tracing.table import STEPS
 from liouville._systems.waves.foreign import Samples
 
 if TYPE_CHECKING:
@@ -124,6 +125,36 @@ class DriveSensitivity:
     def times(self, name: str) -> Array:
         """Return the times of the samples of a drive."""
         return np.asarray(self._tables[self.samples[name]].x)
+
+    def number(self, name: str) -> int:
+        """Return the number of the samples of a drive."""
+        return int(self._tables[self.samples[name]].y.size)
+
+    def degree(self, name: str) -> int:
+        """Return the degree in time between two samples of a drive."""
+        return 0 if self._tables[self.samples[name]].ends == STEPS else 3
+
+    def of_samples(self, name: str, t: Array, samples: Array) -> Array:
+        """Return a drive at times, shape (..., k), by other samples, shape (..., samples)."""
+        if self.degree(name) == 0:
+            found: Array = samples[..., self._slots(name, t)]
+        else:
+            found = samples @ self.basis(name, t).T
+        return found
+
+    def to_samples(self, name: str, t: Array, cotangents: Array) -> Array:
+        """Return cotangents of the samples of a drive from those of its values at times."""
+        if self.degree(name) == 0:
+            count = self.number(name)
+            found: Array = np.bincount(self._slots(name, t), cotangents, count).astype(float)
+        else:
+            found = cotangents @ self.basis(name, t)
+        return found
+
+    def _slots(self, name: str, t: Array) -> NDArray[np.intp]:
+        """Return the place of the sample that holds at each time."""
+        table = self._tables[self.samples[name]]
+        return np.asarray(np.searchsorted(table.x[1:-1], t, "right"))
 
     def basis(self, name: str, t: Array) -> Array:
         """Return the weight of each sample in the spline of a drive, shape (k, samples)."""

@@ -59,7 +59,7 @@ impl DrivenSeries {
             fit: self.fit.clone(),
             sizes: sizes.map(|size| size * window.h.abs()).collect(),
             tail,
-            nodes: (nodes().iter().map(|y| self.start.t + window.h * y)).collect(),
+            nodes: (nodes().iter().map(|y| self.sampler.within(at, *y))).collect(),
             map: by_nodes(self.fit.degree),
             outputs: self.factors.iter().map(output).collect(),
             steps: self.factors.len() - 1,

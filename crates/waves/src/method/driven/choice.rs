@@ -128,7 +128,7 @@ impl Sampler {
         share: Share,
         is_plain: bool,
     ) -> Result<Choice, StepError> {
-        let beta = half(self.bounds_at(t));
+        let beta = half(self.bounds_at((t, left)));
         if !beta.is_finite() {
             let (theta, most) = (beta, BESSEL[0]);
             return Err(StepError::Spectrum { theta, most, t });

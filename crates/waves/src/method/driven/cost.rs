@@ -92,7 +92,9 @@ impl Driven {
                 return Err(StepError::Interrupted);
             }
             let share = Share::after(jumps, self.rate, whole);
-            let breaks = refused.as_slice().iter().chain(&self.breaks);
+            let is_past = |time: &f64| (time - t) * (end - t) <= 0.0;
+            let ahead = &self.breaks[self.breaks.partition_point(is_past)..];
+            let breaks = refused.as_slice().iter().chain(ahead.first());
             let end = next_break(breaks, t, end);
             let choice = sampler.window(t, end - t, share, false)?;
             jumps += usize::from(choice.is_jump);
@@ -111,7 +113,8 @@ impl Driven {
 
     pub(super) fn sampler(&self, hamiltonian: &Arc<Hamiltonian>) -> Option<Sampler> {
         let sampler = Sampler::new(hamiltonian.clone(), self.bounds.clone())?;
-        Some(sampler.with_differences(self.by_differences))
+        let sampler = sampler.with_differences(self.by_differences);
+        Some(sampler.with_breaks(&self.breaks))
     }
 
     /// The cost of a run from `t` to `end`; none where the parts do not fit.

@@ -20,6 +20,9 @@ const LOOKS: usize = 8;
 /// Times that are looked at between two polls for cancellation.
 const POLL: usize = 64;
 
+/// A window that ends at a break takes H so many roundings of the time within it, where a jump is on its other side.
+pub(super) const BESIDE: f64 = 8.0 * f64::EPSILON;
+
 /// Rounding errors of a fit, relative to what is fitted.
 const ROUNDING: f64 = 1e-14;
 
@@ -30,6 +33,8 @@ pub(in crate::method) struct Sampler {
     /// The first term of each group: terms of a group have their weight in common.
     firsts: Vec<usize>,
     bounds: TermBounds,
+    /// Times at which H may jump, from the first to the last.
+    breaks: Vec<f64>,
     pub(super) by_differences: bool,
     /// Values at many times of the run, and memory for what a series misses of them.
     scan: Option<Arc<Scan>>,
@@ -94,6 +99,7 @@ impl Sampler {
             series: Vec::new(),
             width: 0,
             by_differences: false,
+            breaks: Vec::new(),
             scan: None,
             apart: Vec::new(),
             bounds,
@@ -107,6 +113,39 @@ impl Sampler {
             by_differences,
             ..self
         }
+    }
+
+    /// The same for an H that may jump at some times, in the order of the run.
+    pub(super) fn with_breaks(mut self, breaks: &[f64]) -> Self {
+        self.set_breaks(breaks);
+        self
+    }
+
+    /// Sets the times at which H may jump, in the order of the run.
+    pub(in crate::method) fn set_breaks(&mut self, breaks: &[f64]) {
+        self.breaks = breaks.to_vec();
+        self.breaks.sort_by(f64::total_cmp);
+    }
+
+    /// The time at a part of a window, on its side of breaks at its ends.
+    pub(in crate::method) fn within(&self, (t, h): (f64, f64), part: f64) -> f64 {
+        let end = t + h;
+        let near = (BESIDE * t.abs().max(end.abs())).min(0.25 * h.abs());
+        let at = t + h * part;
+        let beside = |edge: f64| (at - edge).abs() < near && self.is_break(edge, near);
+        if beside(t) {
+            t + near.copysign(h)
+        } else if beside(end) {
+            end - near.copysign(h)
+        } else {
+            at
+        }
+    }
+
+    /// Whether a break is as near as that.
+    fn is_break(&self, t: f64, near: f64) -> bool {
+        let place = self.breaks.partition_point(|time| *time <= t - near);
+        self.breaks.get(place).is_some_and(|time| *time < t + near)
     }
 
     /// The same with all functions of time looked at over the run, where there are any.
@@ -219,10 +258,10 @@ impl Sampler {
         self.bounds.at(weights, potential)
     }
 
-    /// Interval of H at t.
-    pub(super) fn bounds_at(&mut self, t: f64) -> Interval {
+    /// Interval of H at the start of a window.
+    pub(super) fn bounds_at(&mut self, window: (f64, f64)) -> Interval {
         self.samples.clear();
-        self.sample(t);
+        self.sample(self.within(window, 0.0));
         self.added(&self.samples)
     }
 
@@ -230,7 +269,7 @@ impl Sampler {
     pub(super) fn interpolate(&mut self, (t, h): (f64, f64), count: usize) -> usize {
         self.samples.clear();
         for node in 0..count {
-            self.sample(t + h * chebyshev_node(node, count));
+            self.sample(self.within((t, h), chebyshev_node(node, count)));
         }
         self.width = self.samples.len() / count;
         coefficients(&self.samples, self.width, &mut self.series);
@@ -252,7 +291,7 @@ impl Sampler {
 
     /// Looks at a window: none where no degree leaves less than `tolerance`, in energies.
     pub(super) fn look(&mut self, t: f64, h: f64, tolerance: f64) -> Option<Look> {
-        let first = self.bounds_at(t);
+        let first = self.bounds_at((t, h));
         let width = self.interpolate((t, h), NODES);
         let rows = self.samples.chunks(width).map(|row| self.added(row));
         let hull = |a: Interval, b: Interval| (a.0.min(b.0), a.1.max(b.1));

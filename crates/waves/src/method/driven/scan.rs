@@ -1,7 +1,7 @@
 //! Values of all functions of time at many times of a run, by which no window and no step passes over a pulse.
 
 use super::choice::half;
-use super::fit::Sampler;
+use super::fit::{BESIDE, Sampler};
 use crate::method::term_bounds::TermBounds;
 use liouville_base::error::StepError;
 use std::sync::Arc;
@@ -65,9 +65,10 @@ impl Scan {
         })
     }
 
-    /// The times in an interval.
+    /// The times in an interval without its ends, where a jump may be on the other side.
     fn inside(&self, (t, h): (f64, f64)) -> std::ops::Range<usize> {
-        let (low, high) = (t.min(t + h), t.max(t + h));
+        let near = BESIDE * t.abs().max((t + h).abs());
+        let (low, high) = (t.min(t + h) + near, t.max(t + h) - near);
         let first = self.times.partition_point(|time| *time < low);
         first..self.times.partition_point(|time| *time <= high).max(first)
     }

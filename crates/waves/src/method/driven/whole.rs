@@ -50,6 +50,9 @@ impl Sampler {
         fitted: &mut Vec<f64>,
     ) -> Result<(), StepError> {
         fitted.clear();
+        let times: Vec<f64> = (0..NODES)
+            .map(|node| self.within((t, h), chebyshev_node(node, NODES)))
+            .collect();
         let Some((potential, registers)) = &mut self.potentials[0] else {
             return Ok(());
         };
@@ -63,9 +66,8 @@ impl Sampler {
             let count = AT_ONCE.min(size - first);
             samples.clear();
             samples.resize(NODES * count, 0.0);
-            for (node, values) in samples.chunks_mut(count).enumerate() {
-                let at = (1.0, t + h * chebyshev_node(node, NODES));
-                potential.add(registers, at, first, values);
+            for (t, values) in times.iter().zip(samples.chunks_mut(count)) {
+                potential.add(registers, (1.0, *t), first, values);
             }
             coefficients(&samples, count, &mut series);
             let powers = powers(&series, degree, count);
@@ -97,6 +99,7 @@ impl Sampler {
         // the last node is the start
         let last = self.samples.len() - self.samples.len() / NODES;
         let mut row = self.samples[last..][..self.groups()].to_vec();
+        let t = self.within((t, window.h), 0.0);
         if let Some((potential, registers)) = &mut self.potentials[0] {
             let groups = row.len();
             row.resize(groups + potential.size(), 0.0);

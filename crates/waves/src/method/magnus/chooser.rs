@@ -166,6 +166,11 @@ impl Chooser {
         }))
     }
 
+    /// Sets the times at which steps end and H may jump.
+    pub(super) fn set_breaks(&mut self, breaks: &[f64]) {
+        self.scan.set_breaks(breaks);
+    }
+
     /// The error that a step may have.
     pub(super) fn allowed(&self, h: f64) -> f64 {
         (METHOD * self.tolerance.rate * h.abs()).max(JUMP * self.left)
@@ -206,7 +211,8 @@ impl Chooser {
     fn look(&mut self, t: f64, h: f64) -> Result<(), StepError> {
         self.values.clear();
         for point in &self.points {
-            (self.current).set(&self.hamiltonian, &[(1.0, t + point * h)])?;
+            let time = self.scan.within((t, h), *point);
+            (self.current).set(&self.hamiltonian, &[(1.0, time)])?;
             let weights = self.averages.bounds.weights(self.current.weights());
             self.values.extend(weights);
             self.values.extend_from_slice(self.current.potential());

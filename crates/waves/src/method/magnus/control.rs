@@ -70,7 +70,8 @@ impl MagnusSteps {
 
     /// The same with steps that end at these times, too, given in the order of the run.
     #[must_use]
-    pub fn with_breaks(self, breaks: Vec<f64>) -> Self {
+    pub fn with_breaks(mut self, breaks: Vec<f64>) -> Self {
+        self.chooser.set_breaks(&breaks);
         Self { breaks, ..self }
     }
 

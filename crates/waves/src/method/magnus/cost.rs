@@ -59,11 +59,14 @@ impl MagnusSteps {
     ) -> Option<Result<MagnusCost, StepError>> {
         let constant = constant(nodes.order);
         let chooser = Chooser::new(hamiltonian, nodes, bounds, tolerance)?;
-        let counter = chooser.map(|chooser| Counter {
-            constant,
-            chooser,
-            times,
-            cost: MagnusCost::default(),
+        let counter = chooser.map(|mut chooser| {
+            chooser.set_breaks(times);
+            Counter {
+                constant,
+                chooser,
+                times,
+                cost: MagnusCost::default(),
+            }
         });
         Some(counter.and_then(Counter::run))
     }

@@ -67,6 +67,28 @@ impl JumpSearch {
         Ok(Some((if is_first { t } else { a - beside }, b + beside)))
     }
 
+    /// Times beside `edge` on the way to `end`, if the potential changes by more than `least` between them.
+    ///
+    /// # Errors
+    /// It was interrupted.
+    pub(super) fn around(
+        &mut self,
+        kicks: &mut Kicks,
+        (t, edge, end): (f64, f64, f64),
+        least: f64,
+    ) -> Result<Option<(f64, f64)>, StepError> {
+        let beside = (BESIDE * f64::EPSILON * t.abs().max(edge.abs())).copysign(edge - t);
+        let (before, after) = (edge - beside, edge + beside);
+        let is_past = (after - t).abs() >= (end - t).abs();
+        let after = if is_past { end } else { after };
+        if (edge - t).abs() <= 2.0 * beside.abs() {
+            return Ok(None);
+        }
+        kicks.values(before, &mut self.low)?;
+        kicks.values(after, &mut self.high)?;
+        Ok((change(&self.low, &self.high) > least).then_some((before, after)))
+    }
+
     /// The part of a step in which the potential changes most, and by how much.
     fn steepest(
         &mut self,

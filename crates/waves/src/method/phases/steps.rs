@@ -193,7 +193,7 @@ impl SplitSteps {
             self.last = h;
             self.propose(allowed / error);
             if let Some(jump) = crossed {
-                (self.next, self.jump) = (jump.next, None);
+                (self.next, self.jump) = (jump.next.max(next), None);
                 return Ok(stop);
             }
             if error <= allowed || h.abs() <= least {
@@ -226,6 +226,22 @@ impl SplitSteps {
                 next,
             });
             self.next = next;
+        }
+        Ok(())
+    }
+
+    /// Looks for a jump where steps end on the way to `end`.
+    fn expect_jump(&mut self, (t, edge, end): (f64, f64, f64)) -> Result<(), StepError> {
+        let kicks = &mut self.composed.parts_mut().kicks;
+        if kicks.is_driven() {
+            let least = SHARE * self.tolerance.rate;
+            let next = self.next;
+            let found = self.search.around(kicks, (t, edge, end), least)?;
+            self.jump = found.map(|(before, after)| Jump {
+                before,
+                after,
+                next,
+            });
         }
         Ok(())
     }
@@ -282,10 +298,14 @@ impl Stepper for SplitSteps {
     type State = Wave<f64>;
 
     fn step(&mut self, t: f64, h: f64, state: &mut Wave<f64>) -> Result<(), StepError> {
-        let (mut now, end) = (t, t + h);
+        let (mut now, end, mut stop) = (t, t + h, f64::NAN);
         self.begin(h);
         while now.to_bits() != end.to_bits() {
             let next = next_break(self.tolerance.breaks.iter(), now, end);
+            if next.to_bits() != stop.to_bits() {
+                stop = next;
+                self.expect_jump((now, next, end))?;
+            }
             now = self.advance(now, next, state)?;
         }
         Ok(())

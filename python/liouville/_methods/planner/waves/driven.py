@@ -152,7 +152,7 @@ def driving(system: Schrodinger, times: Sequence[float], tol: float | None = Non
     given = system.given_bounds
     looked = {*system.points_between(t0, t1), *(times if len(times) <= OUTPUTS else ())}
     outputs = tuple(sorted(looked))
-    run = (t0, t1, times_of_samples(system.drives), outputs)
+    run = (t0, t1, times_of_samples(system.drives, 3), outputs)
     parts = (tuple(system.groups), tuple(system.term_bounds), given, axes, corners, run)
     return Driving(parts, Spectrum((low, high), guarantee))
 
