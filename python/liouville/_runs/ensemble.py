@@ -18,7 +18,7 @@ from liouville._runs.choice import runner_of
 from liouville._runs.execute import checked, plain
 from liouville._runs.runner import Request
 from liouville._solution.solution import Solution
-from liouville._systems import System
+from liouville._systems import Mechanics, System
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
@@ -56,7 +56,8 @@ def ensemble(
     ``VolumeSplitting`` leaves open is chosen by trial runs from the starts, so from those of all
     members here and from its own in a run alone: they then differ by the error of the method. One
     plan for all of them, by :func:`plan`, gives the same bits. A member that fails is put down in
-    ``failures``, and the others go on.
+    ``failures``, and the others go on. Members with contacts run one after another, each in modes
+    of its own, with records at the same times.
 
     Parameters
     ----------
@@ -142,6 +143,14 @@ def ensemble(
             hint = "leave executor= out: threads of this process take the members"
             raise TypeError(hinted(sentence, hint))
         return released(system, method, request, release, progress)
+    if isinstance(system, Mechanics) and system.contacts is not None:
+        if executor is not None or tangents is not None:
+            what = "tangents" if executor is None else "executor"
+            raise TypeError(f"{what}= is not for ensembles with contacts")
+        # imported here: few systems have contacts
+        from liouville._runs import contacts
+
+        return contacts.ensemble(system, method, request, progress)
     runner = runner_of(system, method, request)
     if executor is None:
         if chunk is not None:

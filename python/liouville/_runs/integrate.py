@@ -4,24 +4,19 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from numpy.typing import ArrayLike, NDArray
 
-from liouville._basics.arguments import count
 from liouville._basics.options import by_name, started
-from liouville._basics.progress import Progress, reported
+from liouville._basics.progress import Progress
 from liouville._methods import Method
-from liouville._methods.control import CONTROLS, LEAST_TOLERANCE, Control, Takes
-from liouville._runs.choice import named as method_of
+from liouville._methods.control import Control
 from liouville._runs.choice import runner_of
 from liouville._runs.execute import checked
 from liouville._runs.runner import Request
-from liouville._runs.tangents import ALPHA
 from liouville._solution.solution import Solution
 from liouville._systems import Mechanics, System
-from liouville._systems.events import named
 
 if TYPE_CHECKING:
     from liouville._methods.planner import Plan
@@ -181,59 +176,13 @@ def integrate(
         threads=threads, start=started(start, values), is_stored=store is not None,
     )  # fmt: skip
     if isinstance(system, Mechanics) and system.contacts is not None:
-        return _with_contacts(system, method, request, progress)
+        # imported here: few systems have contacts
+        from liouville._runs import contacts
+
+        return contacts.integrate(system, method, request, progress)
     if store is None:
         return checked(runner_of(system, method, request), request, progress)
     from liouville._runs import stored
 
     place = stored.place_of(store)
     return stored.begin(runner_of(system, method, request), place, progress)
-
-
-#: Arguments of :func:`integrate` that runs with contacts do not take, with their defaults.
-WITHOUT_CONTACTS = {"tangents": None, "is_stored": False}
-
-
-def _with_contacts(
-    system: Mechanics, method: Method | Plan | str, request: Request, progress: Progress
-) -> Solution:
-    """Integrate a system with contacts, the stretch of one mode after another."""
-    # imported here: few systems have contacts
-    from liouville._runs import contacts
-
-    for name, default in WITHOUT_CONTACTS.items():
-        if getattr(request, name) is not default:
-            what = "store" if name == "is_stored" else name
-            raise TypeError(f"{what}= is not for systems with contacts")
-    for name, event in named(request.events).items():
-        if event.reset is not None:
-            raise TypeError(f"event '{name}' has a reset, which is not for systems with contacts")
-    # the runner of the first stretch refuses a control that the method does not take
-    steps = request.steps_of(system, Takes(repr(method), CONTROLS, LEAST_TOLERANCE / 100))
-    if steps.t1 <= steps.t0:
-        raise ValueError("a run with contacts goes forwards in time: what has hit is not undone")
-    request.every = count("every", request.every)
-    if not isinstance(request.states, bool):
-        raise TypeError(f"states must be True or False, not {request.states!r}")
-    # the alpha family counts work from each start
-    may_reset = not isinstance(method_of(system, method, request.rtol), ALPHA)
-
-    with reported(progress, "of time") as report:
-
-        def stretch(
-            own: Any, t: Any, h: float | None, events: Any, start: Any, times: Any = None
-        ) -> Solution:
-            control = request.control
-            if control is not None and control.h_min is not None:
-                least = min(control.h_min, t[1] - t[0] if h is None else h)
-                control = replace(control, h_min=least)
-            more = Request(
-                t=t, h=h, rtol=request.rtol, atol=request.atol, control=control, events=events,
-                observe=request.observe, params=request.params, start=start, t_eval=times,
-            )  # fmt: skip
-            found = checked(runner_of(own, method, more), more, None)
-            if report is not None and len(found.t):
-                report(found.t[-1] - steps.t0, steps.t1 - steps.t0)
-            return found
-
-        return contacts.integrate(system, request, steps, stretch, may_reset=may_reset)

@@ -53,12 +53,13 @@ class ContactRecord:
 
     Attributes
     ----------
-    mode : ndarray of Mode, shape (k,)
-        What it does at each record, with a ``name``; at a change what it does after it.
-    gap, normal, friction, slip : ndarray, shape (k,)
+    mode : ndarray of Mode, shape (k,) or (k, P)
+        What it does at each record, with a ``name``; at a change what it does after it. Of an
+        ensemble None where a member did not come to.
+    gap, normal, friction, slip : ndarray, shape (k,) or (k, P)
         The gap, the normal force, the friction force and the slip at each record.
     changes : tuple of Change
-        Its changes in the order of time.
+        Its changes in the order of time; of an ensemble a tuple of them for each member.
     """
 
     mode: Array
@@ -66,7 +67,7 @@ class ContactRecord:
     normal: Array
     friction: Array
     slip: Array
-    changes: tuple[Change, ...]
+    changes: tuple[Any, ...]
 
     def __post_init__(self) -> None:
         """Make the arrays read-only."""
@@ -84,14 +85,31 @@ class ContactRecord:
 
     def between(self, rows: slice, low: float, high: float) -> ContactRecord:
         """Return these records, and the changes from one time to another."""
-        changes = tuple(change for change in self.changes if low <= change.t <= high)
+
+        def inside(changes: tuple[Change, ...]) -> tuple[Change, ...]:
+            return tuple(change for change in changes if low <= change.t <= high)
+
+        found: tuple[Any, ...] = (
+            inside(self.changes) if self.mode.ndim == 1 else tuple(map(inside, self.changes))
+        )
         columns = {name: getattr(self, name)[rows] for name in COLUMNS}
-        return replace(self, changes=changes, **columns)
+        return replace(self, changes=found, **columns)
+
+    def of_member(self, member: int, count: int) -> ContactRecord:
+        """Return the first records of a member of an ensemble."""
+        columns = {name: getattr(self, name)[:count, member] for name in COLUMNS}
+        return replace(self, changes=self.changes[member], **columns)
+
+    @property
+    def each(self) -> list[tuple[int, Change]]:
+        """All changes with the number of the member, 0 of a single run."""
+        members = [self.changes] if self.mode.ndim == 1 else self.changes
+        return [(k, change) for k, own in enumerate(members) for change in own]
 
     @property
     def counted(self) -> str:
         """How many changes there were of each kind."""
-        kinds = Counter(change.kind for change in self.changes)
+        kinds = Counter(change.kind for _, change in self.each)
         found = [
             f"{kinds[kind]} {word if kinds[kind] > 1 else word[:-1]}"
             for kind, word in KINDS.items()

@@ -68,6 +68,7 @@ def member_of(solution: Solution, member: int) -> Solution:
         status=status,
         message=solution.endings.get(k, "") if failure is None else failure.message,
         events={name: points.of_member(k) for name, points in solution.events.items()},
+        contacts={name: x.of_member(k, rows) for name, x in solution.contacts.items()},
         endings={},
         members=None,
         failures={},

@@ -5,6 +5,7 @@ regularised. At a change a complementarity problem decides which mode goes on, a
 another; see :doc:`/theory/contacts`.
 """
 
-from liouville._runs.contacts.run import integrate as integrate
+from liouville._runs.contacts.members import ensemble as ensemble
+from liouville._runs.contacts.single import integrate as integrate
 from liouville._systems.mechanics.contact import Contact as Contact
 from liouville._systems.mechanics.contact import Mode as Mode

@@ -114,7 +114,7 @@ def read(layout: Layout, where: str) -> Solution:
         },
         balance=columns("balance"),
         events=_events(variables, axes.is_ensemble, where),
-        contacts=contacts_of(variables, names.get("contact", ()), where),
+        contacts=contacts_of(variables, names.get("contact", ()), members, where),
         tangents=_tangents(variables, axes.is_ensemble, where),
         names={
             "coordinates": names["coordinate"],

@@ -128,7 +128,7 @@ class Mechanics(TracedSystem):
         if self.contacts is not None:
             names = quoted(self.contacts.names)
             sentence = f"{what} knows of no contacts, and the system has {names}"
-            raise TypeError(hinted(sentence, "lv.integrate takes them, in single runs"))
+            raise TypeError(hinted(sentence, "lv.integrate and lv.ensemble take them"))
 
     def _touch(self, contacts: Mapping[str, Contact] | None, impacts: str) -> None:
         """Give the system contacts."""
