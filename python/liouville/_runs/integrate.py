@@ -111,10 +111,11 @@ def integrate(
         derivatives of the discrete solution, to roundoff; see :doc:`/theory/adjoint`. A direction
         that leaves the constraints, such as that of a length in them, is moved onto them by the
         tangent of ``system.consistent``. Controlled steps are held, and follow errors of tangents
-        too. Of mechanical systems by ``Spark``, ``LobattoPair`` and compositions of them and by
-        those of the alpha family, of semi-explicit systems by ``"y"``, of fields without divergence
-        by ``"x"``, parameters and ends, and of Schrödinger equations by ``"psi"``, parameters and
-        samples, as for :func:`vjp`.
+        too. With contacts steps are equal, and directions starts and parameters. Of mechanical
+        systems by ``Spark``, ``LobattoPair`` and compositions of them and by those of the alpha
+        family, of semi-explicit systems by ``"y"``, of fields without divergence by ``"x"``,
+        parameters and ends, and of Schrödinger equations by ``"psi"``, parameters and samples, as
+        for :func:`vjp`.
     progress : bool or callable, optional
         True shows a bar, on a terminal or in a notebook. A function is called about twenty times a
         second, ``progress(done, total)``, with numbers of steps, or times where steps are

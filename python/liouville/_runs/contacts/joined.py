@@ -13,6 +13,7 @@ from liouville._runs.contacts.complementarity import Array
 from liouville._runs.contacts.margin import Shared
 from liouville._runs.contacts.mode import ModeSystem
 from liouville._runs.contacts.switching import AT_REST, Switching
+from liouville._runs.contacts.tangent import summed
 from liouville._runs.contacts.traced import Contacts
 from liouville._solution.contacts import ContactRecord
 from liouville._solution.parts import GROUPS
@@ -135,7 +136,7 @@ def joined(
 
 def _columns(contacts: Contacts, parts: Sequence[Part], uses: Sequence[int]) -> Columns:
     """Return the first records of parts one after another, so many of each."""
-    groups: dict[str, dict[str, list[Array]]] = {group: {} for group in GROUPS}
+    groups: dict[str, dict[str, list[Array]]] = {group: {} for group in (*GROUPS, "tangents")}
     forces: list[tuple[Array, Array]] = []
     for part, used in zip(parts, uses, strict=True):
         system = part.system
@@ -144,6 +145,8 @@ def _columns(contacts: Contacts, parts: Sequence[Part], uses: Sequence[int]) -> 
                 if group != "residuals" or name != "nonholonomic" or system.rows_of(name):
                     own = _own(system, group, name, values[:used])
                     groups[group].setdefault(name, []).append(own)
+        for name, values in summed(part.run, system).items():
+            groups["tangents"].setdefault(name, []).append(values[:used])
         forces.append(_forces(contacts, part, used))
     modes = [
         np.tile(np.array(part.system.modes, dtype=object), (used, 1))

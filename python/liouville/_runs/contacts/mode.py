@@ -112,6 +112,7 @@ class ModeSystem(Mechanics):
         self.is_conservative, self.may_only_lose = False, False
         self.own_events: dict[str, tuple[int, str]] = {}
         self._tapes_of_events: dict[str, Any] = {}
+        self._values_of_events: dict[str, ca.SX] = {}
         self._record_events(contacts)
         self.bounces: dict[str, int] = {}
         self._resets: dict[str, Event] = {}
@@ -142,6 +143,7 @@ class ModeSystem(Mechanics):
             self.own_events[name] = k, kind
             needs = kind in ("leave", "tear")
             self._tapes_of_events[name] = record(f"event '{name}'", inputs, value), needs, None
+            self._values_of_events[name] = value
 
     def _add_resets(self, contacts: Contacts) -> None:
         """Let hits of contacts without friction be events with an impact."""
@@ -168,6 +170,12 @@ class ModeSystem(Mechanics):
     def rows_of(self, residual: str) -> int:
         """Return how many rows of residuals are those of the system itself."""
         return self._counts[residual == "nonholonomic"]
+
+    def event_expressions(self, name: str, event: Event) -> tuple[ca.SX, list[ca.SX]]:
+        """Return the function of an event, that of the mode as it is, and its reset."""
+        if event.reset is None and name in self._values_of_events:
+            return self._values_of_events[name], []
+        return super().event_expressions(name, event)
 
     def event(self, name: str, event: Event) -> Any:
         """Return the tapes of an event, those of the mode as they were recorded."""

@@ -15,6 +15,7 @@ from liouville._runs.contacts.joined import PENETRATES, Part, Stretch, joined
 from liouville._runs.contacts.margin import Shared, shared
 from liouville._runs.contacts.mode import ModeSystem
 from liouville._runs.contacts.switching import EPS, ROUNDINGS, Switching
+from liouville._runs.contacts.tangent import Moving, at_end, moving, through
 from liouville._runs.contacts.traced import Contacts, Matrices
 from liouville._runs.watch import given
 from liouville._systems.events import Event, named
@@ -61,12 +62,12 @@ def integrate(
     system.check(course.now.t, y, z, course.now.params)
     course.check(y, z)
     try:
-        y, z = course.now.settle(y, z, set())
+        y, z = course.settle(y, z, set())
         while True:
             y, z, stopped = course.advance(y, z)
             if course.is_over:
                 return course.solution()
-            y, z = course.now.settle(y, z, stopped)
+            y, z = course.settle(y, z, stopped)
     except IntegrationError as error:
         course.status, course.ending = "failed", str(error)
         error.solution = course.solution() if course.stretches else None
@@ -99,7 +100,13 @@ class Course:
         self, contacts: Contacts, make: Make, request: Request, steps: Steps, *, may_reset: bool
     ) -> None:
         self.contacts, self.make, self.request = contacts, make, request
-        self.may_reset = may_reset
+        self.may_reset = may_reset and request.tangents is None
+        #: The directions that the run is differentiated in, as they have come to the present time.
+        self.moving: Moving | None = None
+        if request.tangents is not None:
+            if not request.states:
+                raise ValueError("tangents are those of states: leave out states=False")
+            self.moving = moving(contacts.system, request.tangents, steps)
         start, self.end = steps.t0, steps.t1
         self.steps, self.is_controlled = steps, steps.control is not None
         #: The longest step that a stretch begins with: a time scale of accelerations knows no rest.
@@ -138,6 +145,13 @@ class Course:
                 sentence = f"contact '{name}' penetrates by {-gap:.3g} at the start"
                 raise ValueError(hinted(sentence, "its gap must not be negative"))
 
+    def settle(self, y: Array, z: Array, stopped: set[int]) -> tuple[Array, Array]:
+        """Make impacts, and choose the mode that goes on; directions go through them too."""
+        found = self.now.settle(y, z, stopped)
+        if self.moving is not None:
+            self.moving = through(self.now, self.moving, y, z)
+        return found
+
     def advance(self, y: Array, z: Array) -> tuple[Array, Array, set[int]]:
         """Make a stretch; return the state at its end and the contacts whose slip came to zero."""
         now, (first, second) = self.now, self.contacts.system.states
@@ -150,8 +164,9 @@ class Course:
         if bounces and h is not None:
             until = min(until, now.t + self.window * h)
         asked = self._asked(system, (now.t, until), h, start, bounces=bounces)
+        names = None if self.moving is None else self.moving.directions(system)
         try:
-            run = self.make(*asked)
+            run = self.make(*asked, tangents=names)
         except IntegrationError as error:
             if bounces:  # of a part that may not count
                 self.window = 0
@@ -174,11 +189,17 @@ class Course:
         forces = self._shared(run, system)
         if len(forces) > 1 and forces[-1].gives_way:
             count, now.t, (y, z) = self._torn(run, len(forces) - 1)
+            if self.moving is not None:
+                sentence = f"contacts that share a load give way at t = {now.t:g}"
+                hint = "tangents do not go through that"
+                raise IntegrationError(hinted(sentence, hint), t=now.t)
         if end is not None:
             now.t, y, z = end
         for k, change in changes:
             now.changes[k].append(change)
         self._keep(Part(run, system, count, forces, now.t), asked)
+        if self.moving is not None:
+            self.moving = at_end(run, system, now, self.moving)
         self._go_on(run, begin, h)
         return y, z, self._ended(run, system)
 
@@ -235,11 +256,12 @@ class Course:
             self.stretches.append(Stretch(whole))
             return
         system = whole.system
+        names = None if self.moving is None else self.moving.directions(system)
         own = self.times[(asked[1][0] <= self.times) & (self.times <= self.now.t)]
         kept = whole.run
         if own.size:
             try:
-                kept = self.make(*asked, own)
+                kept = self.make(*asked, own, names)
             except IntegrationError as error:  # as the run itself
                 if error.solution is None:
                     raise
@@ -251,6 +273,9 @@ class Course:
     def solution(self) -> Solution:
         """Join all stretches."""
         found = joined(self.stretches, self.now, self.accelerated, self.request)
+        if self.moving is not None:
+            joined_ones: Any = found.tangents  # arrays by state, of all directions
+            found = replace(found, tangents=self.moving.named(joined_ones))
         message = "; ".join(filter(None, [self.ending, found.message]))
         tolerances = self.steps.tolerances
         return replace(found, status=self.status, message=message, tolerances=tolerances)

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from liouville._systems import Mechanics
 
 #: Arguments that runs with contacts do not take, with their defaults.
-WITHOUT = {"tangents": None, "is_stored": False}
+WITHOUT = {"is_stored": False}
 
 
 def integrate(
@@ -50,8 +50,9 @@ def integrate(
     with reported(progress, "of time") as report:
 
         def stretch(
-            own: Any, t: Any, h: float | None, events: Any, start: Any, times: Any = None
-        ) -> Solution:
+            own: Any, t: Any, h: float | None, events: Any, start: Any, times: Any = None,
+            tangents: Any = None,
+        ) -> Solution:  # fmt: skip
             control = request.control
             if control is not None and control.h_min is not None:
                 least = min(control.h_min, t[1] - t[0] if h is None else h)
@@ -59,6 +60,7 @@ def integrate(
             more = Request(
                 t=t, h=h, rtol=request.rtol, atol=request.atol, control=control, events=events,
                 observe=request.observe, params=request.params, start=start, t_eval=times,
+                tangents=tangents,
             )  # fmt: skip
             found = checked(runner_of(own, method, more), more, None)
             if report is not None and len(found.t):

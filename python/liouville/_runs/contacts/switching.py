@@ -29,6 +29,8 @@ ZERO, ZERO_AHEAD = 1e-9, 1e-12
 AHEAD, NEAR = 1e-6, 1e-3
 #: A contact that bounces closes where its next flight is as low as so many roundings of the gap.
 LOW = 64
+#: An impulse is none below this part of the largest, and friction at its bound within it.
+EDGE = 1e-6
 #: An impact gains energy where it is more than this part of the work of its impulses.
 GAINED = 1e-9
 #: Impacts at one time, after which contacts are said to hit one another without end.
@@ -59,6 +61,9 @@ class Switching:
         self.changes: list[list[Change]] = [[] for _ in range(self.c)]
         self.lifts: Array = np.zeros(self.c)
         self.messages: list[str] = []
+        #: What the last change did to velocities: which contacts took part, their restitutions and
+        #: which were at which edge of the laws; of one that was brought to rest its number.
+        self.impacts: list[tuple[Any, Array, Array]] = []
         self._last: tuple[Any, Matrices] | None = None
 
     def at(self, t: float, y: Array, z: Array) -> Matrices:
@@ -71,6 +76,7 @@ class Switching:
     def settle(self, y: Array, z: Array, stopped: set[int]) -> tuple[Array, Array]:
         """Make impacts until nothing approaches, and choose the mode that goes on."""
         before = self.modes
+        self.impacts = []
         closing: dict[int, float | None] = {}
         for _ in range(MOST_AT_ONCE):
             at = self.at(self.t, y, z)
@@ -82,7 +88,8 @@ class Switching:
                 continue
             low = self._low(at, touching, still, closing)
             if low is not None:
-                z, stopped = z + at.moves[:, low] * (-at.rate[low] / at.A[low, low]), set()
+                self.impacts.append((low, np.zeros(0), np.zeros(0)))
+                z, stopped = self._held(at, z, low), set()
                 continue
             closed = touching & (np.abs(at.rate) <= still)
             self.modes = self._modes(at, y, z, closed, stopped, sizes[self.c :])
@@ -104,20 +111,17 @@ class Switching:
         """Return z after the impact of all contacts that touch."""
         own = self.contacts
         restitution = self._restitution(at, touching, sizes, closing)
-        rates = np.concatenate([at.rate, at.slip])
-        for before in (law.without_contradictions(at.A, rates, touching), rates.copy()):
-            before[np.abs(before) <= ROUNDED * sizes] = 0.0
-            found = law.impact(at.A, before, touching, restitution, own.static, own.law)
-            if found is None or found.normal.any():
-                break  # else nearly dependent rows contradict each other by more than roundoff
+        before, found = self._struck(at, touching, restitution, sizes)
         if found is None:
-            found = law.impact(at.A, before, touching, 0 * own.restitution, own.static, "poisson")
+            restitution = 0 * own.restitution
+            found = law.impact(at.A, before, touching, restitution, own.static, "poisson")
             names = quoted([own.names[k] for k in np.flatnonzero(touching)])
             if found is None:
                 self._refuse_contradictions(at, at.rate, touching)
                 sentence = f"at t = {self.t:g} the impact of contacts {names} has no solution"
                 raise IntegrationError(sentence, t=self.t)
             self.messages.append(f"the impact of {names} at t = {self.t:g} was made plastic")
+        self.impacts.append((touching, restitution, self._edges(found)))
         impulses = np.concatenate([found.normal, found.friction])
         rates = np.concatenate([found.across, found.along])
         gained = float(impulses @ (before + rates)) / 2
@@ -128,6 +132,49 @@ class Switching:
             self.changes[k].append(change)
         after: Array = z + at.moves @ impulses
         return after
+
+    def _struck(
+        self, at: Matrices, touching: Array, restitution: Array, sizes: Array
+    ) -> tuple[Array, law.Forces | None]:
+        """Return the rates before an impact of all contacts that touch, and what it does."""
+        own, rates = self.contacts, np.concatenate([at.rate, at.slip])
+        found = None
+        for before in (law.without_contradictions(at.A, rates, touching), rates.copy()):
+            before[np.abs(before) <= ROUNDED * sizes] = 0.0
+            found = law.impact(at.A, before, touching, restitution, own.static, own.law)
+            if found is None or found.normal.any():
+                break  # else nearly dependent rows contradict each other by more than roundoff
+        return before, found
+
+    @staticmethod
+    def _held(at: Matrices, z: Array, low: int) -> Array:
+        """Return z with the rate of a contact brought to zero."""
+        after: Array = z + at.moves[:, low] * (-at.rate[low] / at.A[low, low])
+        return after
+
+    def _edges(self, found: law.Forces) -> Array:
+        """Return which contacts press in an impact, and which of them slip which way."""
+        pressed = found.normal > EDGE * found.normal.max(initial=0.0)
+        most = self.contacts.static * found.normal
+        slips = pressed & (np.abs(found.friction) >= (1 - EDGE) * most) & (most > 0)
+        return np.stack([pressed, np.where(slips, np.sign(found.friction), 0)])
+
+    def replayed(self, t: float, y: Array, z: Array, params: Array) -> Array:
+        """Return z behind the last change, from another state before it."""
+        for what, restitution, edges in self.impacts:
+            at = self.contacts.at(t, y, z, params, self.h)
+            if isinstance(what, int):
+                z = self._held(at, z, what)
+                continue
+            sizes = np.abs(at.rows[-2 * self.c :]).sum(axis=1) * at.speed
+            _, found = self._struck(at, what, restitution, sizes)
+            if found is None or (self._edges(found) != edges).any():
+                names = quoted([self.contacts.names[k] for k in np.flatnonzero(what)])
+                sentence = f"the impact of {names} at t = {self.t:g} has no derivative"
+                hint = "a contact just begins to take part in it, to slip or to stick"
+                raise IntegrationError(hinted(sentence, hint), t=self.t)
+            z = z + at.moves @ np.concatenate([found.normal, found.friction])
+        return z
 
     def _restitution(
         self, at: Matrices, touching: Array, sizes: Array, closing: dict[int, float | None]

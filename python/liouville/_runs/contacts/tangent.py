@@ -1,0 +1,174 @@
+"""Tangents of a run with contacts: of its stretches, joined by the derivatives of its changes.
+
+The time of a change moves with everything before it, and the next stretch starts there: its start
+has the derivatives of the state at the change, along the time that moves, and that time as
+direction ``"t0"``. What an impact does is differentiated by central differences of fourth order of
+the laws, along each direction and with the contacts that take part held.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from liouville._basics.errors import IntegrationError, hinted, quoted
+from liouville._runs.contacts.complementarity import Array
+from liouville._runs.contacts.switching import CLOSED
+from liouville._runs.tangents import PARAMS, ConstrainedDirections
+from liouville._solution.tangents import Tangent
+
+if TYPE_CHECKING:
+    from liouville._methods.control import Steps
+    from liouville._runs.contacts.mode import ModeSystem
+    from liouville._runs.contacts.switching import Switching
+    from liouville._solution.solution import Solution
+    from liouville._systems import Mechanics
+
+#: The step of differences, as a part of the sizes of what changes.
+DIFFERENCE = 1e-4
+TINY = 1e-300
+#: A contact is grazed by a rate below this part of the sizes of its terms.
+GRAZED = 1e-6
+#: Points and weights of a first derivative of fourth order.
+STENCIL = ((-2, 1 / 12), (-1, -2 / 3), (1, 2 / 3), (2, -1 / 12))
+
+
+@dataclass(frozen=True)
+class Moving:
+    """Directions of a run, as they have come to a time.
+
+    Attributes
+    ----------
+    asked : ConstrainedDirections
+        The directions by name.
+    t, y, z : ndarray, shapes (d,), (d, n), (d, n)
+        Derivatives of the start of a stretch: of its time, and of the state along it.
+    params : ndarray, shape (d, P)
+        Those of the parameters.
+    """
+
+    asked: ConstrainedDirections
+    t: Array
+    y: Array
+    z: Array
+    params: Array
+
+    def directions(self, system: Mechanics) -> dict[str, Array]:
+        """Return the directions of a stretch by name."""
+        first, second = system.states
+        found = {first: self.y, second: self.z}
+        if self.t.any():
+            found["t0"] = self.t
+        place = 0
+        for name, value in system.params.items():
+            own = self.params[:, place : place + np.size(value)]
+            place += np.size(value)
+            if own.any():
+                found[PARAMS + name] = own.reshape(len(own), *np.shape(value))
+        return found
+
+    def named(self, states: Mapping[str, Array]) -> dict[str, Tangent]:
+        """Return derivatives at records, of shape (k, d, n) each, by the names asked for."""
+        ends = np.cumsum([x.shape[-1] for x in states.values()])
+        cuts = {
+            name: slice(end - x.shape[-1], end)
+            for end, (name, x) in zip(ends.tolist(), states.items(), strict=True)
+        }
+        rows = np.concatenate(list(states.values()), axis=-1)
+        return self.asked.named(rows.reshape(len(rows), -1), cuts)
+
+
+def moving(system: Mechanics, tangents: Any, steps: Steps) -> Moving:
+    """Return the directions of a run at its start."""
+    if steps.control is not None:
+        raise TypeError("tangents of runs with contacts want equal steps: give h or steps")
+    asked = ConstrainedDirections(system, tangents, steps)
+    if asked.tau[:, 0].any() or asked.stretch.any():
+        raise TypeError("tangents of runs with contacts go without directions 't0' and 't1'")
+    return Moving(asked, np.zeros(asked.count), asked.y, asked.z, asked.tau[:, 1:])
+
+
+def summed(run: Solution, system: ModeSystem) -> dict[str, Array]:
+    """Return the derivatives at the records of a stretch, without multipliers of the mode."""
+    parts = [tangent.states for tangent in run.tangents.values()]
+    if not parts:
+        return {}
+    found: dict[str, Array] = {
+        state: np.sum([part[state] for part in parts], axis=0) for state in parts[0]
+    }
+    if "lam" in found:
+        found["lam"] = found["lam"][..., system.own]
+    return found
+
+
+def at_end(run: Solution, system: ModeSystem, now: Switching, before: Moving) -> Moving:
+    """Return the directions at the end of a stretch, of the event that ended it, if one did."""
+    first, second = system.states
+    ended = [name for name in system.own_events if run.t[-1] in run.events[name].t]
+    if len(ended) > 1:
+        sentence = f"events {quoted(ended)} are at one time, t = {run.t[-1]:g}"
+        hint = "which is first depends on the direction: the run has no derivative there"
+        raise IntegrationError(hinted(sentence, hint), t=float(run.t[-1]))
+    if not ended:
+        states = summed(run, system)
+        return replace(before, t=0 * before.t, y=states[first][-1], z=states[second][-1])
+    k, kind = system.own_events[ended[0]]
+    if kind == "hit" and _is_grazed(run, now, k):
+        sentence = f"contact '{now.contacts.names[k]}' is grazed at t = {now.t:g}"
+        hint = "the run has no derivative there"
+        raise IntegrationError(hinted(sentence, hint), t=now.t)
+    points = [tangent.events[ended[0]] for tangent in run.tangents.values()]
+    t, y, z = (
+        np.asarray(sum(part[-1] for part in own))
+        for own in (
+            [x.t for x in points],
+            [x.states[first] for x in points],
+            [x.states[second] for x in points],
+        )
+    )
+    return replace(before, t=t, y=y, z=z)
+
+
+def _is_grazed(run: Solution, now: Switching, k: int) -> bool:
+    """Whether a contact is hit with a rate of none at the end of a stretch that began open."""
+    y, z = (run.states[name] for name in now.contacts.system.states)
+    at = now.at(now.t, y[-1], z[-1])
+    size = np.abs(at.rows[-2 * now.c + k]).sum() * at.speed
+    if abs(at.rate[k]) > GRAZED * size:
+        return False
+    start = now.contacts.at(float(run.t[0]), y[0], z[0], now.params, now.h)
+    return bool(start.gap[k] > CLOSED * start.size[k])  # else it bounces
+
+
+def through(now: Switching, before: Moving, y: Array, z: Array) -> Moving:
+    """Return the directions behind the impacts of a change, from a state before it."""
+    if not now.impacts:
+        return before
+    found = np.empty_like(before.z)
+    at = now.at(now.t, y, z)
+    sizes = max(at.way, TINY), max(np.abs(z).max(), TINY)
+    own = max(np.abs(now.params).max(initial=0.0), TINY)
+    for k, (t, dy, dz, dp) in enumerate(
+        zip(before.t, before.y, before.z, before.params, strict=True)
+    ):
+        parts = (abs(t) / now.h, np.abs(dy).max() / sizes[0], np.abs(dz).max() / sizes[1])
+        size = max(*parts, np.abs(dp).max(initial=0.0) / own)
+        if not size:
+            found[k] = 0.0
+            continue
+        step = DIFFERENCE / size
+        found[k] = sum(
+            weight
+            * now.replayed(
+                now.t + place * step * t,
+                y + place * step * dy,
+                z + place * step * dz,
+                now.params + place * step * dp,
+            )
+            for place, weight in STENCIL
+        )
+        found[k] /= step
+    return replace(before, z=found)
