@@ -1,5 +1,4 @@
 //! The spline functions of one axis, as polynomials on its cells.
-#![allow(clippy::inline_always)] // all of a kernel is compiled for one instruction set
 
 use crate::{Malformed, finite, size};
 
@@ -27,6 +26,8 @@ pub struct Basis {
     degree: usize,
     /// Coefficients of s^k, for each table and power those of all functions.
     tables: Vec<f64>,
+    /// The same, for each table and function those of all powers.
+    by_function: Vec<f64>,
     table_of: Vec<usize>,
     origin: Vec<f64>,
     inverse: Vec<f64>,
@@ -36,31 +37,30 @@ pub struct Basis {
     per_length: f64,
 }
 
-/// A coordinate within its cell.
+/// The cell of a coordinate.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Place {
     pub(crate) cell: usize,
-    pub(crate) s: f64,
-    /// Where coordinates of this cell begin and end, and its origin, as many periods further as they are.
-    between: [f64; 2],
-    origin: f64,
+    /// The coordinate, which is a wall's where it is beyond that by roundoff.
+    pub(crate) x: f64,
+    /// Coordinates from the first bound on and below the second one have this place.
+    pub(crate) between: [f64; 2],
+    /// The origin of the cell, as many periods further as the coordinate is, and 1 / width.
+    pub(crate) origin: f64,
+    pub(crate) inverse: f64,
 }
 
 impl Place {
-    /// A place that is not used.
-    #[inline(always)]
-    pub(crate) const fn none() -> Self {
-        Self {
-            cell: 0,
-            s: 0.0,
-            between: [0.0; 2],
-            origin: 0.0,
-        }
+    /// The coordinate within the cell.
+    pub(crate) fn s(&self) -> f64 {
+        (self.x - self.origin) * self.inverse
     }
 }
 
 /// Roundings by which a coordinate may be beyond a wall.
 const ROUNDINGS: f64 = 4.0;
+/// Roundings of the number of periods, by which the last cell of a period and its first one are apart.
+const TURN_ROUNDINGS: f64 = 16.0;
 /// The part of a cell by which a frozen coordinate, such as the time, may be beyond its end.
 const SLACK: f64 = 1e-6;
 
@@ -103,6 +103,17 @@ impl Basis {
                 tables: count,
             });
         }
+        let mut by_function = tables.clone();
+        for (table, turned) in tables
+            .chunks_exact(each)
+            .zip(by_function.chunks_exact_mut(each))
+        {
+            for (k, row) in table.chunks_exact(degree + 1).enumerate() {
+                for (function, c) in row.iter().enumerate() {
+                    turned[function * (degree + 1) + k] = *c;
+                }
+            }
+        }
         let inverse = edges.windows(2).map(|pair| 1.0 / (pair[1] - pair[0]));
         Ok(Self {
             inverse: inverse.collect(),
@@ -111,6 +122,7 @@ impl Basis {
             edges,
             degree,
             tables,
+            by_function,
             table_of,
             origin,
             bounds,
@@ -132,124 +144,82 @@ impl Basis {
         self.cells() + self.degree
     }
 
-    /// The width of a cell.
-    #[inline(always)]
-    pub(crate) fn width(&self, cell: usize) -> f64 {
-        self.edges[cell + 1] - self.edges[cell]
-    }
-
-    /// 1 / width
-    #[inline(always)]
-    pub(crate) fn inverse(&self, cell: usize) -> f64 {
-        self.inverse[cell]
-    }
-
     /// The place of a coordinate; outside the axis that of the nearest cell, whose polynomials go on.
-    #[inline(always)]
     pub(crate) fn find(&self, x: f64) -> Place {
         let (start, last) = (self.edges[0], self.cells() - 1);
-        let mut shift = 0.0;
-        if self.bounds == Bounds::Periodic {
-            let turns = ((x - start) * self.per_length).floor();
-            shift = turns * (self.edges[last + 1] - start);
-        }
-        let value = x - shift;
-        let guess = (value - start) * self.cells_per_unit;
+        let end = self.edges[last + 1];
+        let is_periodic = self.bounds == Bounds::Periodic;
+        let shift = if is_periodic {
+            ((x - start) * self.per_length).floor() * (end - start)
+        } else {
+            0.0
+        };
+        let guess = (x - shift - start) * self.cells_per_unit;
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a cast saturates
         let mut cell = (guess as usize).min(last);
-        while cell > 0 && value < self.edges[cell] {
+        while cell > 0 && x < shift + self.edges[cell] {
             cell -= 1;
         }
-        while cell < last && value >= self.edges[cell + 1] {
+        while cell < last && x >= shift + self.edges[cell + 1] {
             cell += 1;
         }
-        let origin = shift + self.origin[cell];
+        let mut between = [shift + self.edges[cell], shift + self.edges[cell + 1]];
+        let apart = TURN_ROUNDINGS * f64::EPSILON * (x.abs() + (end - start));
+        if is_periodic && cell == 0 {
+            between[0] += apart;
+        }
+        if cell == last {
+            between[1] = if is_periodic {
+                between[1] - apart
+            } else {
+                end.next_up()
+            };
+        }
         Place {
             cell,
-            s: (x - origin) * self.inverse[cell],
-            between: [shift + self.edges[cell], shift + self.edges[cell + 1]],
-            origin,
-        }
-    }
-
-    /// The place of a coordinate near another: mostly in the same cell.
-    #[inline(always)]
-    pub(crate) fn go(&self, place: &mut Place, x: f64) {
-        if place.between[0] <= x && x < place.between[1] {
-            place.s = (x - place.origin) * self.inverse[place.cell];
-        } else {
-            *place = self.find(x);
+            x,
+            between,
+            origin: shift + self.origin[cell],
+            inverse: self.inverse[cell],
         }
     }
 
     /// The place of a coordinate, if it is inside the axis. Beyond a wall by roundoff is on it.
-    #[inline(always)]
     pub(crate) fn locate(&self, x: f64) -> Option<Place> {
         if !x.is_finite() {
             return None;
         }
-        let mut place = self.find(x);
         let (start, end) = (self.edges[0], self.edges[self.cells()]);
         let beyond = (start - x).max(x - end);
         if beyond <= 0.0 || self.bounds == Bounds::Periodic {
-            return Some(place);
+            return Some(self.find(x));
         }
         if self.bounds == Bounds::Open {
-            return (beyond <= SLACK * self.width(place.cell)).then_some(place);
+            let place = self.find(x);
+            return (beyond * place.inverse <= SLACK).then_some(place);
         }
-        if beyond > ROUNDINGS * f64::EPSILON * (start.abs() + end.abs()) {
-            return None;
-        }
-        place.s = 0.0;
-        Some(place)
+        let is_roundoff = beyond <= ROUNDINGS * f64::EPSILON * (start.abs() + end.abs());
+        is_roundoff.then(|| self.find(x.clamp(start, end)))
     }
 
-    /// The functions that are not zero at a place.
-    #[inline(always)]
-    pub(crate) fn values(&self, place: Place) -> [f64; MOST] {
-        let width = self.degree + 1;
-        let table = self.table(place.cell);
-        let mut values = [0.0; MOST];
-        for row in table.chunks_exact(width).rev() {
-            for (value, c) in values.iter_mut().zip(row) {
-                *value = *value * place.s + c;
-            }
-        }
-        values
-    }
-
-    /// The functions at a place, and their derivatives by the coordinate; there are `N` of them.
-    #[inline(always)]
-    pub(crate) fn values_and_slopes<const N: usize>(&self, place: Place) -> ([f64; N], [f64; N]) {
-        let table = &self.table(place.cell)[..N * N];
-        let (mut values, mut slopes) = ([0.0; N], [0.0; N]);
-        for i in 0..N {
-            values[i] = table[N * (N - 1) + i];
-        }
-        for k in (0..N - 1).rev() {
-            for i in 0..N {
-                slopes[i] = slopes[i] * place.s + values[i];
-                values[i] = values[i] * place.s + table[N * k + i];
-            }
-        }
-        let inverse = self.inverse[place.cell];
-        for slope in &mut slopes {
-            *slope *= inverse;
-        }
-        (values, slopes)
+    /// The functions of a cell as polynomials: for each function its coefficients of s^k, in the order of k.
+    pub(crate) fn polynomials(&self, cell: usize) -> &[f64] {
+        let each = (self.degree + 1) * (self.degree + 1);
+        let first = self.table_of[cell] * each;
+        &self.by_function[first..first + each]
     }
 
     /// The functions at a place, and their first and second derivatives by the coordinate.
     pub(crate) fn jet(&self, place: Place) -> [[f64; MOST]; 3] {
-        let mut jet = [[0.0; MOST]; 3];
+        let (mut jet, s) = ([[0.0; MOST]; 3], place.s());
         for row in self.table(place.cell).chunks_exact(self.degree + 1).rev() {
             for (i, c) in row.iter().enumerate() {
-                jet[2][i] = jet[2][i] * place.s + jet[1][i];
-                jet[1][i] = jet[1][i] * place.s + jet[0][i];
-                jet[0][i] = jet[0][i] * place.s + c;
+                jet[2][i] = jet[2][i] * s + jet[1][i];
+                jet[1][i] = jet[1][i] * s + jet[0][i];
+                jet[0][i] = jet[0][i] * s + c;
             }
         }
-        let inverse = self.inverse[place.cell];
+        let inverse = place.inverse;
         for i in 0..MOST {
             jet[1][i] *= inverse;
             jet[2][i] *= 2.0 * inverse * inverse;
@@ -257,7 +227,6 @@ impl Basis {
         jet
     }
 
-    #[inline(always)]
     fn table(&self, cell: usize) -> &[f64] {
         let each = (self.degree + 1) * (self.degree + 1);
         let first = self.table_of[cell] * each;

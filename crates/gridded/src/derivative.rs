@@ -8,9 +8,9 @@
 use crate::basis::MOST;
 use crate::equation::Fault;
 use crate::flow::PlaneFlow;
-use crate::plane::Plane;
+use crate::plane::{Kept, Plane};
 use crate::spline::Spline;
-use crate::traced::{Memory, Traced};
+use crate::traced::{Programs, Traced};
 
 /// Derivatives of F at a place, and the mean flow.
 #[derive(Default)]
@@ -25,12 +25,15 @@ struct Jet {
     mean_by_c: [f64; 2],
 }
 
-impl PlaneFlow<'_> {
+impl PlaneFlow<'_, f64> {
     /// The derivatives of v and w `after` the flow by the frozen coordinates, v and w before it, then by its length, and
     /// by the parameters: `columns` of two numbers each.
     ///
     /// # Errors
     /// A coordinate is outside its axis.
+    ///
+    /// # Panics
+    /// When the memory is that of another plane.
     pub fn derivative(
         &mut self,
         after: [f64; 2],
@@ -42,13 +45,16 @@ impl PlaneFlow<'_> {
         let sigma = sign * h;
         columns.clear();
         columns.resize(frozen + 3 + self.plane.params().len(), [0.0; 2]);
-        let jet = match self.plane {
-            Plane::Spline(spline) => spline.jet(self.x, self.is_adjoint, after[u], columns)?,
-            Plane::Traced(traced) => {
-                let mut x = self.x;
-                x[frozen + u] = after[u];
-                traced.derivatives(x, self.is_adjoint, self.memory, columns)
+        let jet = match (self.plane, &mut self.memory.0) {
+            (Plane::Spline(spline), _) => {
+                spline.jet(*self.x, self.is_adjoint, after[u], columns)?
             }
+            (Plane::Traced(traced), Kept::Programs(programs)) => {
+                let mut x = *self.x;
+                x[frozen + u] = after[u];
+                traced.derivatives(x, self.is_adjoint, programs, columns)
+            }
+            _ => panic!("memory of another plane"),
         };
         for (number, column) in columns.iter_mut().enumerate() {
             // F_ec and F_uc of a frozen coordinate or a parameter c
@@ -84,11 +90,11 @@ impl Traced {
         &self,
         x: [f64; 4],
         is_adjoint: bool,
-        memory: &mut Memory,
+        programs: &mut Programs<f64>,
         columns: &mut [[f64; 2]],
     ) -> Jet {
         let (e, u) = (usize::from(is_adjoint), usize::from(!is_adjoint));
-        let jet = self.jet(x, memory);
+        let jet = self.jet(x, programs);
         let (own, others) = jet.split_at(5);
         let frozen = self.frozen();
         for (k, pair) in others.chunks_exact(2).enumerate() {
@@ -105,7 +111,100 @@ impl Traced {
     }
 }
 
+/// Values and derivatives of the functions of the frozen coordinates in their cells, and where their coefficients are.
+struct FrozenFunctions {
+    weights: [[[f64; MOST]; 3]; 2],
+    cells: [usize; 2],
+    counts: [usize; 2],
+    strides: [usize; 2],
+}
+
 impl Spline {
+    /// The functions of the frozen coordinates.
+    ///
+    /// # Errors
+    /// The number of a coordinate that is outside its axis.
+    fn frozen_functions(&self, x: &[f64; 4]) -> Result<FrozenFunctions, Fault> {
+        // one function, whose value is 1, in place of a frozen coordinate that there is not
+        let mut weights = [[[0.0; MOST]; 3]; 2];
+        let (mut cells, mut counts, mut strides) = ([0; 2], [1; 2], [0; 2]);
+        weights[0][0][0] = 1.0;
+        weights[1][0][0] = 1.0;
+        let mut stride = self.axes[0].functions() * self.axes[1].functions();
+        for k in (0..self.frozen()).rev() {
+            let basis = &self.frozen[k];
+            let place = basis.locate(x[k]).ok_or(Fault::Outside(k))?;
+            (weights[k], cells[k], counts[k]) = (basis.jet(place), place.cell, basis.degree() + 1);
+            strides[k] = stride;
+            stride *= basis.functions();
+        }
+        Ok(FrozenFunctions {
+            weights,
+            cells,
+            counts,
+            strides,
+        })
+    }
+
+    /// F, v' and w' at frozen coordinates, v and w.
+    ///
+    /// # Errors
+    /// The number of a coordinate that is outside its axis.
+    pub(crate) fn sample(&self, x: [f64; 4]) -> Result<[f64; 3], Fault> {
+        if self.axes[0].degree() == 3 {
+            self.sampled::<4>(x)
+        } else {
+            self.sampled::<6>(x)
+        }
+    }
+
+    fn sampled<const N: usize>(&self, x: [f64; 4]) -> Result<[f64; 3], Fault> {
+        let FrozenFunctions {
+            weights,
+            cells,
+            counts,
+            strides,
+        } = self.frozen_functions(&x)?;
+        let frozen = self.frozen();
+        let mut corner = cells[0] * strides[0] + cells[1] * strides[1];
+        let width = self.axes[1].functions();
+        let mut jets = [[[0.0; MOST]; 3]; 2];
+        for (k, axis) in self.axes.iter().enumerate() {
+            let place = axis
+                .locate(x[frozen + k])
+                .ok_or(Fault::Outside(frozen + k))?;
+            jets[k] = axis.jet(place);
+            corner += place.cell * if k == 0 { width } else { 1 };
+        }
+        let [of_v, of_w] = jets;
+        let (mut value, mut by_v, mut by_w) = (0.0, 0.0, 0.0);
+        for i in 0..counts[0] {
+            for j in 0..counts[1] {
+                let weight = weights[0][0][i] * weights[1][0][j];
+                for a in 0..N {
+                    let first = corner + i * strides[0] + j * strides[1] + a * width;
+                    let own = &self.coefficients[first..][..N];
+                    let (mut sum, mut slope) = (0.0, 0.0);
+                    for b in 0..N {
+                        sum += own[b] * of_w[0][b];
+                        slope += own[b] * of_w[1][b];
+                    }
+                    value += weight * of_v[0][a] * sum;
+                    by_v += weight * of_v[1][a] * sum;
+                    by_w += weight * of_v[0][a] * slope;
+                }
+            }
+        }
+        let mean = [0, 1].map(|k| match (&self.mean[k], frozen.checked_sub(1)) {
+            (mean, Some(last)) if mean.len() > 1 => {
+                let own = mean[cells[last]..][..counts[last]].iter();
+                own.zip(&weights[last][0]).map(|(c, x)| c * x).sum()
+            }
+            (mean, _) => mean[0],
+        });
+        Ok([value, mean[0] + by_w, mean[1] - by_v])
+    }
+
     /// The derivatives of F where the implicit coordinate is `now`, and those by frozen coordinates to their `columns`.
     fn jet(
         &self,
@@ -115,19 +214,12 @@ impl Spline {
         columns: &mut [[f64; 2]],
     ) -> Result<Jet, Fault> {
         let (spline, frozen) = (self, self.frozen());
-        // one function, whose value is 1, in place of a frozen coordinate that there is not
-        let mut weights = [[[0.0; MOST]; 3]; 2];
-        let (mut cells, mut counts, mut strides) = ([0; 2], [1; 2], [0; 2]);
-        weights[0][0][0] = 1.0;
-        weights[1][0][0] = 1.0;
-        let mut stride = spline.axes[0].functions() * spline.axes[1].functions();
-        for k in (0..frozen).rev() {
-            let basis = &spline.frozen[k];
-            let place = basis.locate(x[k]).ok_or(Fault::Outside(k))?;
-            (weights[k], cells[k], counts[k]) = (basis.jet(place), place.cell, basis.degree() + 1);
-            strides[k] = stride;
-            stride *= basis.functions();
-        }
+        let FrozenFunctions {
+            weights,
+            cells,
+            counts,
+            strides,
+        } = self.frozen_functions(&x)?;
         let explicit = usize::from(is_adjoint);
         let mut places = [spline.axes[0].find(now), spline.axes[1].find(now)];
         let fixed = spline.axes[explicit].locate(x[frozen + explicit]);

@@ -5,21 +5,20 @@
 //! of [`Basis`] functions, or [`Traced`], programs of it and its derivatives; [`PlaneFlow`] makes the map. Source: feng1995.
 
 mod basis;
+mod cells;
 mod derivative;
 mod equation;
 mod flow;
-mod local;
 mod plane;
 mod spline;
 mod traced;
-mod window;
 
 pub use basis::{Basis, Bounds};
 pub use equation::{Fault, MOST_CORRECTIONS};
 pub use flow::PlaneFlow;
-pub use plane::Plane;
+pub use plane::{Memory, Plane};
 pub use spline::Spline;
-pub use traced::{Memory, Traced};
+pub use traced::Traced;
 
 /// The defect of a basis or a plane.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]

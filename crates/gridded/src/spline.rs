@@ -1,7 +1,6 @@
 //! A spline of two coordinates and of frozen ones, as the Hamiltonian of the two.
-#![allow(clippy::inline_always)] // all of a kernel is compiled for one instruction set
 
-use crate::basis::{Basis, Place};
+use crate::basis::Basis;
 use crate::{Malformed, finite, size};
 
 /// A spline of two coordinates and of frozen ones, as the Hamiltonian of the two.
@@ -62,39 +61,16 @@ impl Spline {
         self.frozen.len()
     }
 
-    /// Adds the coefficients of a patch, times a weight.
-    #[inline(always)]
-    pub(crate) fn gather<const C: usize, const R: usize>(
-        &self,
-        patch: &mut [[f64; C]; R],
-        weight: Option<f64>,
-        corner: usize,
-        stride: usize,
-    ) {
-        for (r, row) in patch.iter_mut().enumerate() {
-            let own = &self.coefficients[corner + r * stride..][..C];
-            for k in 0..C {
-                row[k] = match weight {
-                    Some(weight) => row[k] + weight * own[k],
-                    None => own[k],
-                };
-            }
+    /// The axis of a coordinate: of the frozen ones, v and w.
+    pub(crate) fn axis(&self, k: usize) -> &Basis {
+        match k.checked_sub(self.frozen.len()) {
+            Some(k) => &self.axes[k],
+            None => &self.frozen[k],
         }
     }
 
-    /// U and V, given the last frozen coordinate.
-    #[inline(always)]
-    pub(crate) fn mean(&self, last: Option<Place>) -> [f64; 2] {
-        let mean = |mean: &Vec<f64>| match (last, self.frozen.last()) {
-            (Some(place), Some(basis)) if mean.len() > 1 => {
-                let values = basis.values(place);
-                let own = &mean[place.cell..=place.cell + basis.degree()];
-                own.iter()
-                    .zip(values)
-                    .fold(0.0, |sum, (c, value)| sum + value * c)
-            }
-            _ => mean[0],
-        };
-        [mean(&self.mean[0]), mean(&self.mean[1])]
+    /// How many numbers the polynomial of a cell has by each frozen coordinate; one where there is none.
+    pub(crate) fn powers(&self) -> [usize; 2] {
+        [0, 1].map(|k| self.frozen.get(k).map_or(1, |axis| axis.degree() + 1))
     }
 }

@@ -2,6 +2,7 @@
 
 use crate::equation::{Fault, MOST_CORRECTIONS, Near};
 use crate::{Malformed, finite, size};
+use liouville_base::real::Real;
 use liouville_base::tape::{Registers, Tape};
 use std::sync::Arc;
 
@@ -20,9 +21,8 @@ pub struct Traced {
     is_separable: bool,
 }
 
-/// Memory for the programs of a plane; a spline needs none.
-#[derive(Clone, Debug, Default)]
-pub struct Memory(Option<[Registers<f64>; 3]>);
+/// The registers of the programs.
+pub(crate) type Programs<R> = [Registers<R>; 3];
 
 /// 1 − σ F_eu is above this: the equation has one solution near its start.
 const LEAST: f64 = 0.05;
@@ -77,17 +77,17 @@ impl Traced {
         &self.params
     }
 
-    pub(crate) fn memory(&self) -> Memory {
-        Memory(Some(self.bound()))
-    }
-
-    fn bound(&self) -> [Registers<f64>; 3] {
-        [&self.value, &self.slopes, &self.jet].map(|tape| tape.bind(&self.params))
+    pub(crate) fn programs<R: Real>(&self) -> Programs<R> {
+        let params: Vec<R> = self.params.iter().map(|p| R::splat(*p)).collect();
+        [&self.value, &self.slopes, &self.jet].map(|tape| tape.bind(&params))
     }
 
     /// F, v' and w'.
-    pub(crate) fn sample(&self, x: [f64; 4], memory: &mut Memory) -> Result<[f64; 3], Fault> {
-        let [value, slopes, _] = memory.of(self);
+    pub(crate) fn sample(
+        &self,
+        x: [f64; 4],
+        [value, slopes, _]: &mut Programs<f64>,
+    ) -> Result<[f64; 3], Fault> {
         let x = &x[..self.frozen + 2];
         let value = self.value.eval(value, [x])[0];
         let slopes = self.slopes.eval(slopes, [x]);
@@ -97,110 +97,100 @@ impl Traced {
     }
 
     /// The values of the program of all derivatives.
-    pub(crate) fn jet<'a>(&self, x: [f64; 4], memory: &'a mut Memory) -> &'a [f64] {
-        let [_, _, jet] = memory.of(self);
+    pub(crate) fn jet<'a>(&self, x: [f64; 4], [_, _, jet]: &'a mut Programs<f64>) -> &'a [f64] {
         self.jet.eval(jet, [&x[..self.frozen + 2]])
     }
 
-    pub(crate) fn near<'a>(
+    pub(crate) fn near<'a, R: Real>(
         &'a self,
-        x: &[f64; 4],
+        x: &[R; 4],
         is_adjoint: bool,
         h: f64,
-        memory: &'a mut Memory,
-    ) -> Programs<'a> {
-        let [_, registers, _] = memory.of(self);
+        [_, registers, _]: &'a mut Programs<R>,
+    ) -> Starts<'a, R> {
         let (e, u) = (usize::from(is_adjoint), usize::from(!is_adjoint));
-        Programs {
+        Starts {
             tape: &self.slopes,
             registers,
             x: *x,
             width: self.frozen + 2,
             place: self.frozen + u,
-            start: x[self.frozen + u].abs(),
+            start: x[self.frozen + u],
             e,
             u,
             sigma: if is_adjoint { h } else { -h },
             is_separable: self.is_separable,
             made: 0,
-            last: f64::INFINITY,
-            slope: 0.0,
+            last: R::splat(f64::INFINITY),
+            slope: R::splat(0.0),
         }
     }
 }
 
-impl Memory {
-    fn of(&mut self, traced: &Traced) -> &mut [Registers<f64>; 3] {
-        self.0.get_or_insert_with(|| traced.bound())
-    }
-}
-
-/// Programs at a start, as functions of the implicit coordinate.
-pub(crate) struct Programs<'a> {
+/// Programs at starts, as functions of the implicit coordinate.
+pub(crate) struct Starts<'a, R> {
     tape: &'a Tape,
-    registers: &'a mut Registers<f64>,
-    x: [f64; 4],
+    registers: &'a mut Registers<R>,
+    x: [R; 4],
     width: usize,
-    /// The place of the implicit coordinate.
+    /// The place of the implicit coordinate, and that at the start.
     place: usize,
-    /// The size of it at the start.
-    start: f64,
+    start: R,
     e: usize,
     u: usize,
     sigma: f64,
     is_separable: bool,
     /// How many corrections there were, and the last one.
     made: usize,
-    last: f64,
+    last: R,
     /// F_eu at the last iterate but one.
-    slope: f64,
+    slope: R,
 }
 
-impl Programs<'_> {
-    fn slopes(&mut self) -> &[f64] {
-        self.tape.eval(self.registers, [&self.x[..self.width]])
-    }
-}
-
-impl Near for Programs<'_> {
-    fn implicit(&mut self) -> (f64, f64) {
+impl<R: Real> Near<R> for Starts<'_, R> {
+    fn implicit(&mut self) -> [R; 3] {
         let e = self.e;
-        let slopes = self.slopes();
-        let found = (slopes[e], slopes[2]);
-        self.slope = found.1;
-        found
+        let slopes = self.tape.eval(self.registers, [&self.x[..self.width]]);
+        self.slope = slopes[2];
+        [slopes[e], slopes[2], R::splat(0.0)]
     }
 
-    fn explicit(&mut self) -> f64 {
+    fn explicit(&mut self) -> R {
         let u = self.u;
-        self.slopes()[u]
+        self.tape.eval(self.registers, [&self.x[..self.width]])[u]
     }
 
-    fn go(&mut self, u: f64) {
+    fn go(&mut self, u: R) {
         self.x[self.place] = u;
     }
 
     /// Corrections shrink quadratically: the next one is about this one times the square of its part of the last.
-    fn is_solved(&mut self, now: f64, correction: f64) -> bool {
-        let (size, last) = (correction.abs(), self.last);
-        (self.last, self.made) = (size, self.made + 1);
-        if !(size.is_finite() && 1.0 - self.slope * self.sigma > LEAST) {
-            return false;
-        }
-        let (roundoff, part) = (f64::EPSILON * now.abs().max(self.start), size / last);
-        let has_stalled = || {
-            let [v, w] = [0, 1].map(|k| self.x[self.width - 2 + k].abs());
-            self.made == MOST_CORRECTIONS && size <= STALLED * v.max(w)
-        };
-        self.is_separable
-            || size <= ROUNDOFFS * roundoff
-            || (last.is_finite() && size * part * part <= roundoff)
-            || has_stalled()
+    fn unsolved(&mut self, now: R, correction: R) -> R {
+        self.made += 1;
+        let is_last = self.made == MOST_CORRECTIONS;
+        let [v, w] = [self.x[self.width - 2], self.x[self.width - 1]];
+        let last = std::mem::replace(&mut self.last, correction.map(f64::abs));
+        R::each(
+            [correction, last, self.slope, now, self.start, v, w],
+            |[correction, last, slope, now, start, v, w]| {
+                let size = correction.abs();
+                let roundoff = f64::EPSILON * now.abs().max(start.abs());
+                let part = size / last;
+                let has_stalled = || is_last && size <= STALLED * v.abs().max(w.abs());
+                let is_solved = size.is_finite()
+                    && 1.0 - slope * self.sigma > LEAST
+                    && (self.is_separable
+                        || size <= ROUNDOFFS * roundoff
+                        || (last.is_finite() && size * part * part <= roundoff)
+                        || has_stalled());
+                f64::from(u8::from(!is_solved))
+            },
+        )
     }
 
-    fn fault(&self, now: f64) -> Fault {
+    fn fault(&self, member: usize, now: f64) -> Fault {
         if now.is_finite() {
-            Fault::NotConverged(self.last)
+            Fault::NotConverged(self.last.member(member))
         } else {
             Fault::NotFinite
         }

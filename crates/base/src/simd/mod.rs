@@ -10,7 +10,7 @@ mod views;
 
 pub use crate::real::Number;
 
-use crate::real::Scalar;
+use crate::real::{Real, Scalar};
 use pulp::{Arch, Simd, WithSimd};
 
 /// Access of a kernel to one part of stored numbers.
@@ -76,6 +76,15 @@ pub trait Kernel<S> {
 
 /// Numbers in memory that kernels work on.
 pub trait Stored: Scalar {
+    /// Trajectories that are computed together where each reads numbers of its own.
+    type Group: Real + Stored + std::fmt::Debug;
+    /// How many groups there are.
+    const GROUPS: usize = Self::MEMBERS / Self::Group::MEMBERS;
+
+    /// The values of a group.
+    fn group(&self, group: usize) -> Self::Group;
+    /// Sets them.
+    fn set_group(&mut self, group: usize, values: Self::Group);
     /// Makes a computation with the registers of an instruction set.
     fn run<K: Kernel<Self>>(machine: InstructionSet, kernel: K) -> K::Output;
 }

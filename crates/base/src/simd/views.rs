@@ -3,7 +3,7 @@
 
 use super::block::RegisterBlock;
 use super::{ForEach, InstructionSet, Kernel, Number, SimdView, SimdViews, Stored};
-use crate::real::{Lanes, Scalar};
+use crate::real::{Lanes, Scalar, WIDTH};
 use pulp::{Simd, WithSimd};
 use std::marker::PhantomData;
 
@@ -187,6 +187,16 @@ impl<K: Kernel<f64>> WithSimd for OnBlocks<K> {
 }
 
 impl Stored for f64 {
+    type Group = Self;
+
+    #[inline(always)]
+    fn group(&self, _: usize) -> Self {
+        *self
+    }
+    #[inline(always)]
+    fn set_group(&mut self, _: usize, value: Self) {
+        *self = value;
+    }
     fn run<K: Kernel<f64>>(machine: InstructionSet, kernel: K) -> K::Output {
         machine.0.dispatch(OnBlocks(kernel))
     }
@@ -312,6 +322,18 @@ impl<const W: usize, K: Kernel<Lanes<W>>> WithSimd for OnLanes<(K, [(); W])> {
 }
 
 impl<const W: usize> Stored for Lanes<W> {
+    type Group = Lanes;
+
+    #[inline(always)]
+    fn group(&self, group: usize) -> Lanes {
+        let mut values = Lanes::splat(0.0);
+        values.0.copy_from_slice(&self.0[group * WIDTH..][..WIDTH]);
+        values
+    }
+    #[inline(always)]
+    fn set_group(&mut self, group: usize, values: Lanes) {
+        self.0[group * WIDTH..][..WIDTH].copy_from_slice(&values.0);
+    }
     fn run<K: Kernel<Lanes<W>>>(machine: InstructionSet, kernel: K) -> K::Output {
         const { assert!(W.is_power_of_two() && W >= 8, "lanes fill whole registers") };
         machine.0.dispatch(OnLanes((kernel, [(); W])))

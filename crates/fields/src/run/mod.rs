@@ -6,7 +6,7 @@ mod pullback;
 pub use job::{Job, Recorded};
 pub use pullback::Pullback;
 
-use crate::problem::Split;
+use crate::problem::{Piece, Split};
 use crate::volume::{Determinant, Observer, Plane, Section, TangentObserver, Tangents, Volume};
 use liouville_base::checkpoint::Checkpoint;
 use liouville_base::composition::Composed;
@@ -183,12 +183,19 @@ impl Starter {
         }
     }
 
+    /// Whether the first cache has room for many trajectories: those on a grid have polynomials beside their variables.
+    fn is_light(&self) -> bool {
+        let mut pieces = self.split.pieces().iter();
+        let has_planes = pieces.any(|piece| matches!(piece, Piece::Plane { .. }));
+        !has_planes && self.volume::<f64>().places() <= FEW_PLACES
+    }
+
     /// All members, in blocks.
     fn ensemble(self, members: usize) -> Result<Ensemble, StepError> {
         let (span, threads) = (self.job.span, self.job.threads);
         let block = match members / threads {
             0..BLOCK => SMALL_BLOCK,
-            MANY.. if self.volume::<f64>().places() <= FEW_PLACES => LARGE_BLOCK,
+            MANY.. if self.is_light() => LARGE_BLOCK,
             _ => BLOCK,
         };
         let states = matches!(

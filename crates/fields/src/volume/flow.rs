@@ -8,6 +8,7 @@ use super::rows::PolynomialRows;
 use super::triangular::Triangular;
 use super::turn::Turn;
 use crate::problem::Piece;
+use liouville_base::simd::Stored;
 use liouville_gridded::Memory;
 use std::slice;
 
@@ -28,7 +29,7 @@ pub(super) enum PieceFlow {
     Affine(Affine),
     /// A rotation and a push.
     Turn(Turn),
-    /// Symplectic Euler, one member after another.
+    /// Symplectic Euler, a group of members after another.
     Plane(PlanePiece),
 }
 
@@ -125,10 +126,10 @@ impl PieceFlow {
     }
 
     /// Memory of its own for the flows of a plane.
-    pub(super) fn memory(&self) -> Memory {
+    pub(super) fn memory<S: Stored>(&self) -> Vec<Memory<S::Group>> {
         match self {
-            Self::Plane(piece) => piece.memory(),
-            _ => Memory::default(),
+            Self::Plane(piece) => piece.memory::<S>(),
+            _ => Vec::new(),
         }
     }
 

@@ -88,7 +88,7 @@ impl<S: Stored> Kernel<S> for FlowKernel<'_, S> {
                     views.call(flow_of(RungeKutta(piece), h, state, scratch));
                 }
                 PieceFlow::Turn(piece) => views.call(flow_of(piece, h, state, scratch)),
-                PieceFlow::Plane(_) => unreachable!("made one member after another"),
+                PieceFlow::Plane(_) => unreachable!("made a group of members after another"),
                 PieceFlow::Affine(_) => {
                     let change = AffineChange(self.changes.find(flow.part, h));
                     views.call(flow_of(change, h, state, scratch));

@@ -56,7 +56,7 @@ use views::FlowScratch;
 
 /// The flows of a split field's pieces, for one trajectory or several in lock-step.
 #[derive(Clone, Debug)]
-pub struct Volume<S> {
+pub struct Volume<S: Stored> {
     split: Arc<Split>,
     compiled: Arc<CompiledSplit>,
     machine: InstructionSet,
@@ -65,7 +65,7 @@ pub struct Volume<S> {
     scratch: FlowScratch<S>,
     function_scratch: FunctionScratch,
     /// Memory of each piece that is a plane.
-    planes: Vec<Memory>,
+    planes: Vec<Vec<Memory<S::Group>>>,
     changes: Changes,
     clock: Option<u32>,
     kept: Option<State<S>>,
@@ -86,7 +86,7 @@ impl<S: Stored> Volume<S> {
             change: zeros(if compiled.has_affine { n } else { 0 }),
             stages: stages.collect(),
         };
-        let planes = compiled.piece_flows.iter().map(PieceFlow::memory);
+        let planes = compiled.piece_flows.iter().map(PieceFlow::memory::<S>);
         Self {
             function_scratch: FunctionScratch::new::<S>(&compiled.functions),
             planes: planes.collect(),
@@ -197,7 +197,7 @@ impl<S: Stored> Volume<S> {
         S::run(self.machine, kernel)
     }
 
-    /// Makes flows one after another, those of planes for each member alone.
+    /// Makes flows one after another, those of planes for each group of members.
     fn by_planes(
         &mut self,
         flows: &[Flow],

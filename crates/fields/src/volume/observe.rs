@@ -66,7 +66,7 @@ impl UserVariables {
 /// Records x (where states are wanted) and the outputs of a tape (t, x) → quantities, one member
 /// after another.
 #[derive(Clone, Debug)]
-pub struct Observer<S> {
+pub struct Observer<S: Stored> {
     volume: Volume<S>,
     variables: UserVariables,
     members: usize,

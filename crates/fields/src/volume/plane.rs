@@ -1,9 +1,9 @@
-//! The flow of a plane, one member after another: each is in a cell of its own, or has an equation of its own.
+//! The flow of a plane, for groups of members: each is in a cell of its own.
 
 use super::state::State;
 use liouville_base::error::StepError;
 use liouville_base::real::Scalar;
-use liouville_base::simd::InstructionSet;
+use liouville_base::simd::{InstructionSet, Stored};
 use liouville_gridded::{Fault, Memory, Plane, PlaneFlow};
 use std::sync::Arc;
 
@@ -33,55 +33,62 @@ impl PlanePiece {
         }
     }
 
-    /// Memory for flows.
-    pub(super) fn memory(&self) -> Memory {
-        self.plane.memory()
+    /// Memory for flows, of each group of trajectories or of all.
+    pub(super) fn memory<S: Stored>(&self) -> Vec<Memory<S::Group>> {
+        let count = if self.plane.has_cells() { S::GROUPS } else { 1 };
+        vec![self.plane.memory(); count]
     }
 
     /// Moves each member from `t` over `h`.
-    #[allow(clippy::float_cmp)] // the same numbers
-    pub(super) fn flow<S: Scalar>(
+    pub(super) fn flow<S: Stored>(
         &self,
         machine: InstructionSet,
         is_adjoint: bool,
         (t, h): (f64, f64),
         state: &mut State<S>,
-        memory: &mut Memory,
+        memory: &mut [Memory<S::Group>],
     ) -> Result<(), StepError> {
-        let mut last = None;
-        for member in 0..S::MEMBERS {
-            let mut x = [0.0; 4];
-            for (x, place) in x.iter_mut().zip(&self.places) {
-                *x = state.x[*place].member(member);
-            }
-            if let Some((from, after)) = last
-                && x == from
-            {
-                // a place without a member follows the last one
-                self.set(state, member, &x, after);
-                continue;
+        let moved = self.plane.frozen();
+        // the next group is read early: what is written in short registers is late for long ones
+        let mut x = [self.read(state, 0); 2];
+        for group in 0..S::GROUPS {
+            let kept = group.min(memory.len() - 1);
+            let [even, odd] = &mut x;
+            let (x, next) = if group % 2 == 0 {
+                (even, odd)
+            } else {
+                (odd, even)
+            };
+            if group + 1 < S::GROUPS {
+                *next = self.read(state, group + 1);
             }
             let mut flow = PlaneFlow {
                 plane: &self.plane,
-                memory: &mut *memory,
+                memory: &mut memory[kept],
                 x,
                 is_adjoint,
                 h,
             };
-            let after = flow.run(machine);
-            let after = after.map_err(|fault| self.error(fault, member, &x, t))?;
-            self.set(state, member, &x, after);
-            last = Some((x, after));
+            if let Err((fault, member)) = flow.run(machine) {
+                let x = self.read(state, group).map(|x| x.member(member));
+                let member = group * S::Group::MEMBERS + member;
+                return Err(self.error(fault, member, &x, t));
+            }
+            for k in moved..moved + 2 {
+                set(state, self.places[k], group, flow.x[k]);
+            }
         }
         Ok(())
     }
 
-    /// Sets the two variables that move.
-    fn set<S: Scalar>(&self, state: &mut State<S>, member: usize, x: &[f64; 4], after: [f64; 2]) {
-        let moved = self.plane.frozen();
-        for (k, after) in after.into_iter().enumerate() {
-            set(state, self.places[moved + k], member, x[moved + k], after);
+    /// The coordinates of a group.
+    #[inline]
+    fn read<S: Stored>(&self, state: &State<S>, group: usize) -> [S::Group; 4] {
+        let mut x = [S::Group::splat(0.0); 4];
+        for (x, place) in x.iter_mut().zip(&self.places) {
+            *x = state.x[*place].group(group);
         }
+        x
     }
 
     #[cold]
@@ -114,18 +121,19 @@ impl PlanePiece {
     }
 }
 
-/// Sets a variable of a member, with its rounding error where that is kept.
+/// Sets a variable of a group, with its rounding error where that is kept.
 #[inline]
-fn set<S: Scalar>(state: &mut State<S>, place: usize, member: usize, before: f64, after: f64) {
+fn set<S: Stored>(state: &mut State<S>, place: usize, group: usize, after: S::Group) {
     let (x, low) = state.parts();
     if low.is_empty() {
-        x[place].set_member(member, after);
+        x[place].set_group(group, after);
         return;
     }
-    let change = (after - before) + low[place].member(member);
+    let before = x[place].group(group);
+    let change = (after - before) + low[place].group(group);
     let sum = before + change;
     let back = sum - before;
     let lost = (before - (sum - back)) + (change - back);
-    x[place].set_member(member, sum);
-    low[place].set_member(member, lost);
+    x[place].set_group(group, sum);
+    low[place].set_group(group, lost);
 }

@@ -75,7 +75,7 @@ const MOST_PASSED: u32 = 10_000;
 
 /// Records (member, t, x) for each passage of a plane; it must observe every step.
 #[derive(Clone, Debug)]
-pub struct Section<S, M> {
+pub struct Section<S: Stored, M> {
     volume: Volume<S>,
     plane: Plane,
     /// The numbers of the members.

@@ -1,5 +1,6 @@
 //! Planes of fields, by splines and by programs: their flows and adjoints, and what makes no plane.
 
+use liouville_base::real::{Lanes, Scalar};
 use liouville_base::simd::InstructionSet;
 use liouville_gridded::{
     Basis, Bounds, Fault, Malformed, Memory, Plane, PlaneFlow, Spline, Traced,
@@ -63,11 +64,10 @@ fn traced(p: f64) -> Plane {
 
 fn flow_of<'a>(
     plane: &'a Plane,
-    memory: &'a mut Memory,
-    [v, w]: [f64; 2],
+    memory: &'a mut Memory<f64>,
+    x: &'a mut [f64; 4],
     (is_adjoint, h): (bool, f64),
-) -> PlaneFlow<'a> {
-    let x = [v, w, v, v];
+) -> PlaneFlow<'a, f64> {
     PlaneFlow {
         plane,
         memory,
@@ -78,7 +78,12 @@ fn flow_of<'a>(
 }
 
 fn flow(plane: &Plane, x: [f64; 2], is_adjoint: bool, h: f64) -> Result<[f64; 2], Fault> {
-    flow_of(plane, &mut plane.memory(), x, (is_adjoint, h)).run(InstructionSet::default())
+    let mut memory = plane.memory();
+    let mut x = [x[0], x[1], 0.0, 0.0];
+    let mut made = flow_of(plane, &mut memory, &mut x, (is_adjoint, h));
+    let moved = made.run(InstructionSet::default());
+    moved.map_err(|(fault, _)| fault)?;
+    Ok([x[0], x[1]])
 }
 
 #[test]
@@ -131,8 +136,12 @@ fn has_its_derivative(plane: &Plane, h: f64, d: f64) {
     let start = [0.9, 2.4];
     for is_adjoint in [false, true] {
         let (mut memory, mut columns) = (plane.memory(), Vec::new());
-        let mut made = flow_of(plane, &mut memory, start, (is_adjoint, h));
-        let after = made.run(InstructionSet::default()).expect("a flow");
+        let before = [start[0], start[1], 0.0, 0.0];
+        let mut x = before;
+        let mut made = flow_of(plane, &mut memory, &mut x, (is_adjoint, h));
+        made.run(InstructionSet::default()).expect("a flow");
+        let after = [made.x[0], made.x[1]];
+        *made.x = before;
         made.derivative(after, &mut columns).expect("a derivative");
         let determinant = columns[0][0] * columns[1][1] - columns[0][1] * columns[1][0];
         assert!((determinant - 1.0).abs() < 1e-14, "{determinant}");
@@ -154,19 +163,106 @@ fn has_its_derivative(plane: &Plane, h: f64, d: f64) {
     }
 }
 
+/// F = Σ sin(3 i + 5 j) B_i(c) B_j(v) B_j(w) with c frozen, and a mean flow that depends on it.
+fn in_space() -> Plane {
+    let coefficient = |k: usize| (3.0 * (k / 121) as f64 + 5.0 * (k % 11 % 8) as f64).sin();
+    let coefficients = (0..6 * 121).map(coefficient).collect();
+    let axes = [8, 8].map(|cells| axis(cells, Bounds::Periodic).expect("an axis"));
+    let frozen = vec![axis(3, Bounds::Open).expect("an axis")];
+    let mean = [vec![0.1, 0.2, 0.4, 0.1, 0.0, 0.3], vec![0.05]];
+    let spline = Spline::new(frozen, axes, coefficients, mean);
+    Plane::Spline(Box::new(spline.expect("a plane")))
+}
+
+#[test]
+fn members_in_lock_step_have_the_bits_of_each_alone_wherever_they_have_been() {
+    for (plane, part) in [
+        (plane(Bounds::Periodic), 1.0),
+        (in_space(), 1.0),
+        (traced(0.7), 0.2),
+    ] {
+        let frozen = plane.frozen();
+        let start = |member: usize| -> [f64; 4] {
+            let own = [0.3 * member as f64, 7.9 - 1.1 * member as f64].map(|x| x * part);
+            if frozen == 0 {
+                return [own[0], own[1], 0.0, 0.0];
+            }
+            [0.4 * member as f64, own[0], own[1], 0.0]
+        };
+        let mut together = [Lanes::<8>::splat(0.0); 4];
+        let mut alone: Vec<[f64; 4]> = (0..8).map(start).collect();
+        for (k, x) in together.iter_mut().enumerate() {
+            *x = Lanes(std::array::from_fn(|member| start(member)[k]));
+        }
+        let mut memory = plane.memory();
+        for step in 0..60 {
+            let (is_adjoint, h) = (step % 2 == 1, 0.02 * part * f64::from(1 + step % 3));
+            let mut flow = PlaneFlow {
+                plane: &plane,
+                memory: &mut memory,
+                x: &mut together,
+                is_adjoint,
+                h,
+            };
+            flow.run(InstructionSet::default()).expect("a flow");
+            for (member, x) in alone.iter_mut().enumerate() {
+                let mut flow = PlaneFlow {
+                    plane: &plane,
+                    memory: &mut plane.memory(),
+                    x: &mut *x,
+                    is_adjoint,
+                    h,
+                };
+                flow.run(InstructionSet::default()).expect("a flow");
+                let own = x.map(f64::to_bits);
+                let same = together.map(|x| x.0[member].to_bits());
+                assert_eq!(own, same, "{member}, {step}");
+            }
+        }
+        let ends = alone.iter().enumerate();
+        let moved = ends.map(|(member, x)| (x[frozen] - start(member)[frozen]).abs());
+        assert!(moved.fold(0.0, f64::max) > 0.1);
+    }
+}
+
+#[test]
+fn the_first_member_with_a_fault_is_told() {
+    let plane = plane(Bounds::Open);
+    let mut x = [Lanes::<8>::splat(2.5); 4];
+    x[1].0[6] = -1.0;
+    x[0].0[3] = 8.5;
+    let mut memory = plane.memory();
+    let mut flow = PlaneFlow {
+        plane: &plane,
+        memory: &mut memory,
+        x: &mut x,
+        is_adjoint: false,
+        h: 0.1,
+    };
+    let machine = InstructionSet::default();
+    assert_eq!(flow.run(machine), Err((Fault::Outside(0), 3)));
+    flow.x[0].0[3] = 2.5;
+    assert_eq!(flow.run(machine), Err((Fault::Outside(1), 6)));
+    flow.x[1].0[6] = 2.5;
+    flow.run(machine).expect("a flow");
+    let after = flow.x[0].0.map(f64::to_bits);
+    assert!(after.iter().all(|bits| *bits == after[0]));
+}
+
 #[test]
 fn every_instruction_set_gives_the_same_bits() {
     let plane = plane(Bounds::Periodic);
-    let x = [1.3, 5.6, 0.0, 0.0];
     let ends = InstructionSet::all().into_iter().map(|machine| {
+        let mut x = [1.3, 5.6, 0.0, 0.0];
         let mut flow = PlaneFlow {
             plane: &plane,
             memory: &mut plane.memory(),
-            x,
+            x: &mut x,
             is_adjoint: false,
             h: 0.5,
         };
-        flow.run(machine).expect("a flow").map(f64::to_bits)
+        flow.run(machine).expect("a flow");
+        x.map(f64::to_bits)
     });
     let ends: Vec<_> = ends.collect();
     assert!(ends.windows(2).all(|pair| pair[0] == pair[1]));

@@ -53,7 +53,7 @@ struct LinearScratch {
     order: Vec<usize>,
     affine: AffineFlows,
     /// Memory of each piece that is a plane, and columns of the derivative of its flow.
-    planes: Vec<Memory>,
+    planes: Vec<Memory<f64>>,
     columns: Vec<[f64; 2]>,
 }
 

@@ -20,7 +20,7 @@ pub(super) fn results(piece: &Piece, n: usize) -> usize {
 }
 
 /// Memory for the flows of a piece that is a plane.
-pub(super) fn memory(piece: &Piece) -> Memory {
+pub(super) fn memory(piece: &Piece) -> Memory<f64> {
     match piece {
         Piece::Plane { plane, .. } => plane.memory(),
         _ => Memory::default(),
@@ -157,15 +157,19 @@ impl LinearFlows {
         let LinearScratch {
             planes, columns, ..
         } = &mut self.scratch;
+        let before = x;
         let mut made = PlaneFlow {
             plane,
             memory: &mut planes[flow.part],
-            x,
+            x: &mut x,
             is_adjoint: flow.is_adjoint,
             h: flow.h,
         };
-        let after = made.run(InstructionSet::default());
-        let found = after.and_then(|after| {
+        let moved = made.run(InstructionSet::default());
+        let moved = moved.map_err(|(fault, _)| fault);
+        let found = moved.and_then(|()| {
+            let after = [made.x[plane.frozen()], made.x[plane.frozen() + 1]];
+            *made.x = before;
             made.derivative(after, columns)?;
             Ok(after)
         });
