@@ -8,7 +8,7 @@ residuals of the conserved quantities, and a page beside it has the first mechan
 Run as ``python examples/demo.py [figure]``; the figure goes to build/demo.png by default.
 """
 
-import sys
+import argparse
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -60,7 +60,7 @@ def draw_kept(ax, solution, conserved):
     ax.legend(loc="upper left", markerscale=5, frameon=False, fontsize=8)
 
 
-def main(path="build/demo.png"):
+def main(path):
     figure = Figure(figsize=(10.5, 5.8), layout="constrained")
     rows = figure.subplots(2, 3)
     print(f"{METHOD}\n{'':12}{'h':>9}{'steps':>7}{'error in q':>12}{'error in v':>12}{'ms':>8}")
@@ -88,4 +88,6 @@ def main(path="build/demo.png"):
 
 
 if __name__ == "__main__":
-    main(*sys.argv[1:])
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("path", nargs="?", default="build/demo.png", help="the figure")
+    main(parser.parse_args().path)

@@ -5,7 +5,7 @@ from functools import cached_property
 import numpy as np
 import pytest
 import xarray
-from scipy.integrate import solve_ivp
+from ordinary import solved
 
 import liouville as lv
 
@@ -99,10 +99,7 @@ class Sea:
 
     def path(self, start, days):
         """Return degrees and heights of a start after some days."""
-        run = solve_ivp(
-            self.rates, (0, days * DAY), start, "DOP853", rtol=1e-12, atol=1e-12,
-        )  # fmt: skip
-        return run.y[:, -1]
+        return solved(self.rates, (0, days * DAY), start)[-1]
 
 
 def of_mitgcm(sea, numbering=lambda lon: lon, outer=False):

@@ -221,7 +221,7 @@ def test_an_interrupted_run_is_kept_and_leaves_with_130(tmp_path):
     ("words", "complaint"),
     [
         ("run pendulom", "hint: did you mean 'pendulum'?"),
-        ("run pendulum --method sparc", "hint: there are spark, lobatto-pair, hht"),
+        ("run pendulum --method sparc", "hint: there are auto, spark, lobatto-pair, hht"),
         ("run pendulum --method hht --stages 2", "hint: it has alpha, b, less_implicit"),
         ("run pendulum --method hht --alpha 0.1", "alpha must be from -1/3 to 0"),
         ("run pendulum --method hht --atol 1e-3", "hint: give rtol="),

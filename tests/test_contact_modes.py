@@ -339,9 +339,6 @@ REFUSED = {
     "penetrates by 0.5 at the start": lambda: lv.integrate(
         block(), lv.Spark(2), t=(0, 1), h=0.1, q=[0, -0.5], v=[0, 0]
     ),
-    "tangents= is not for systems with contacts": lambda: lv.integrate(
-        block(), lv.Spark(2), t=(0, 1), h=0.1, tangents={"q": [1, 0]}, q=[0, 0], v=[0, 0]
-    ),
     "rtol must be from 1e-14 to below 1, not 2": lambda: lv.integrate(
         block(), lv.Spark(2), t=(0, 1), rtol=2, q=[0, 0], v=[0, 0]
     ),
@@ -350,9 +347,6 @@ REFUSED = {
     ),
     "goes forwards in time": lambda: lv.integrate(
         block(), lv.Spark(2), t=(1, 0), h=0.1, q=[0, 0], v=[0, 0]
-    ),
-    "knows of no contacts, and the system has 'floor'": lambda: lv.ensemble(
-        block(), lv.Spark(2), t=(0, 1), h=0.1, q=[[0, 0]], v=[[0, 0]]
     ),
     "equilibrium knows of no contacts": lambda: lv.analysis.equilibrium(block(), q=[0, 0]),
     "friction needs slip=": lambda: lv.Contact(lambda t, q, params: q[0], friction=0.1),

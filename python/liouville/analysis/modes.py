@@ -142,7 +142,7 @@ class Modes:
             (
                 f"{k}:",
                 f"{hertz:.6g} Hz",
-                f"{angular:.6g} rad",
+                f"{angular:.6g} rad/time",
                 f"damping {ratio:.3g}",
                 "unstable" * (k in self.unstable),
             )
@@ -203,8 +203,8 @@ def modes(
     >>> import liouville as lv
     >>> lv.analysis.modes(lv.Structure([1.0, 1.0], [[2.0, -1.0], [-1.0, 2.0]]))
     <Modes: 2, none unstable
-     0: 0.159155 Hz 1 rad damping 0
-     1: 0.275664 Hz 1.73205 rad damping 0>
+     0: 0.159155 Hz 1 rad/time damping 0
+     1: 0.275664 Hz 1.73205 rad/time damping 0>
     """
     point = Point.given(mechanical(system, "modes"), started(start, values), t, params)
     wanted = None if count is None else counted("count", count)
