@@ -16,7 +16,7 @@ const NOISE: f64 = 64.0 * f64::EPSILON;
 /// The step being made.
 pub(super) type AlphaStep<'a> = liouville_base::method::Step<'a, AlphaState>;
 
-/// What the sign of the determinant of a matrix means in a step.
+/// The meaning of a determinant's sign in a step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Signs {
     /// A solution with the other sign than that of a small step is on another branch; none was found.

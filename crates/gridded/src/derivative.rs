@@ -119,6 +119,19 @@ struct FrozenFunctions {
     strides: [usize; 2],
 }
 
+impl FrozenFunctions {
+    /// A mean flow with these coefficients, and its derivative by the last frozen coordinate.
+    fn mean(&self, frozen: usize, coefficients: &[f64]) -> [f64; 2] {
+        let last = match frozen.checked_sub(1) {
+            Some(last) if coefficients.len() > 1 => last,
+            _ => return [coefficients[0], 0.0],
+        };
+        let own = &coefficients[self.cells[last]..][..self.counts[last]];
+        let sum = |functions: &[f64]| own.iter().zip(functions).map(|(c, x)| c * x).sum();
+        [sum(&self.weights[last][0]), sum(&self.weights[last][1])]
+    }
+}
+
 impl Spline {
     /// The functions of the frozen coordinates.
     ///
@@ -159,12 +172,13 @@ impl Spline {
     }
 
     fn sampled<const N: usize>(&self, x: [f64; 4]) -> Result<[f64; 3], Fault> {
+        let functions = self.frozen_functions(&x)?;
         let FrozenFunctions {
             weights,
             cells,
             counts,
             strides,
-        } = self.frozen_functions(&x)?;
+        } = &functions;
         let frozen = self.frozen();
         let mut corner = cells[0] * strides[0] + cells[1] * strides[1];
         let width = self.axes[1].functions();
@@ -195,14 +209,8 @@ impl Spline {
                 }
             }
         }
-        let mean = [0, 1].map(|k| match (&self.mean[k], frozen.checked_sub(1)) {
-            (mean, Some(last)) if mean.len() > 1 => {
-                let own = mean[cells[last]..][..counts[last]].iter();
-                own.zip(&weights[last][0]).map(|(c, x)| c * x).sum()
-            }
-            (mean, _) => mean[0],
-        });
-        Ok([value, mean[0] + by_w, mean[1] - by_v])
+        let [mean_v, mean_w] = [0, 1].map(|k| functions.mean(frozen, &self.mean[k])[0]);
+        Ok([value, mean_v + by_w, mean_w - by_v])
     }
 
     /// The derivatives of F where the implicit coordinate is `now`, and those by frozen coordinates to their `columns`.
@@ -214,12 +222,13 @@ impl Spline {
         columns: &mut [[f64; 2]],
     ) -> Result<Jet, Fault> {
         let (spline, frozen) = (self, self.frozen());
+        let functions = self.frozen_functions(&x)?;
         let FrozenFunctions {
             weights,
             cells,
             counts,
             strides,
-        } = self.frozen_functions(&x)?;
+        } = &functions;
         let explicit = usize::from(is_adjoint);
         let mut places = [spline.axes[0].find(now), spline.axes[1].find(now)];
         let fixed = spline.axes[explicit].locate(x[frozen + explicit]);
@@ -258,15 +267,7 @@ impl Spline {
             }
         }
         for k in 0..2 {
-            let mean = &spline.mean[k];
-            found.mean[k] = mean[0];
-            if mean.len() > 1 {
-                let last = frozen - 1;
-                let own = &mean[cells[last]..][..counts[last]];
-                let sum = |functions: &[f64]| own.iter().zip(functions).map(|(c, x)| c * x).sum();
-                found.mean[k] = sum(&weights[last][0]);
-                found.mean_by_c[k] = sum(&weights[last][1]);
-            }
+            [found.mean[k], found.mean_by_c[k]] = functions.mean(frozen, &spline.mean[k]);
         }
         Ok(found)
     }

@@ -54,7 +54,7 @@ const NONE: f64 = 0.0;
 const START: f64 = 1.0;
 const END: f64 = 2.0;
 
-/// What defects are roundoff of.
+/// The quantity whose roundoff a defect may be.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Roundoff {
     /// Positions, in a step: of equations that are iterated to that, and of constraints.
@@ -70,7 +70,7 @@ pub(super) struct Judged {
     pub(super) unit: f64,
     /// For how long an error of the velocity is held at least, if the time scale is as long.
     pub(super) held: f64,
-    /// What its defects are roundoff of.
+    /// The quantity whose roundoff its defects may be.
     pub(super) roundoff: Roundoff,
 }
 

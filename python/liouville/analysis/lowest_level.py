@@ -190,7 +190,7 @@ class _Krylov:
         for k, row in enumerate(rows):
             row, coupling[:done, k] = _beside(row, block[:done])
             before, length = float(lengths[k]), float(np.linalg.norm(row))
-            # what is left of a vector that nearly vanishes is not orthogonal to the others yet
+            # the rest of a vector that nearly vanishes is not orthogonal to the others yet
             while nothing < length < SHORTER * before:
                 before = length
                 for vectors, own in ((basis, parts), (block[:done], coupling[:done])):

@@ -26,7 +26,7 @@ pub(super) struct TangentErrors {
     of: Vec<DirectionErrors>,
     accelerations: EndAccelerations,
     impulse: Vec<f64>,
-    /// What defects of velocities are roundoff of.
+    /// The quantity whose roundoff defects of velocities may be.
     roundoff: Roundoff,
 }
 

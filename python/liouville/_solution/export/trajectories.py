@@ -97,7 +97,7 @@ def _rows(solution: Solution, values: Array) -> Array:
     records = values[:, None] if solution.members is None else values
     rows = np.ascontiguousarray(np.swapaxes(records, 0, 1))
     for member, first in _late(solution).items():
-        rows[member] = np.roll(rows[member], -first, axis=0)  # what was NaN comes last
+        rows[member] = np.roll(rows[member], -first, axis=0)  # rows of NaN come last
     return rows
 
 

@@ -186,7 +186,7 @@ class _Grid:
             found |= dict.fromkeys(own, name)
         return found
 
-    # what flows through faces
+    # transports through faces
 
     def _taken(self, x: Variable, along: str | None) -> Array:
         """Return values on the faces across an axis, or in cells; axes are t, x, y, z.
@@ -211,7 +211,7 @@ class _Grid:
                     sentence = f"'{x.name}' has {values.shape[k]} points along '{letters[letter]}'"
                     raise ValueError(f"{sentence}, and others have more than {places.max()}")
                 values = values.take(places, axis=k)
-                if (places < 0).any():  # what lies beyond the levels is still
+                if (places < 0).any():  # water beyond the levels is still
                     zero = [-1 if j == k else 1 for j in range(values.ndim)]
                     values = np.where((places < 0).reshape(zero), 0.0, values)
         missing = [k for k, letter in enumerate(self._letters) if letter not in letters]
