@@ -348,6 +348,12 @@ REFUSED = {
     "goes forwards in time": lambda: lv.integrate(
         block(), lv.Spark(2), t=(1, 0), h=0.1, q=[0, 0], v=[0, 0]
     ),
+    "extrapolation knows of no contacts": lambda: lv.analysis.extrapolate(
+        block(), lv.Spark(2), t=(0, 1), h=0.1, q=[0, 0], v=[0, 0]
+    ),
+    "a pullback knows of no contacts, .*\\n.*tangents= of lv.integrate": lambda: lv.casadi.solver(
+        block(), lv.Spark(2), wrt=["q"], t=(0, 1), h=0.1, v=[0, 0]
+    ),
     "equilibrium knows of no contacts": lambda: lv.analysis.equilibrium(block(), q=[0, 0]),
     "friction needs slip=": lambda: lv.Contact(lambda t, q, params: q[0], friction=0.1),
     "restitution must be from 0 to 1, not 2": lambda: lv.Contact(print, restitution=2),

@@ -260,7 +260,7 @@ GIVEN = {"h": 0.05, "params": ("l",)}
         (
             {"t": [0.0, 1.0], "x": [np.nan, 1]},
             GIVEN,
-            "do not say how good they are\nhint: give sig",
+            "how good a fit of . unknowns? to . measurements? is\nhint: give sig",
         ),
         (noisy(0), GIVEN | {"params": ("c",)}, "no parameter 'c'"),
         (
@@ -365,10 +365,14 @@ def test_semi_explicit_systems():
 
 def test_too_few_measurements():
     """There are as many as unknowns at least."""
-    with pytest.raises(ValueError, match="2 measurements do not determine 3 unknowns"):
+    with pytest.raises(ValueError, match="2 measurements cannot determine 3 unknowns"):
         lv.fit(
             SYSTEM, METHOD, {"t": [0.0, 0.1], "x": [1.2, 1.3]}, h=0.05, params=("l", "k"), **START
         )
+    with pytest.raises(
+        ValueError, match="nothing says how good a fit of 1 unknown to 1 measurement is"
+    ):
+        lv.fit(SYSTEM, METHOD, {"t": [0.1], "x": [1.3]}, h=0.05, t0=0.0, params=("l",), **START)
 
 
 @pytest.mark.parametrize(("length", "stiffness"), [(1e-9, 1.0), (1.0, 1e-12), (1e9, 1e12)])

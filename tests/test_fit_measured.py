@@ -1,8 +1,11 @@
 """Fits of functions of states, of multipliers, through impacts, of several trials, and robust."""
 
+import re
+
 import casadi as ca
 import numpy as np
 import pytest
+from scipy.optimize import least_squares
 from scipy.stats import chi2, f
 
 import liouville as lv
@@ -164,17 +167,116 @@ def test_robust_errors_hold_the_truth_as_often_as_they_say():
     assert 181 <= inside <= 199
 
 
-@pytest.mark.parametrize("sigma", [0.05, None])
-def test_a_poor_fit_is_tried_again_from_shorter_times(sigma):
-    """From k = 5 least squares over 16 periods have a minimum at 5.3; nine is right."""
+def test_a_prior_keeps_its_deviation_beside_a_robust_loss():
+    """Nothing measured depends on u; its deviation is the prior's, and k's that of the loss."""
+    t = np.linspace(0, 2, 41)
+    data = {"t": t, "x": np.cos(3 * t) + 0.01 * noise(t.size, 3)}
+    still = lv.Lagrangian(
+        lambda t, q, v, params: (v[0] ** 2 - params.k * q[0] ** 2) / 2, q=("x",),
+        params={"k": 9.0, "u": 1.0},
+    )  # fmt: skip
+    call = {"h": 0.05, "sigma": 0.01, "q": [1.0], "v": [0.0], "loss": "huber"}
+    alone = lv.fit(still, METHOD, data, params=["k"], **call)
+    both = lv.fit(still, METHOD, data, params=["k", "u"], priors={"u": (2.0, 0.5)}, **call)
+    assert both.params["u"] == pytest.approx(2.0, abs=1e-6)
+    assert both.errors["params.u"] == pytest.approx(0.5, rel=1e-6)
+    assert both.errors["params.k"] == pytest.approx(alone.errors["params.k"], rel=1e-6)
+
+
+def test_a_robust_fit_of_as_many_measurements_as_unknowns_trusts_sigma():
+    """One height of a fall: g = 2 x / t^2, twice as uncertain."""
+    call = {"h": 0.1, "t0": 0.0, "params": ["g"], "sigma": 0.05, "q": [0.0], "v": [0.0]}
+    found = lv.fit(FALL, METHOD, {"t": [1.0], "x": [-4.9]}, loss="huber", **call)
+    assert found.params["g"] == pytest.approx(9.8, rel=1e-9)
+    assert found.errors["params.g"] == pytest.approx(0.1, rel=1e-9)
+
+
+def test_a_robust_loss_without_curvature_has_no_errors():
+    """Twelve early ones are so far off that Cauchy's loss bends down there."""
+    t = np.append(np.linspace(0.1, 0.2, 12), 2.0)
+    data = {"t": t, "x": -4.9 * t**2 + np.append(np.full(12, 1.7), 0.0)}
+    call = {"h": 0.1, "t0": 0.0, "params": ["g"], "sigma": 1.0, "q": [0.0], "v": [0.0]}
+    with pytest.raises(ValueError, match="residuals are beyond sigma that nothing is known of"):
+        lv.fit(FALL, METHOD, data, loss="cauchy", **call)
+
+
+COSINE = lv.Lagrangian(
+    lambda t, q, v, params: (v[0] ** 2 - params.k * q[0] ** 2) / 2, q=("x",), params={"k": 5.0}
+)
+
+
+@pytest.mark.parametrize("call", [{"sigma": 0.05}, {}, {"sigma": 0.05, "loss": "cauchy"}])
+def test_a_poor_fit_is_tried_again_from_shorter_times(call):
+    """From k = 5 the sum over 16 periods has a minimum near 5; nine is right."""
     t = np.linspace(0, 10, 201)
     data = {"t": t, "x": np.cos(3 * t) + 0.05 * noise(t.size)}
-    system = lv.Lagrangian(
-        lambda t, q, v, params: (v[0] ** 2 - params.k * q[0] ** 2) / 2, q=("x",), params={"k": 5.0}
-    )
-    found = lv.fit(system, METHOD, data, h=0.05, params=["k"], sigma=sigma, q=[1.0], v=[0.0])
+    found = lv.fit(COSINE, METHOD, data, h=0.05, params=["k"], q=[1.0], v=[0.0], **call)
     assert found.params["k"] == pytest.approx(9.0, abs=0.02)
     assert "growing parts of the time led to a lower minimum" in found.message
+
+
+def test_a_guess_that_leads_to_no_minimum_is_tried_again_from_shorter_times():
+    """From k = 20 no trust region ends over 20 s, and an eighth of them leads to nine."""
+    t = np.linspace(0, 20, 201)
+    data = {"t": t, "x": np.cos(3 * t) + 0.05 * noise(t.size, 1)}
+    call = {"h": 0.1, "params": {"k": 20.0}, "q": [1.0], "v": [0.0]}
+    found = lv.fit(COSINE, METHOD, data, sigma=0.05, **call)
+    assert found.params["k"] == pytest.approx(9.0, abs=0.02)
+    assert "led to a minimum, and the guess to none" in found.message
+
+
+@pytest.mark.parametrize(("call", "says"), [
+    ({"sigma": 0.05}, r"residuals are \d+ times as large as sigma: the model, the minimum"),
+    ({}, r"residuals spread by 1\.\d of what measurements do: where that is no noise, the model"),
+    ({"sigma": 0.05, "loss": "huber"}, r"half of the residuals are beyond 1\d sigma: the model"),
+])  # fmt: skip
+def test_a_wrong_minimum_is_said(call, says):
+    """From k = 1 even shorter times lead to a minimum far from nine."""
+    t = np.linspace(0, 20, 201)
+    data = {"t": t, "x": np.cos(3 * t) + 0.05 * noise(t.size, 1)}
+    found = lv.fit(COSINE, METHOD, data, h=0.1, params={"k": 1.0}, q=[1.0], v=[0.0], **call)
+    assert abs(found.params["k"] - 9.0) > 5
+    assert re.search(says, found.message)
+
+
+def test_a_parameter_that_sticks_is_not_determined():
+    """Friction holds the block whatever so small a slope is."""
+    block = lv.Lagrangian(
+        lambda t, q, v, params: ca.sumsqr(v) / 2 - 9.81 * q[1] + params.a * q[0], q=("x", "y"),
+        params={"a": 1.0},
+        contacts={"floor": lv.Contact(
+            lambda t, q, params: q[1], friction=0.5, slip=lambda t, q, v, params: v[0]
+        )},
+    )  # fmt: skip
+    data, start = {"t": [0.5, 1.0], "x": [0.0, 0.0]}, {"q": [0.0, 0.0], "v": [0.0, 0.0]}
+    with pytest.raises(ValueError, match=r"do not determine 'params\.a'"):
+        lv.fit(block, METHOD, data, h=0.1, t0=0.0, params=["a"], sigma=1e-3, **start)
+
+
+def bounces(t, g, e=0.5, height=0.5):
+    """Return heights of a ball that is let go, through two hits."""
+    first = np.sqrt(2 * height / g)
+    up = g * first * e
+    second = first + 2 * up / g
+    after, last = t - first, t - second
+    return np.where(
+        t < first, height - g * t**2 / 2,
+        np.where(t < second, up * after - g * after**2 / 2, up * e * last - g * last**2 / 2),
+    )  # fmt: skip
+
+
+def test_measurements_through_contacts():
+    """Hits lie between the measurements, at other times in each run; closed form and SciPy's."""
+    ball = lv.Lagrangian(
+        lambda t, q, v, params: v[0] ** 2 / 2 - params.g * q[0], q=("x",), params={"g": 1.05},
+        contacts={"floor": lv.Contact(lambda t, q, params: q[0], restitution=0.5)},
+    )  # fmt: skip
+    t = np.linspace(0, 2.2, 23)
+    x = bounces(t, 1.0) + 0.01 * noise(t.size, 3)
+    found = lv.fit(ball, METHOD, {"t": t, "x": x}, h=0.05, params=["g"], sigma=0.01, q=0.5, v=0)
+    own = least_squares(lambda g: (bounces(t, g[0]) - x) / 0.01, [1.05], xtol=1e-14, ftol=1e-14)
+    assert found.params["g"] == pytest.approx(own.x[0], abs=1e-7)
+    assert found.errors["params.g"] == pytest.approx(1 / np.linalg.norm(own.jac), rel=1e-5)
 
 
 def test_an_interval_of_a_linear_model_is_that_of_its_deviation():

@@ -126,6 +126,7 @@ def extrapolate(
     if not isinstance(system, Mechanics):
         sentence = f"extrapolation must be for mechanical systems, not for {system!r}"
         raise TypeError(hinted(sentence, "a field takes rtol=, a wave function a tolerance"))
+    system.check_smooth("extrapolation")
     if isinstance(levels, bool) or not isinstance(levels, int) or levels < 2:
         raise ValueError(f"levels must be a number of runs, two or more, not {levels!r}")
     taken: Method = named(system, method)

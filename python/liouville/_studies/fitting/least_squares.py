@@ -130,9 +130,9 @@ def fit(
     nothing of `bounds`: an unknown that has come to one has the covariance without it. That of a
     robust loss is Huber's.
 
-    Where residuals from the guess are poor, the fit is made again to an eighth, a quarter, half and
-    all of the time: the minimum of a longer time is beside that of a shorter one, not beside the
-    guess. The lower minimum is returned, and ``message`` says so.
+    Where residuals from the guess are poor, or no minimum is found, the fit is made again to an
+    eighth, a quarter, half and all of the time: the minimum of a longer time is beside that of a
+    shorter one, not beside the guess. The lower minimum is returned, and ``message`` says so.
 
     References
     ----------

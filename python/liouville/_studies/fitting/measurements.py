@@ -66,6 +66,8 @@ def _are_whole(places: np.ndarray) -> bool:
 class Measurements:
     """Quantities that were measured, and the steps of a run that meets their times.
 
+    A run `keeps_more` than its equal steps where it keeps states at changes of contacts.
+
     Attributes
     ----------
     t : ndarray, shape (k,)
@@ -90,8 +92,9 @@ class Measurements:
 
     def __init__(
         self, places: Mapping[str, tuple[str, ...]], data: Any, sigma: Any, t0: float | None,
-        steps: Mapping[str, float],
+        steps: Mapping[str, float], *, keeps_more: bool = False,
     ) -> None:  # fmt: skip
+        self._keeps_more = keeps_more
         data = _by_name(data)
         self._take_times(data, steps, t0)
         self._take_data(places, data, sigma)
@@ -128,7 +131,7 @@ class Measurements:
             times.size - 1, 1
         )
         places = (times - self.t0) / distance
-        if _are_whole(places):
+        if _are_whole(places) and not self._keeps_more:
             del self.run["t_eval"]
             self.first = round(float(places[0]))
             every = max(1, int(np.ceil(distance / given["h"] * (1 - EVEN))))
@@ -161,8 +164,9 @@ class Measurements:
             if name == "t":
                 continue
             if name not in parts and name not in components:
-                known = dict.fromkeys((*places, *(x for x in components if "[" not in x)))
-                hint = f"there are {', '.join(known)}"
+                states = [state for state, own in places.items() if own]
+                known = dict.fromkeys((*states, *(x for x in components if "[" not in x)))
+                hint = f"there are {', '.join(known)}: take these of your table"
                 raise ValueError(hinted(f"data has {name!r}, which is no state", hint))
             place: Any = parts[name] if name in parts else components[name]
             values = _numbers(f"data {name!r}", data[name])

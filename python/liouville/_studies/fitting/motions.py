@@ -104,7 +104,10 @@ class Motion:
 
     def __init__(self, model: Model, trial: Trial, sigma: Any) -> None:
         self.model, system = model, model.system
-        self.data = Measurements(model.observed.places, trial.data, sigma, trial.t0, model.steps)
+        self.data = Measurements(
+            model.observed.places, trial.data, sigma, trial.t0, model.steps,
+            keeps_more=getattr(system, "contacts", None) is not None,
+        )  # fmt: skip
         self.own = dict(trial.params)
         system.values(self.own)  # refuses names and shapes
         for name in self.own:

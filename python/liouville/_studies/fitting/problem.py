@@ -7,13 +7,14 @@ from typing import Any
 
 import numpy as np
 
+from liouville._basics.arguments import amount
 from liouville._basics.errors import IntegrationError, hinted, quoted
 from liouville._basics.scipy import scipy
 from liouville._studies.fitting.measurements import shared_unit
 from liouville._studies.fitting.motions import Model, Motion
 from liouville._studies.fitting.profile import Held
-from liouville._studies.fitting.result import Fit, Fitted, of_size, of_step
-from liouville._studies.fitting.robust import LOSSES, Loss, spread
+from liouville._studies.fitting.result import Fit, Fitted, of_most, of_size, of_spread, of_step
+from liouville._studies.fitting.robust import LOSSES, Loss, robust
 from liouville.analysis.point import Array
 
 #: Fits from where the last one ended, until no unknown can lessen the residuals by more than this
@@ -30,8 +31,6 @@ RANK, APART = 1e-10, 0.1
 NOTHING = 1e-11
 #: Where a fit from the guess is poor, fits to these parts of the time lead to another minimum.
 GROWING = (0.125, 0.25, 0.5)
-#: Without `sigma` a fit is poor whose residuals spread by more than this part of the measurements.
-POOR = 0.3
 
 
 @dataclass(frozen=True)
@@ -42,11 +41,14 @@ class _Least:
     ----------
     residuals, jacobian, covariance : ndarray
         Shapes (N,), (N, K) and (K, K), the last for measurements of deviation one.
+    loss : float
+        The sum of losses, that is least.
     """
 
     residuals: Array
     jacobian: Array
     covariance: Array
+    loss: float
 
     @property
     def size(self) -> float:
@@ -74,25 +76,27 @@ class Problem:
     def solve(self) -> Fit:
         """Fit from the guess, and where that is poor from fits to growing parts of the time."""
         guess = self._place()
-        found, said = self._settled(), ""
-        if self._is_poor(found):
-            kept = self._place()
-            self._take(guess)
-            for part in GROWING:
-                self._within(part)
-                try:
-                    self._settled()
-                except (IntegrationError, ValueError):
-                    continue  # so short a time does not determine what is sought
-            self._within(1.0)
-            again = self._tried()
-            if again is not None and again.size < (1 - SETTLED) * found.size:
-                found = again
-                said = "fits to growing parts of the time led to a lower minimum than the guess"
-            else:
-                self._take(kept)
+        found = self._settled()
+        if found is not None and not self._is_poor(found):
+            return self._fit(found, "")
+        kept = self._place()
+        again = self._grown(guess)
+        if again is not None and (found is None or again.loss < (1 - SETTLED) * found.loss):
+            than = "a lower minimum than the guess" if found else "a minimum, and the guess to none"
+            return self._fit(again, f"fits to growing parts of the time led to {than}")
+        self._take(kept)
+        return self._fit(self._surely(self._settled() if found else None), "")
+
+    def _grown(self, guess: tuple[dict[str, Any], list[dict[str, Array]]]) -> _Least | None:
+        """Fit from the guess to growing parts of the time, and to all of it."""
+        self._take(guess)
+        for part in (*GROWING, 1.0):
+            self._within(part)
+            try:
                 found = self._settled()
-        return self._fit(found, said)
+            except (IntegrationError, ValueError):
+                found = None  # so short a time may not determine what is sought
+        return found
 
     def least(self, known: float) -> Held:
         """Return the least sum of squares from here, in units of the deviations, and where it is.
@@ -100,7 +104,7 @@ class Problem:
         What a prior of a value that is held adds is `known`.
         """
         if len(self.bounds) or self.unknowns.free:
-            size = self._settled().size
+            size = self._surely(self._settled()).size
         else:
             self._cuts = np.zeros(len(self.motions) + 1, dtype=int)
             for motion in self.motions:
@@ -111,12 +115,6 @@ class Problem:
         params, starts = self._place()
         unit = self.unit if self.is_absolute else float(self.motions[0].data.weights[0, 0])
         return Held(size * unit**2 + known, params, starts)
-
-    def _tried(self) -> _Least | None:
-        try:
-            return self._settled()
-        except (IntegrationError, ValueError):
-            return None
 
     def _within(self, part: float) -> None:
         """Take what was measured within this part of the time of each motion."""
@@ -134,17 +132,31 @@ class Problem:
 
     def _is_poor(self, found: _Least) -> bool:
         """Return whether residuals are far larger than sigma, or than a part of what was seen."""
-        if self.loss is not LOSSES["linear"]:
-            return False
-        if self.is_absolute:
-            dof = found.residuals.size - len(found.covariance)
-            own = found.residuals * self.unit
-            return bool(own @ own > dof and of_size(own, dof))
-        values = [motion.values()[motion.is_there] for motion in self.motions]
-        return bool(np.std(found.residuals) > POOR * np.std(np.concatenate(values)))
+        dof = found.residuals.size - len(found.covariance)
+        is_small = self.is_absolute and found.size * self.unit**2 <= dof
+        return bool(self._said_of_residuals(found)) and not is_small
 
-    def _settled(self) -> _Least:
-        """Fit from where the last fit ended until squares are least there."""
+    def _said_of_residuals(self, found: _Least) -> str:
+        """Say where residuals are not of the size that is known, or as large as what was seen."""
+        dof, own = found.residuals.size - len(found.covariance), found.residuals * self.unit
+        measured = own[: own.size - len(self.unknowns.priors)]
+        if not dof:
+            return ""
+        if self.loss is not LOSSES["linear"]:
+            return of_most(measured)
+        if self.is_absolute:
+            return of_size(own, dof)
+        values = [motion.values()[motion.is_there] for motion in self.motions]
+        return of_spread(float(np.std(found.residuals)), float(np.std(np.concatenate(values))))
+
+    def _settled(self) -> _Least | None:
+        """Fit from where the last fit ended until losses are least there, None if they never are.
+
+        Raises
+        ------
+        ValueError, IntegrationError
+            The measurements do not determine the unknowns, or a run from there fails.
+        """
         least_squares = scipy("optimize", "a fit").least_squares
         for _ in range(MOST):
             counts = [motion.settle(self.params) for motion in self.motions]
@@ -153,9 +165,11 @@ class Problem:
             there = sum(int(np.count_nonzero(motion.is_there)) for motion in self.motions)
             there += len(self.unknowns.priors)
             if there < x.size:
-                raise ValueError(f"{there} measurements do not determine {x.size} unknowns")
+                known = f"{amount(there, 'measurement')} cannot determine"
+                raise ValueError(f"{known} {amount(x.size, 'unknown')}")
             if there == x.size and not self.is_absolute:
-                sentence = f"{there} measurements of {x.size} unknowns do not say how good they are"
+                counted = f"{amount(x.size, 'unknown')} to {amount(there, 'measurement')}"
+                sentence = f"nothing says how good a fit of {counted} is"
                 raise ValueError(hinted(sentence, "give sigma=, their standard deviation"))
             free = np.full((len(x) - len(self.bounds), 2), (-np.inf, np.inf))
             sides = np.vstack([self.bounds, free]).T
@@ -165,19 +179,22 @@ class Problem:
             # each unknown in the unit that moves the states as the others do: tolerances are alike
             found, at = self._sought(least_squares, x, sides, 1 / self._scales(jacobian))
             if found.status == 0:
-                raise self._unfound()
+                return None
             residuals = self._residuals(at)
             jacobian = self._jacobian(at)
             covariance = self._covariance(jacobian)
             self.params = self.unknowns.taken(self.params, at[: len(self.bounds)])
             # SciPy's units are those of the first guess, beside whose slopes all others may vanish
             if self._is_least(at, residuals, jacobian, covariance):
-                return _Least(residuals, jacobian, covariance)
-        raise self._unfound()
+                return _Least(residuals, jacobian, covariance, float(self._rho(residuals)[0].sum()))
+        return None
 
-    def _unfound(self) -> ValueError:
-        sentence = f"no fit is found in {self.evaluations} runs"
-        return ValueError(hinted(sentence, "begin nearer, or fit to a shorter time first"))
+    def _surely(self, found: _Least | None) -> _Least:
+        """Return a fit that was found; ValueError where there is none."""
+        if found is None:
+            sentence = f"no fit is found in {self.evaluations} runs"
+            raise ValueError(hinted(sentence, "begin nearer, or fit to a shorter time first"))
+        return found
 
     def _is_least(self, x: Array, residuals: Array, jacobian: Array, covariance: Array) -> bool:
         """Return whether no unknown that is free can lessen the sum of losses, to first order.
@@ -222,10 +239,13 @@ class Problem:
         self, least_squares: Any, x: Array, sides: Array, units: Array
     ) -> tuple[Any, Array]:
         """Return SciPy's result from x with unknowns in these units, and the unknowns."""
+        first = x / units
 
         def own(scaled: Array) -> Array:
             found: Array = np.clip(scaled * units, *sides)
-            return found
+            return (
+                x if np.array_equal(scaled, first) else found
+            )  # a rounding beside it no run may be
 
         # the square of sqrt(rho) is the loss, so that the method sees squares alone
         def roots(scaled: Array) -> Array:
@@ -240,7 +260,7 @@ class Problem:
             return found
 
         found = least_squares(
-            roots, x / units, bounds=sides / units, jac=slopes, x_scale="jac",
+            roots, first, bounds=sides / units, jac=slopes, x_scale="jac",
             xtol=1e-12, ftol=1e-14, gtol=1e-14,
         )  # fmt: skip
         return found, own(found.x)
@@ -295,7 +315,12 @@ class Problem:
         typical = np.abs(self.unknowns.theta(self.params))
         typical[typical == 0] = 1.0
         own = np.concatenate([1 / typical, *(motion.along() for motion in self.motions)])
-        nothing = scales <= NOTHING * np.linalg.norm(seen) * own
+        size = float(np.linalg.norm(seen))
+        if self.is_absolute and not any(
+            motion.values()[motion.is_there].any() for motion in self.motions
+        ):
+            size = max(size, 1 / self.unit)  # beside zeros roundoff is seen alone
+        nothing = scales <= NOTHING * size * own
         if nothing.any():
             self._undetermined(nothing)
         return scales
@@ -314,7 +339,8 @@ class Problem:
         if self.is_absolute:
             covariance, residuals = covariance / self.unit**2, residuals * self.unit
             if self.loss is not LOSSES["linear"]:
-                covariance = covariance * spread(self.loss, residuals, len(covariance))
+                slopes, known = found.jacobian * self.unit, len(self.unknowns.priors)
+                covariance = robust(self.loss, residuals, slopes, covariance, known)
         else:
             deviation = np.sqrt(residuals @ residuals / dof)  # in the unit of the weights
             covariance = covariance * deviation**2
@@ -323,12 +349,11 @@ class Problem:
         names, spreads = self._spreads(len(covariance))
         spread_out = spreads @ covariance @ spreads.T
         moved = spreads @ self._moved_by_finer_steps(found.jacobian)
-        has_sizes = sigma is None and self.loss is LOSSES["linear"]
-        words = [said, of_size(residuals, dof) if has_sizes else ""]
-        counts = np.cumsum([int(motion.is_there.sum()) for motion in self.motions])
+        words = [said, self._said_of_residuals(found)]
+        cuts = np.cumsum([int(motion.is_there.sum()) for motion in self.motions])
         trials = [
             Fitted(motion.params, motion.start, -own, motion.solution)
-            for motion, own in zip(self.motions, np.split(residuals, counts), strict=False)
+            for motion, own in zip(self.motions, np.split(residuals, cuts), strict=False)
         ]
         fit = Fit(
             params=self.params, trials=tuple(trials), names=tuple(names), covariance=spread_out,

@@ -16,6 +16,10 @@ from liouville.analysis.point import Array
 
 #: Sums of squares so many standard deviations from what is expected are not by chance.
 UNLIKELY = 5.0
+#: Half of normal residuals are below 0.67 deviations; so many are not by chance.
+MOST = 2.0
+#: Residuals that spread by more than this part of the measurements may not be noise alone.
+POOR = 0.3
 #: A step that moves a value by more than this part of its standard deviation decides it.
 DECIDES = 0.5
 #: Data without noise are taken to tell a value to this part of it.
@@ -76,8 +80,9 @@ class Fit:
     evaluations : int
         Runs that were made.
     message : str
-        Where residuals are not of the size of the `sigma` given, where fits to growing parts of the
-        time led to a lower minimum than the guess, and where the step and not the data decides:
+        Where residuals are not of the size of the `sigma` given, or without it spread by more than
+        0.3 of what measurements do, where fits to growing parts of the time led to a lower minimum
+        than the guess, and where the step and not the data decides:
         values would move by more than half of their standard deviation with half the step, or a
         hundredth of the tolerance. Empty otherwise.
     """
@@ -195,6 +200,24 @@ def of_size(residuals: Array, dof: int) -> str:
         "the model, the minimum found or sigma is not right" if times > 1 else "sigma is too large"
     )
     return f"residuals are {times:.2g} times as large as sigma: {why}"
+
+
+def of_most(residuals: Array) -> str:
+    """Say where residuals are not of the size of the deviation given, but for outliers."""
+    half = float(np.median(np.abs(residuals)))
+    if half <= MOST:
+        return ""
+    why = "the model, the minimum found or sigma is not right"
+    return f"half of the residuals are beyond {half:.2g} sigma: {why}"
+
+
+def of_spread(residuals: float, measured: float) -> str:
+    """Say where residuals of no known deviation are as large as what was measured."""
+    if residuals <= POOR * measured:
+        return ""
+    times = f"{residuals / measured:.2g}" if measured else "far more than 1"
+    why = "where that is no noise, the model or the minimum found is not right"
+    return f"residuals spread by {times} of what measurements do: {why}"
 
 
 def of_step(fit: Fit, moved: Array) -> str:

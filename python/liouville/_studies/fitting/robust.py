@@ -41,6 +41,9 @@ def _cauchy(z: Array) -> tuple[Array, Array, Array]:
     return np.log1p(z), 1 / t, -1 / t**2
 
 
+#: Measurements less unknowns that are none but for roundoff.
+ROUNDED = 1e-9
+
 LOSSES: dict[str, Loss] = {
     "linear": _linear, "huber": _huber, "soft_l1": _soft_l1, "cauchy": _cauchy,
 }  # fmt: skip
@@ -57,19 +60,39 @@ def loss_of(name: str, sigma: object) -> Loss:
     return LOSSES[name]
 
 
-def spread(loss: Loss, residuals: Array, unknowns: int) -> float:
-    r"""Return the factor of :math:`(J^T J)^{-1}` in the covariance of a robust fit.
+def robust(loss: Loss, residuals: Array, jacobian: Array, covariance: Array, priors: int) -> Array:
+    r"""Return the covariance of a robust fit from that of least squares.
 
     .. math::
 
-        K^2 \frac{\sum \psi^2 / (N - p)}{(\overline{\psi'})^2}, \qquad
+        H^{-1} V H^{-1}, \quad
+        H = \frac{\overline{\psi'}}{K} J^T J + P, \quad
+        V = \frac{\sum \psi^2}{N - p} J^T J + P, \quad
         K = 1 + \frac{p}{N} \frac{\operatorname{var} \psi'}{(\overline{\psi'})^2}
 
-    :cite:t:`huber1981`, equation (6.5) of chapter 7, with N residuals in units of their deviation
-    and p unknowns. It is 1 in the mean where no outlier is.
+    :cite:t:`huber1981`, equation (6.5) of chapter 7, with N residuals of measurements in units of
+    their deviation and p unknowns that these determine. The last rows of the Jacobian are those of
+    priors, whose squares count, :math:`P`; the trace of :math:`J (J^T J + P)^{-1} J^T` is p.
+
+    Raises
+    ------
+    ValueError
+        So many residuals are beyond their deviation that the loss has no curvature.
     """
-    _, first, second = loss(residuals**2)
-    score, slope = residuals * first, first + 2 * residuals**2 * second
-    mean, count = float(np.mean(slope)), residuals.size
-    factor = 1 + unknowns / count * float(np.var(slope)) / mean**2
-    return factor**2 * float(score @ score) / (count - unknowns) / mean**2
+    count = residuals.size - priors
+    own, known = jacobian[:count], jacobian[count:]
+    r, p = residuals[:count], float(np.einsum("ij,jk,ik->", own, covariance, own))
+    _, first, second = loss(r**2)
+    score, slope = r * first, first + 2 * r**2 * second
+    mean = float(np.mean(slope))
+    if not mean > 0:
+        sentence = "so many residuals are beyond sigma that nothing is known of how good the fit is"
+        raise ValueError(hinted(sentence, "give the sigma of a measurement without outliers"))
+    factor = 1 + p / count * float(np.var(slope)) / mean**2
+    square = float(score @ score) / (count - p) if count - p > ROUNDED else 1.0
+    slopes, of_priors = own.T @ own, known.T @ known
+    curvature = mean / factor * slopes + of_priors
+    sizes = np.sqrt(np.diagonal(curvature))
+    inverse = np.linalg.inv(curvature / np.outer(sizes, sizes)) / np.outer(sizes, sizes)
+    found: Array = inverse @ (square * slopes + of_priors) @ inverse
+    return found

@@ -123,12 +123,12 @@ class Mechanics(TracedSystem):
         self.switch_tapes = {name: record(f"switch '{name}'", at, x) for name, x in found}
         self._tapes, self._patterns, self.problem = compiled(symbols, model)
 
-    def check_smooth(self, what: str) -> None:
+    def check_smooth(self, what: str, hint: str = "lv.integrate and lv.ensemble take them") -> None:
         """Refuse contacts where what is asked for knows of none."""
         if self.contacts is not None:
             names = quoted(self.contacts.names)
             sentence = f"{what} knows of no contacts, and the system has {names}"
-            raise TypeError(hinted(sentence, "lv.integrate and lv.ensemble take them"))
+            raise TypeError(hinted(sentence, hint))
 
     def _touch(self, contacts: Mapping[str, Contact] | None, impacts: str) -> None:
         """Give the system contacts."""
