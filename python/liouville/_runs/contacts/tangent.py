@@ -19,19 +19,23 @@ from liouville._runs.contacts.complementarity import Array
 from liouville._runs.contacts.switching import CLOSED
 from liouville._runs.tangents import PARAMS, ConstrainedDirections
 from liouville._solution.tangents import Tangent
+from liouville._systems.mechanics.contact import Mode
 
 if TYPE_CHECKING:
     from liouville._methods.control import Steps
     from liouville._runs.contacts.mode import ModeSystem
     from liouville._runs.contacts.switching import Switching
+    from liouville._runs.contacts.traced import Contacts
     from liouville._solution.solution import Solution
     from liouville._systems import Mechanics
 
 #: The step of differences, as a part of the sizes of what changes.
 DIFFERENCE = 1e-4
 TINY = 1e-300
-#: A contact is grazed by a rate below this part of the sizes of its terms.
+#: A contact is grazed by a rate below this part of the sizes of its terms, ...
 GRAZED = 1e-6
+#: ... and where its gap turns within this part of them, found by so many secants at most.
+NEAR, SECANTS = 1e-9, 40
 #: Points and weights of a first derivative of fourth order.
 STENCIL = ((-2, 1 / 12), (-1, -2 / 3), (1, 2 / 3), (2, -1 / 12))
 
@@ -106,6 +110,7 @@ def summed(run: Solution, system: ModeSystem) -> dict[str, Array]:
 
 def at_end(run: Solution, system: ModeSystem, now: Switching, before: Moving) -> Moving:
     """Return the directions at the end of a stretch, of the event that ended it, if one did."""
+    _check_passed(run, system, now)
     first, second = system.states
     ended = [name for name in system.own_events if run.t[-1] in run.events[name].t]
     if len(ended) > 1:
@@ -117,9 +122,7 @@ def at_end(run: Solution, system: ModeSystem, now: Switching, before: Moving) ->
         return replace(before, t=0 * before.t, y=states[first][-1], z=states[second][-1])
     k, kind = system.own_events[ended[0]]
     if kind == "hit" and _is_grazed(run, now, k):
-        sentence = f"contact '{now.contacts.names[k]}' is grazed at t = {now.t:g}"
-        hint = "the run has no derivative there"
-        raise IntegrationError(hinted(sentence, hint), t=now.t)
+        raise _grazed(now.contacts.names[k], now.t)
     points = [tangent.events[ended[0]] for tangent in run.tangents.values()]
     t, y, z = (
         np.asarray(sum(part[-1] for part in own))
@@ -130,6 +133,54 @@ def at_end(run: Solution, system: ModeSystem, now: Switching, before: Moving) ->
         )
     )
     return replace(before, t=t, y=y, z=z)
+
+
+def _grazed(name: str, t: float) -> IntegrationError:
+    sentence = f"contact '{name}' is grazed at t = {t:g}"
+    return IntegrationError(hinted(sentence, "the run has no derivative there"), t=t)
+
+
+def _check_passed(run: Solution, system: ModeSystem, now: Switching) -> None:
+    """Refuse a stretch in which the gap of an open contact turns where it is zero."""
+    contacts = now.contacts
+    y, z = (run.states[name] for name in contacts.system.states)
+    gap, rate = contacts.approach(run.t, y, z, now.params)
+    turns = (rate[:-1] < 0) & (rate[1:] >= 0)
+    # what falls as fast as it does at first and rises as at last comes no lower than this
+    way = np.diff(run.t)[:, None] * np.maximum(np.abs(rate[:-1]), np.abs(rate[1:]))
+    turns &= np.minimum(gap[:-1], gap[1:]) < way
+    for row, k in np.argwhere(turns):
+        if system.modes[k] is not Mode.OPEN:
+            continue
+        t = _turn(run, contacts, now.params, (int(row), int(k)))
+        there = run(t)
+        own = (there.states[x] for x in system.states)
+        at = now.at(t, *own)
+        if at.gap[k] <= NEAR * at.size[k]:
+            raise _grazed(contacts.names[k], t)
+
+
+def _turn(run: Solution, contacts: Contacts, params: Array, place: tuple[int, int]) -> float:
+    """Return when the gap of a contact turns within a step, by regula falsi of Illinois."""
+    (row, k), first = place, run.t[place[0]]
+
+    def rate(t: float) -> float:
+        there = run(t)
+        y, z = (there.states[name][None] for name in contacts.system.states)
+        return float(contacts.approach(np.array([t]), y, z, params)[1][0, k])
+
+    low, high = float(first), float(run.t[row + 1])
+    below, above = rate(low), rate(high)
+    for _ in range(SECANTS):
+        t = high - above * (high - low) / (above - below) if above > below else high
+        value = rate(t)
+        if not low < t < high or not value:
+            return t
+        if value > 0:
+            high, above, below = t, value, below / 2
+        else:
+            low, below, above = t, value, above / 2
+    return high
 
 
 def _is_grazed(run: Solution, now: Switching, k: int) -> bool:

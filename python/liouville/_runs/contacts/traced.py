@@ -223,6 +223,17 @@ class Contacts:
         }
 
     @cached_property
+    def _approach_tape(self) -> _core.Tape:
+        columns, s = self.columns, self.system._symbols
+        return record("approach of contacts", s.inputs(z=s.z), columns["phi"], columns["rates"])
+
+    def approach(self, t: Array, y: Array, z: Array, params: Array) -> tuple[Array, Array]:
+        """Return gaps and their rates at k states, each of shape (k, c)."""
+        rows = [np.ascontiguousarray(x) for x in (t[:, None], y, z)]
+        gap, rate = np.split(self._approach_tape.map(params, rows), 2, axis=1)
+        return gap, rate
+
+    @cached_property
     def _records_tape(self) -> tuple[_core.Tape, list[int]]:
         s, columns = self.system._symbols, self.columns
         parts = [
