@@ -37,6 +37,8 @@ Asked = tuple[float, Any]
 SHORT = 0.05
 #: ... as are those no higher than so many times the height at which a contact closes.
 HIGH = 1e4
+#: So many hits of a contact in a step are one at least more than there are flights of this part.
+MOST_HITS = round(1 / SHORT) + 1
 #: The first window, and the least one, in steps.
 WINDOW, LEAST = 16, 4
 

@@ -18,7 +18,6 @@ from liouville._runs.contacts.traced import Contacts
 from liouville._solution.contacts import ContactRecord
 from liouville._solution.parts import GROUPS
 from liouville._solution.points import Points
-from liouville._systems.mechanics.contact import Mode
 
 if TYPE_CHECKING:
     from liouville._runs.runner import Request
@@ -86,7 +85,7 @@ def joined(
     last = stretches[-1].whole.run
     uses = [x.used for x in stretches[:-1]] + [stretches[-1].whole.count]
     found = _columns(contacts, [x.whole for x in stretches], uses)
-    gap, slip = _checked(switching, accelerated, found)
+    gap, slip = _gaps(switching, accelerated, found)
     stats, h = _stats(stretches), switching.h
     if "h_next" in stats:  # of controlled steps
         h = float(found.t[-1] - found.t[0]) / max(stats["steps"], 1)
@@ -100,7 +99,7 @@ def joined(
         counts = [int(np.sum(x.run.t[: x.count] < t)) for x, t in zip(given, ends, strict=False)]
         uses = [*counts, given[-1].count]
         found = _columns(contacts, given, uses)
-        gap, slip = _checked(switching, accelerated, found)
+        gap, slip = _gaps(switching, accelerated, found)
         kept = np.ones(len(found.t), dtype=bool)
     _balanced(found, stretches, uses)
     columns = {"mode": found.mode, "gap": gap, "normal": found.normal}
@@ -186,30 +185,35 @@ def _own(system: ModeSystem, group: str, name: str, values: Array) -> Array:
     return values
 
 
-def _checked(switching: Switching, accelerated: float, found: Columns) -> tuple[Array, Array]:
-    """Return gaps and slips at records, which must not be those of penetration or of creep."""
-    contacts, t = switching.contacts, found.t
-    y, z = (found.groups["states"][name] for name in contacts.system.states)
+def check(
+    run: Solution, system: ModeSystem, switching: Switching, accelerated: float, count: int
+) -> IntegrationError | None:
+    """Return the fault of the first records of a stretch: they penetrate, or slip back."""
+    contacts, t = switching.contacts, run.t[:count]
+    y, z = (run.states[name][:count] for name in contacts.system.states)
     gap, slip, size, fast = contacts.records(t, y, z, switching.params, switching.h, accelerated)
     through = np.argwhere(gap < -PENETRATES * size)
     if through.size:
         k, which = through[0]
         name = contacts.names[which]
         sentence = f"contact '{name}' penetrates by {-gap[k, which]:.2g} at t = {t[k]:g}"
-        raise IntegrationError(sentence, t=float(t[k]), quantity=name)
-    back = np.argwhere(slip * _signs(found.mode) < -BACKWARDS * fast)
+        return IntegrationError(sentence, t=float(t[k]), quantity=name)
+    signs = np.array([mode.sign for mode in system.modes])
+    back = np.argwhere(slip * signs < -BACKWARDS * fast)
     if back.size:
         k, which = back[0]
         name = contacts.names[which]
-        sentence = f"contact '{name}' slips against its own friction at t = {t[k]:g}"
-        raise IntegrationError(hinted(sentence, "try a smaller h"), t=float(t[k]), quantity=name)
-    return gap, slip
+        against = f"contact '{name}' slips against its own friction"
+        sentence = hinted(f"{against} at t = {t[k]:g}", "try a smaller h")
+        return IntegrationError(sentence, t=float(t[k]), quantity=name)
+    return None
 
 
-def _signs(modes: Array) -> Array:
-    """Return the signs of the slips of modes."""
-    found: Array = (modes == Mode.SLIP_UP).astype(int) - (modes == Mode.SLIP_DOWN).astype(int)
-    return found
+def _gaps(switching: Switching, accelerated: float, found: Columns) -> tuple[Array, Array]:
+    """Return gaps and slips at records."""
+    y, z = (found.groups["states"][name] for name in switching.contacts.system.states)
+    own = switching.params, switching.h, accelerated
+    return switching.contacts.records(found.t, y, z, *own)[:2]
 
 
 def _forces(contacts: Contacts, part: Part, used: int) -> tuple[Array, Array]:

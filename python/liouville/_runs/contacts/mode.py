@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -182,3 +183,16 @@ class ModeSystem(Mechanics):
         tapes = self._tapes_of_events if event.reset is None else self._tapes_of_resets
         own = tapes.get(name)
         return own if own is not None else super().event(name, event)
+
+
+def of_own(events: Mapping[str, Event], system: ModeSystem) -> dict[str, Event]:
+    """Return a user's events for a mode, whose functions see the system's own multipliers."""
+    own = system.own.tolist()
+
+    def seen(function: Callable[..., Any]) -> Callable[..., Any]:
+        def value(t: Any, y: Any, z: Any, lam: Any, params: Any) -> Any:
+            return function(t, y, z, lam[own], params)
+
+        return value
+
+    return {name: replace(event, function=seen(event.function)) for name, event in events.items()}

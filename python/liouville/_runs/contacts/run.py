@@ -2,23 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from liouville._basics.errors import IntegrationError, hinted, quoted
-from liouville._runs.contacts.bouncing import LEAST, WINDOW, bounced
+from liouville._runs.contacts.bouncing import LEAST, MOST_HITS, WINDOW, bounced
 from liouville._runs.contacts.complementarity import Array
-from liouville._runs.contacts.joined import PENETRATES, Part, Stretch, joined
+from liouville._runs.contacts.joined import PENETRATES, Part, Stretch, check, joined
 from liouville._runs.contacts.margin import Shared, shared
-from liouville._runs.contacts.mode import ModeSystem
-from liouville._runs.contacts.switching import EPS, ROUNDINGS, Switching
+from liouville._runs.contacts.mode import ModeSystem, of_own
+from liouville._runs.contacts.switching import EPS, Switching
 from liouville._runs.contacts.tangent import Moving, at_end, moving, through
 from liouville._runs.contacts.traced import Contacts, Matrices
 from liouville._runs.watch import given
 from liouville._systems.events import Event, named
+from liouville._systems.mechanics.contact import Mode
 
 if TYPE_CHECKING:
     from liouville._methods.control import Steps
@@ -39,6 +40,8 @@ SHORT, PARTS = 3.0, 3
 MOVED = 1e-7
 #: Where a method chooses its first step, sizes are those of this part of the whole time.
 FIRST = 0.01
+#: Times that differ by so many roundings are the same.
+SAME = 4
 #: So many stretches in turn that do not move the time are said to be without end.
 MOST_AT_ONCE = 100
 
@@ -53,11 +56,14 @@ ENDING = Event(_recorded, "down", terminal=True)
 
 
 def integrate(
-    system: Mechanics, request: Request, steps: Steps, make: Make, *, may_reset: bool
+    system: Mechanics, request: Request, steps: Steps, make: Make, without: str | None
 ) -> Solution:
-    """Integrate a system with contacts from a checked request, with these steps."""
+    """Integrate a system with contacts from a checked request, with these steps.
+
+    A method `without` nonholonomic constraints, of this name, goes on after no reset.
+    """
     assert system.contacts is not None
-    course = Course(system.contacts, make, request, steps, may_reset=may_reset)
+    course = Course(system.contacts, make, request, steps, without)
     y, z = system.start(request.start)
     system.check(course.now.t, y, z, course.now.params)
     course.check(y, z)
@@ -66,6 +72,7 @@ def integrate(
         while True:
             y, z, stopped = course.advance(y, z)
             if course.is_over:
+                course.finish(y, z, stopped)
                 return course.solution()
             y, z = course.settle(y, z, stopped)
     except IntegrationError as error:
@@ -92,15 +99,15 @@ class Course:
         What is asked for.
     steps : Steps
         The steps asked for.
-    may_reset : bool
-        Whether the method goes on after an event with a reset as after a start.
+    without : str or None
+        The name of a method that holds no nonholonomic constraints, and so nothing that sticks.
     """
 
     def __init__(
-        self, contacts: Contacts, make: Make, request: Request, steps: Steps, *, may_reset: bool
+        self, contacts: Contacts, make: Make, request: Request, steps: Steps, without: str | None
     ) -> None:
         self.contacts, self.make, self.request = contacts, make, request
-        self.may_reset = may_reset and request.tangents is None
+        self.without, self.may_reset = without, without is None and request.tangents is None
         #: The directions that the run is differentiated in, as they have come to the present time.
         self.moving: Moving | None = None
         if request.tangents is not None:
@@ -157,7 +164,7 @@ class Course:
         now, (first, second) = self.now, self.contacts.system.states
         at = now.at(now.t, y, z)
         self.accelerated = max(self.accelerated, float(np.abs(at.free).max()))
-        system = self.contacts.mode(now.modes, at)
+        system = self._system(at)
         start = self._moved(system, at, y, z)
         begin, (until, h) = now.t, self._limits(y, z)
         bounces = self._has_window(system, until)
@@ -184,6 +191,12 @@ class Course:
             self.window = 2 * self.window if end is None else max(LEAST, self.window // 2)
         else:
             count = len(run.t)
+        wrong = check(run, system, now, self.accelerated, count)
+        if wrong is not None and bounces:
+            self.window = 0
+            return self.advance(y, z)
+        if wrong is not None:
+            raise wrong
         now.t = float(run.t[-1])
         y, z = run.states[first][-1].copy(), run.states[second][-1].copy()
         forces = self._shared(run, system)
@@ -195,13 +208,45 @@ class Course:
                 raise IntegrationError(hinted(sentence, hint), t=now.t)
         if end is not None:
             now.t, y, z = end
-        for k, change in changes:
-            now.changes[k].append(change)
         self._keep(Part(run, system, count, forces, now.t), asked)
+        for k, change in changes:
+            now.add_hit(k, change)
         if self.moving is not None:
             self.moving = at_end(run, system, now, self.moving)
         self._go_on(run, begin, h)
         return y, z, self._ended(run, system)
+
+    def _system(self, at: Matrices) -> ModeSystem:
+        """Return the system of the present mode, unless the method holds nothing that sticks."""
+        now = self.now
+        stuck = [
+            name
+            for name, mode in zip(self.contacts.names, now.modes, strict=True)
+            if mode is Mode.STICK
+        ]
+        if stuck and self.without is not None:
+            which = f"contact {quoted(stuck)} sticks"
+            which = which if len(stuck) == 1 else f"contacts {quoted(stuck)} stick"
+            sentence = f"at t = {now.t:g} {which}, which {self.without} does not hold"
+            hint = "take Spark, LobattoPair or a Composition of one"
+            raise IntegrationError(hinted(sentence, hint), t=now.t)
+        return self.contacts.mode(now.modes, at)
+
+    def finish(self, y: Array, z: Array, stopped: set[int]) -> None:
+        """Let the last record be behind a hit that is met at the end of the run."""
+        now, last = self.now, self.stretches[-1].whole
+        own = last.system.own_events.items()
+        hits = [name for name, (_, kind) in own if kind == "hit"]
+        is_hit = any(now.t in last.run.events[name].t[-1:] for name in hits)
+        if not is_hit or self.status != "done" or self.moving is not None:
+            return
+        y, z = self.settle(y, z, stopped)
+        at = now.at(now.t, y, z)
+        system = self._system(at)
+        start = self._moved(system, at, y, z)
+        asked: Any = system, (now.t, now.t + now.h), now.h, {}, start
+        run = replace(self.make(*asked), stats={})
+        self._keep(Part(run, system, 1, self._shared(run, system), now.t), asked)
 
     def _ended(self, run: Solution, system: ModeSystem) -> set[int]:
         """Take how a stretch ended; return the contacts whose slip came to zero there."""
@@ -232,7 +277,8 @@ class Course:
         """Return the arguments of a stretch."""
         events = dict.fromkeys(system.own_events, ENDING)
         if bounces:
-            events |= system.resets()
+            most = self.window * MOST_HITS
+            events |= {name: replace(x, terminal=most) for name, x in system.resets().items()}
         left = {
             name: replace(event, terminal=int(event.terminal) - self.met[name])
             if event.terminal
@@ -304,7 +350,7 @@ class Course:
     def _go_on(self, run: Solution, begin: float, h: float | None) -> None:
         """Take the step to go on with, and end where the time does not go on."""
         now = self.now
-        goes_on = now.t - begin > ROUNDINGS * EPS * max(abs(begin), abs(self.end))
+        goes_on = now.t - begin > SAME * EPS * max(abs(begin), abs(self.end))
         self._at_once = 0 if goes_on else self._at_once + 1
         if self._at_once > MOST_AT_ONCE:
             sentence = f"at t = {now.t:g} contacts change without end"
@@ -345,16 +391,3 @@ class Course:
             else:
                 low = middle
         return k, high, at(high)
-
-
-def of_own(events: Mapping[str, Event], system: ModeSystem) -> dict[str, Event]:
-    """Return a user's events for a mode, whose functions see the system's own multipliers."""
-    own = system.own.tolist()
-
-    def seen(function: Callable[..., Any]) -> Callable[..., Any]:
-        def value(t: Any, y: Any, z: Any, lam: Any, params: Any) -> Any:
-            return function(t, y, z, lam[own], params)
-
-        return value
-
-    return {name: replace(event, function=seen(event.function)) for name, event in events.items()}

@@ -44,8 +44,9 @@ def integrate(
     request.every = count("every", request.every)
     if not isinstance(request.states, bool):
         raise TypeError(f"states must be True or False, not {request.states!r}")
-    # the alpha family counts work from each start
-    may_reset = not isinstance(method_of(system, method, request.rtol), ALPHA)
+    # the alpha family counts work from each start, and holds nothing that sticks
+    used = method_of(system, method, request.rtol)
+    without = type(used).__name__ if isinstance(used, ALPHA) else None
 
     with reported(progress, "of time") as report:
 
@@ -67,4 +68,4 @@ def integrate(
                 report(found.t[-1] - steps.t0, steps.t1 - steps.t0)
             return found
 
-        return stretches(system, request, steps, stretch, may_reset=may_reset)
+        return stretches(system, request, steps, stretch, without)

@@ -11,14 +11,16 @@ from liouville._basics.errors import IntegrationError, hinted, quoted
 from liouville._runs.contacts import law
 from liouville._runs.contacts.complementarity import Array
 from liouville._runs.contacts.margin import contradicting
+from liouville._runs.contacts.streak import Streak, refuse_endless
 from liouville._runs.contacts.traced import Contacts, Matrices
 from liouville._solution.contacts import Change
 from liouville._systems.mechanics.contact import Mode
 
 EPS = float(np.finfo(float).eps)
 
-#: A gap is closed within this part of the sizes of its terms, or so many roundings of its time.
-CLOSED, ROUNDINGS = 1e-12, 4
+#: A gap is closed within this part of the sizes of its terms, or so many roundings of its time: as
+#: many as an event may be off zero where a stretch starts, beyond which it is met as a hit.
+CLOSED, ROUNDINGS = 1e-12, 512
 #: Rates and slips are zero within this part of the sizes of their terms.
 AT_REST = 1e-9
 #: Rates before an impact are known to this part of the sizes of their terms.
@@ -59,6 +61,7 @@ class Switching:
         self.c = len(contacts.names)
         self.modes: tuple[Mode, ...] = (Mode.OPEN,) * self.c
         self.changes: list[list[Change]] = [[] for _ in range(self.c)]
+        self._streaks = [Streak() for _ in range(self.c)]
         self.lifts: Array = np.zeros(self.c)
         self.messages: list[str] = []
         #: What the last change did to velocities: which contacts took part, their restitutions and
@@ -129,9 +132,15 @@ class Switching:
             self.messages.append(f"the impact at t = {self.t:g} gained energy, {gained:.3g}")
         for k in np.flatnonzero(found.normal > 0):
             change = Change(self.t, "hit", float(found.normal[k]), float(found.friction[k]))
-            self.changes[k].append(change)
+            self.add_hit(int(k), change)
         after: Array = z + at.moves @ impulses
         return after
+
+    def add_hit(self, k: int, change: Change) -> None:
+        """Add a hit to the changes of a contact, unless such hits have no end."""
+        self.changes[k].append(change)
+        self._streaks[k].hit(change.t, change.normal)
+        refuse_endless(self._streaks, k, self.contacts.names)
 
     def _struck(
         self, at: Matrices, touching: Array, restitution: Array, sizes: Array
