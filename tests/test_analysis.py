@@ -648,9 +648,9 @@ def test_motions_by_arrays_and_actuators_that_do_not_fit():
         with pytest.raises(error, match=words):
             lv.analysis.inverse_dynamics(system, motion, actuators)
     for change, error, words in (
-        ({"v": v[1:]}, ValueError, r"v of the motion is of shape \(4, 2\), wanted \(5, 2\)"),
+        ({"v": v[1:]}, ValueError, r"v of the motion must have shape \(5, 2\), not \(4, 2\)"),
         ({"v": v * np.nan}, ValueError, "v of the motion is not finite"),
-        ({"p": v}, TypeError, r"wanted \['t', 'q', 'v', 'acceleration'\]"),
+        ({"p": v}, TypeError, r"must have t, q, v, acceleration, not"),
     ):
         with pytest.raises(error, match=words):
             lv.analysis.inverse_dynamics(system, motion | change, ["x", "y"])

@@ -235,7 +235,7 @@ def test_an_interrupted_run_is_kept_and_leaves_with_130(tmp_path):
         ("run lorenz96 --method spark", "does not step polynomial fields; methods that do: Vol"),
         ("run lorenz96 --control adaptive", "depends on the state, volume is not kept"),
         ("run lorenz96 --composition BM5", "hint: did you mean 'BM6'?"),
-        ("run lorenz96 --start x=1,2", "x has shape (2,), wanted (36,)"),
+        ("run lorenz96 --start x=1,2", "x must have shape (36,), not (2,)"),
         ("run hill_vortex --diagonal regular", "for a diagonal part of degree 2, not 3"),
         ("run hill_vortex --plan plan.json", "for a field of 3 variables and 3 terms, not 3 and"),
         ("run pendulum --plan plan.json", "<FieldPlan of 3 pieces: VolumeSplitting("),

@@ -257,9 +257,9 @@ def test_what_has_no_dense_output_says_why():
 @pytest.mark.parametrize(
     ("times", "message"),
     [
-        ([], "t_eval has no times"),
+        ([], "t_eval must have one time at least"),
         ([0.5, 0.2], r"in the order of the run\nhint: np.unique"),
-        ([0.5, np.nan], "t_eval is finite"),
+        ([0.5, np.nan], "t_eval must be finite"),
         ([0.5, 1.2], r"t_eval has 1\.2, which is outside t = \(0, 1\)"),
         ("often", "t_eval must be a sequence of numbers, not 'often'"),
         (0.5, "t_eval must be a sequence of numbers, not 0.5"),

@@ -328,16 +328,16 @@ WRONG = {
     ),
     "a parameter of one": (
         {"q": [0.6, 0, -0.8], "v": [0, 1, 0]}, {"g": [1.0, 2.0, np.inf]},
-        "member 2: parameter 'g' is not finite: inf",
+        "member 2: parameter 'g' must be finite, not inf",
     ),
-    "last axis": ({"q": np.zeros((3, 2)), "v": np.zeros((3, 3))}, {}, r"q has shape \(3, 2\)"),
+    "last axis": ({"q": np.zeros((3, 2)), "v": np.zeros((3, 3))}, {}, r", not \(3, 2\)"),
     "violated": (
         {"q": [[0.6, 0, -0.8], [0.6, 0.1, -0.8]], "v": [0, 1, 0]}, {},
         "member 1: start violates the constraint 'rod'",
     ),
     "not finite": (
         {"q": [[0.6, 0, -0.8], [0.6, np.nan, -0.8]], "v": [0, 1, 0]}, {},
-        "q of 'y' of member 1 is nan",
+        "q of 'y' of member 1 must be finite, not nan",
     ),
 }  # fmt: skip
 

@@ -405,7 +405,7 @@ def test_a_member_that_fails_and_what_has_no_pullback_are_named():
     with pytest.raises(TypeError, match="rtol"):
         lv.vjp(problem.system, lv.Spark(2), **{**call, "steps": None}, rtol=1e-6)
     solution, pullback = lv.vjp(problem.system, lv.Spark(2), **call)
-    with pytest.raises(ValueError, match=r"has shape \(21, 4\), wanted \(21, 3, 4\)"):
+    with pytest.raises(ValueError, match=r"must have shape \(21, 3, 4\), not \(21, 4\)"):
         pullback(q=np.zeros_like(solution.q[:, 0]))
     fast = {**call, "v": start["v"] * [[1], [1e3], [1]]}
     with pytest.raises(lv.IntegrationError, match="1 of 3 members failed") as caught:

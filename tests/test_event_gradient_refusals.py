@@ -178,7 +178,7 @@ def test_cotangents_of_events_have_their_names_and_shapes():
     hits = len(solution.events["ground"])
     with pytest.raises(TypeError, match=r"no cotangent of 'events\.wall\.t'"):
         pullback(events={"wall": {"t": [1.0]}})
-    with pytest.raises(ValueError, match=rf"has shape \({hits + 1},\), wanted \({hits},\)"):
+    with pytest.raises(ValueError, match=rf"must have shape \({hits},\), not \({hits + 1},\)"):
         pullback(events={"ground": {"t": np.ones(hits + 1)}})
     with pytest.raises(TypeError, match="are mappings of their states"):
         pullback(events=[1.0])

@@ -326,7 +326,7 @@ def test_wrong_events_are_refused():
         lv.Event(spin, terminal="yes")
     for events, message in (
         (spin, r"events must be a mapping of names, .*\nhint: name it"),
-        ({3: spin}, "3 is not a name"),
+        ({3: spin}, "nonempty strings, not 3"),
         ({"a": 3}, "event 'a' must be an Event or a function, not 3"),
         ({"a": lambda t, q, v, lam, params: q}, "event 'a' must return a scalar, not 2 values"),
         ({"a": lambda t, q, v, lam, params: 1.0}, "event 'a' is the same for all states"),

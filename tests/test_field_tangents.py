@@ -70,7 +70,7 @@ def test_determinants_are_those_of_the_tangents():
     ("more", "says"),
     [
         ({"tangents": {"params.D": 1.0}}, "no direction 'params.D'"),
-        ({"tangents": {"x": [1, 0]}}, r"shape \(2,\), wanted \(3,\)"),
+        ({"tangents": {"x": [1, 0]}}, r"shape \(3,\), not \(2,\)"),
         ({"tangents": {"v": [1, 0, 0]}}, "no direction 'v'"),
         ({"tangents": {"x": [1, 0, 0]}, "states": False}, "leave out states=False"),
         ({"tangents": {"x": [1, 0, 0]}, "store": "here.zarr"}, "without store="),

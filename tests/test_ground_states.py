@@ -214,7 +214,7 @@ def test_what_a_series_leaves_out_is_known(x):
         (
             lambda: lv.analysis.ground_state(lv.Schrodinger(np.eye(2)), tol=0.0),
             ValueError,
-            "tol = 0",
+            "tol must be from 1e-14 to below 1, not 0",
         ),
         (
             lambda: lv.analysis.thermal_state(lv.Schrodinger(np.eye(2)), 0.0),
@@ -293,7 +293,7 @@ def test_imaginary_time_refuses_bad_input():
     system = lv.Schrodinger(np.eye(2))
     with pytest.raises(ValueError, match="tau must be finite and not negative, not -1"):
         lv.analysis.imaginary_time(system, -1.0, psi=[1, 0])
-    with pytest.raises(ValueError, match="psi has shape"):
+    with pytest.raises(ValueError, match="psi must have shape"):
         lv.analysis.imaginary_time(system, 1.0, psi=[1, 0, 0])
     one = lv.analysis.imaginary_time(lv.Schrodinger([[2.0]]), 3.0, psi=[1.0])
     assert abs(one.log_norm + 6) < 1e-13

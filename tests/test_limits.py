@@ -172,10 +172,10 @@ REFUSED = {
     "low of limits must be a finite number, not 'a'": lambda: pendulum(("a", 1)),
     "high of limits must be above low = 1, not 0": lambda: pendulum((1, 0)),
     "high of limits must be above low = 1, not 1": lambda: pendulum((1, 1)),
-    "limits= of joint 'A' is 3": lambda: pendulum(3),
-    r"limits= of joint 'A' is \(1, 2, 3\)": lambda: pendulum((1, 2, 3)),
+    "limits= of joint 'A' must be .*, not 3": lambda: pendulum(3),
+    r"limits= of joint 'A' must be .*, not \(1, 2, 3\)": lambda: pendulum((1, 2, 3)),
     "limits have neither low nor high": lambda: pendulum((None, None)),
-    "limits= of joint 'A' is 'ab'": lambda: pendulum("ab"),
+    "limits= of joint 'A' must be .*, not 'ab'": lambda: pendulum("ab"),
     "restitution must be from 0 to 1, not 2": lambda: Limits(0, 1, restitution=2),
     "restitution must be a number, not None": lambda: Limits(0, 1, restitution=None),
     "'angle' of joint 'A' has both limits= and motion=": lambda: pendulum(

@@ -307,8 +307,12 @@ REFUSED = {
     "velocities alone": ({"final": {"v": [1, 0, 0]}}, ValueError, "all of v, and not all of q"),
     "bounds": ({"bounds": {"F": (2, 1)}}, ValueError, "leave nothing"),
     "a bound of none": ({"bounds": {"G": (1, 2)}}, ValueError, "no use for 'G'"),
-    "a guess": ({"guess": {"t": [0, 1, 3], "F": [1, 2]}}, ValueError, "F of the guess has shape"),
-    "times": ({"final_time": (4, 5)}, ValueError, "the guess 3 of t in it"),
+    "a guess": (
+        {"guess": {"t": [0, 1, 3], "F": [1, 2]}},
+        ValueError,
+        "F of the guess must have shape",
+    ),
+    "times": ({"final_time": (4, 5)}, ValueError, "must be limits around"),
     "an option": ({"options": {"no": 1}}, ValueError, "No such IPOPT option"),
     "a kind of option": ({"options": {"max_iter": "a"}}, ValueError, "options: type mismatch"),
 }

@@ -85,7 +85,7 @@ def test_bad_input_is_refused():
     with pytest.raises(ValueError, match=r"must be a pair \(start, end\), not 3 times"):
         lv.analysis.propagator(system, t=(0, 1, 2))
     modes = lv.analysis.floquet(system, np.pi)
-    with pytest.raises(ValueError, match=r"psi has shape .2,., wanted .6,."):
+    with pytest.raises(ValueError, match=r"psi must have shape .6,., not .2,."):
         modes.after([1, 0], 3)
     with pytest.raises(TypeError, match="whole numbers"):
         modes.after(np.ones(6), 0.5)

@@ -147,7 +147,9 @@ def test_a_casadi_function_is_a_field():
     assert terms_of(PolynomialField(full, x=XYZ, params={"k": (1, 2)})) == expected
     short = ca.Function("f", [x], [2 * ca.mtimes(matrix, x)])
     assert terms_of(PolynomialField(short, x=XYZ)) == expected
-    with pytest.raises(ValueError, match=r"input 0 of the CasADi function 'f' has 3 elements"):
+    with pytest.raises(
+        ValueError, match=r"input 0 of the CasADi function 'f' must have 1 elements, not 3"
+    ):
         PolynomialField(ca.Function("f", [x, t], [x]), x=XYZ)
 
 
@@ -333,11 +335,11 @@ BAD_TERMS = [
         r"component 'w', which is no coordinate\nhint: they are x, y, z",
     ),
     (ValueError, [("t", 1, (1,))], r"component 't', which is no coordinate"),
-    (ValueError, [(0, math.nan, (1,))], r"the coefficient of term 0 is nan, wanted"),
-    (ValueError, [(0, "a/b", (1,))], r"the coefficient of term 0 is 'a/b', wanted"),
-    (ValueError, [(0, 1j, (1,))], r"the coefficient of term 0 is 1j, wanted"),
-    (ValueError, [(0, 1, {"y": -1})], r"term 0 has 'y' to the power of -1, wanted 0, 1, 2"),
-    (ValueError, [(0, 1, {"y": 0.5})], r"term 0 has 'y' to the power of 0.5, wanted 0, 1, 2"),
+    (ValueError, [(0, math.nan, (1,))], r"the coefficient of term 0 must be .*, not nan"),
+    (ValueError, [(0, "a/b", (1,))], r"the coefficient of term 0 must be .*, not 'a/b'"),
+    (ValueError, [(0, 1j, (1,))], r"the coefficient of term 0 must be .*, not 1j"),
+    (ValueError, [(0, 1, {"y": -1})], r"power of 'y' in term 0 must be 0, 1, 2, ..., not -1"),
+    (ValueError, [(0, 1, {"y": 0.5})], r"power of 'y' in term 0 must be 0, 1, 2, ..., not 0.5"),
     (ValueError, [(0, 1, (0, 1)), (1, "-1/4", (1, 1))], r"div f contains 1/2 \* y\n"),
     (
         TypeError,
@@ -345,7 +347,7 @@ BAD_TERMS = [
         r"term 0 must be \(component, coefficient, variables\), not \(0, 1\)\nhint",
     ),
     (TypeError, [(0, 1, 2)], r"term 0 must be \(component, coefficient, variables\)"),
-    (TypeError, [(0.5, 1, (1,))], r"term 0 has the component 0.5, wanted an index or a name"),
+    (TypeError, [(0.5, 1, (1,))], r"component of term 0 must be an index or a name, not 0.5"),
     (TypeError, 7, r"terms must be \(component, coefficient, variables\), not 7"),
 ]
 
@@ -358,10 +360,13 @@ def test_malformed_terms_are_refused(kind, terms, message):
 
 BAD_ARRAYS = [
     (([0, 3], [1.0, 1], [[1], [2]]), r"term 1 has the component 3"),
-    (([0, 1], [1.0, math.inf], [[1], [2]]), r"the coefficient of term 1 is inf"),
+    (([0, 1], [1.0, math.inf], [[1], [2]]), r"the coefficient of term 1 must be finite, not inf"),
     (([0, 1], [1.0, 1], [[1], [-2]]), r"term 1 has the variable -2"),
-    (([0, 1], [1.0], [[1], [2]]), r"have shapes \(2,\), \(1,\), \(2, 1\), wanted \(N,\)"),
-    (([0.0, 1], [1.0, 1], [[1], [2]]), r"a component is an index, but the array is of float64"),
+    (([0, 1], [1.0], [[1], [2]]), r"must have shapes .*, not \(2,\), \(1,\), \(2, 1\)"),
+    (
+        ([0.0, 1], [1.0, 1], [[1], [2]]),
+        r"a component must be an index, and the array is of float64",
+    ),
 ]
 
 
@@ -454,7 +459,7 @@ def test_what_sympy_cannot_expand_is_refused():
             PolynomialField.from_sympy([bad, 0, 0], SYMBOLS)
     with pytest.raises(TypeError, match=r"coordinates must be symbols of SymPy's, not 'x'"):
         PolynomialField.from_sympy([y, x, 0], ["x", "y", "z"])
-    with pytest.raises(ValueError, match=r"the field has 2 expressions, wanted 3"):
+    with pytest.raises(ValueError, match=r"the field must have 3 expressions, not 2"):
         PolynomialField.from_sympy([y, x], SYMBOLS)
 
 
@@ -463,15 +468,20 @@ def test_what_sympy_cannot_expand_is_refused():
 FIELD = given_terms(*TERMS)
 
 BAD_STARTS = [
-    (ValueError, {"x": [1, 2]}, False, r"x has shape \(2,\), wanted \(3,\)"),
-    (ValueError, {"x": [1, math.nan, 2]}, False, r"x of 'y' is nan"),
-    (ValueError, {"x": {"x": 1, "y": 2}}, False, r"x gives \['x', 'y'\], wanted \['x', 'y', 'z'\]"),
+    (ValueError, {"x": [1, 2]}, False, r"x must have shape \(3,\), not \(2,\)"),
+    (ValueError, {"x": [1, math.nan, 2]}, False, r"x of 'y' must be finite, not nan"),
+    (ValueError, {"x": {"x": 1, "y": 2}}, False, r"x must name x, y, z, not x, y"),
     (TypeError, {"x": "abc"}, False, r"x must be an array of real numbers, not 'abc'"),
     (TypeError, {"q": [1, 2, 3]}, False, r"'q' is no start value of this system"),
     (TypeError, {}, False, r"start value 'x' is missing"),
-    (ValueError, {"x": [1, 2, 3]}, True, r"x has shape \(3,\), wanted \(P, 3\) for P members"),
-    (ValueError, {"x": np.zeros((0, 3))}, True, r"wanted \(P, 3\) for P members"),
-    (ValueError, {"x": [[1, 2, 3], [1, 2, math.inf]]}, True, r"x of 'z' of member 1 is inf"),
+    (ValueError, {"x": [1, 2, 3]}, True, r"x must have shape \(P, 3\) for P members, not \(3,\)"),
+    (ValueError, {"x": np.zeros((0, 3))}, True, r"shape \(P, 3\) for P members"),
+    (
+        ValueError,
+        {"x": [[1, 2, 3], [1, 2, math.inf]]},
+        True,
+        r"x of 'z' of member 1 must be finite, not inf",
+    ),
 ]
 
 
@@ -512,7 +522,7 @@ def test_functions_and_matrices_are_recorded():
 
 
 def test_an_invariant_of_the_wrong_size_is_refused():
-    with pytest.raises(ValueError, match=r"invariant 'e' is a matrix of order 2, wanted 3"):
+    with pytest.raises(ValueError, match=r"invariant 'e' must be a matrix of order 3, not 2"):
         given_terms(*TERMS, invariants={"e": np.ones(2)})
     with pytest.raises(ValueError, match=r"invariant 'e' must return a scalar, not 3 values"):
         given_terms(*TERMS, invariants={"e": lambda t, x, params: x})

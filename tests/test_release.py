@@ -124,7 +124,7 @@ def test_fields_by_formula_parameters_and_dates_have_releases():
         ([0, 1, 2, 3, 4, 25], ValueError, "member 5 is released at t = 25, .* to before 20"),
         ([0, 1, 2, 3, 4, 20], ValueError, "member 5 is released at t = 20"),
         ([0, 1, 2, 3, 4, np.nan], ValueError, "member 5 is released at t = nan"),
-        ([0, 1], ValueError, r"release has shape \(2,\), wanted \(6,\)"),
+        ([0, 1], ValueError, r"release must have shape \(6,\), not \(2,\)"),
         ("noon", TypeError, "release must be a time for each member, not 'noon'"),
         (np.array(["2020-01-01"] * 6, dtype="M8[D]"), TypeError, "times of .* must be numbers"),
     ],

@@ -306,15 +306,18 @@ def entry(i, j, value):
             entry(1, 1, 1 - 0.5j),
             r"H\[1, 1\] = 1-0.5j is not real, .* largest: 1, .*\nhint: .*absorber=",
         ),
-        (entry(2, 1, np.nan), r"H\[2, 1\] is nan"),
-        (sp.csr_array(entry(2, 1, np.inf)), r"H\[2, 1\] is inf"),
-        (np.ones((2, 3)), r"H has shape \(2, 3\), wanted a square matrix"),
-        (np.ones((2, 2, 2)), r"H has shape \(2, 2, 2\)"),
-        ((3, lambda x: x[:2]), r"H returns shape \(2,\), wanted \(3,\)"),
+        (entry(2, 1, np.nan), r"H\[2, 1\] must be finite, not nan"),
+        (sp.csr_array(entry(2, 1, np.inf)), r"H\[2, 1\] must be finite, not inf"),
+        (np.ones((2, 3)), r"H must have shape \(N, N\), not \(2, 3\)"),
+        (np.ones((2, 2, 2)), r"H must have shape \(N, N\), not \(2, 2, 2\)"),
+        ((3, lambda x: x[:2]), r"vector that H returns must have shape \(3,\), not \(2,\)"),
         ((3, lambda x: x / 0), "H returns inf in place 0"),
         ((4, lambda x: entry(1, 2, 0.5) @ x), r"H is not Hermitian: x \. H y and y \. H x differ"),
         ((3, lambda x: 1j * x), r"H is not Hermitian: x \. H y and y \. H x differ"),
-        (LinearOperator((2, 3), matvec=lambda x: x[:2], dtype=float), "wanted a square operator"),
+        (
+            LinearOperator((2, 3), matvec=lambda x: x[:2], dtype=float),
+            r"H must have shape \(N, N\), not \(2, 3\)",
+        ),
     ],
 )
 @pytest.mark.filterwarnings("ignore:divide by zero")
@@ -349,9 +352,9 @@ def test_a_matrix_of_single_precision_is_hermitian_to_its_own_digits():
     ("given", "message"),
     [
         ("H", "H must be an array of numbers, not .H."),
-        (lambda x: x, r"H\(0\) is float, wanted an operator\nhint: .* \(N, function of psi\)"),
+        (lambda x: x, r"H\(0\) must be an operator, not float\nhint: .* \(N, function of psi\)"),
         (lambda x, y, z: x, "function of unknown size"),
-        ((3, lambda x: None), "H returns NoneType for a vector"),
+        ((3, lambda x: None), "H must return numbers for a vector, not NoneType"),
     ],
 )
 def test_what_is_of_the_wrong_kind_is_refused(given, message):
@@ -371,8 +374,8 @@ def test_roundoff_of_a_symmetric_matrix_is_taken_away():
     ("keywords", "message"),
     [
         ({"hbar": 0.0}, "hbar must be positive"),
-        ({"bounds": (1.0, -1.0)}, r"bounds = \(1, -1\) is no interval"),
-        ({"drive": [(lambda t, params: t, np.eye(2))]}, "H1 has order 2, H has 3"),
+        ({"bounds": (1.0, -1.0)}, r"bounds must be \(least, largest\) energy, not \(1, -1\)"),
+        ({"drive": [(lambda t, params: t, np.eye(2))]}, "H1 must have order 3 as H has, not 2"),
         ({"drive": [(lambda t, params: t, entry(0, 1, 0.5)[:3, :3])]}, r"H1\[0, 1\] = 0.5, but H1"),
     ],
 )
@@ -393,10 +396,10 @@ def test_bounds_that_leave_out_an_energy_are_refused_with_both_numbers():
 @pytest.mark.parametrize(
     ("psi", "message"),
     [
-        (np.ones(3), r"psi has shape \(3,\), wanted \(4,\)"),
+        (np.ones(3), r"psi must have shape \(4,\), not \(3,\)"),
         (np.ones((2, 4)), r"\nhint: lv.ensemble takes many"),
         (np.zeros(4), "psi is zero"),
-        ([1.0, np.nan, 0.0, 0.0], r"psi\[1\] is nan"),
+        ([1.0, np.nan, 0.0, 0.0], r"psi\[1\] must be finite, not nan"),
     ],
 )
 def test_what_is_no_state_is_refused(psi, message):
@@ -407,20 +410,20 @@ def test_what_is_no_state_is_refused(psi, message):
 @pytest.mark.parametrize(
     ("observe", "error", "message"),
     [
-        ({"a": np.ones(3)}, ValueError, r"observable 'a' has shape \(3,\), wanted \(4,\) or"),
+        ({"a": np.ones(3)}, ValueError, r"observable 'a' must have shape \(4,\) or .*, not \(3,\)"),
         (
             {"a": (4, lambda x: entry(0, 1, 2.0) @ x)},
             ValueError,
             r"observable 'a' is not Hermitian: x \. .*\nhint: give it as a matrix",
         ),
-        ({"a": [1, np.inf, 1, 1]}, ValueError, "observable 'a' is inf in place 1"),
+        ({"a": [1, np.inf, 1, 1]}, ValueError, "observable 'a' must be finite, not inf in place 1"),
         ({"a": "x"}, TypeError, "observable 'a' must be an array of numbers"),
         (
             {"a": lambda t, x, params: x},
             TypeError,
             "observable 'a' is a function, and there is no grid",
         ),
-        ({"a": sp.csr_array([[0, 1j], [-1j, 0]])}, ValueError, "observable 'a' has order 2"),
+        ({"a": sp.csr_array([[0, 1j], [-1j, 0]])}, ValueError, "observable 'a' must have order 4"),
     ],
 )
 def test_what_cannot_be_observed_is_refused(observe, error, message):
@@ -438,24 +441,27 @@ def test_what_is_recorded_of_every_run_is_no_name_of_an_observable():
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: lv.Lattice((4, 2), periodic=True), "axis 1 has 2 sites, and a periodic one at"),
-        (lambda: lv.Lattice((4, 2), potential=np.ones(7)), r"potential has shape \(7,\), wanted"),
-        (lambda: lv.Lattice(3, potential=[0, np.nan, 0]), r"potential\[1\] is nan"),
+        (lambda: lv.Lattice((4, 2), periodic=True), "axis 1 is periodic and must have 3 sites"),
+        (
+            lambda: lv.Lattice((4, 2), potential=np.ones(7)),
+            r"potential must have shape .*, not \(7,\)",
+        ),
+        (lambda: lv.Lattice(3, potential=[0, np.nan, 0]), r"potential\[1\] must be finite"),
         (
             lambda: lv.Lattice((3, 3), hopping=(1, 2, 3)),
-            "hopping has 3 values, wanted one, or one for each",
+            "hopping must be one number, or one for each of 2 axes, not 3",
         ),
-        (lambda: lv.SpinChain(1), "a chain has at least 2 spins"),
+        (lambda: lv.SpinChain(1), "length must be 2 or more"),
         (lambda: lv.SpinChain(33, up=1), "chains have at most 32 spins"),
         (lambda: lv.SpinChain(4, up=5), "a chain of 4 has 0 to 4 spins up"),
         (
             lambda: lv.SpinChain(4, xy=[1, 2]),
-            r"xy has shape \(2,\), wanted one number for each bond",
+            r"xy must have shape .*, a number for each bond, not \(2,\)",
         ),
         (lambda: lv.SpinChain(4, up=2).index(7), "state 7 is not among the 6"),
-        (lambda: lv.Grid(1.0, 1.0, 8), "axis 0 is empty: from 1 to 1"),
+        (lambda: lv.Grid(1.0, 1.0, 8), "axis 0 must end above its start"),
         (lambda: lv.Grid(0.0, 1.0, 8, mass=0.0), "mass must be positive, not 0 along axis 0"),
-        (lambda: lv.Grid(0.0, 1.0, (8, 8, 8, 8)), "a grid has 1, 2 or 3 axes, not 4"),
+        (lambda: lv.Grid(0.0, 1.0, (8, 8, 8, 8)), "a grid must have 1, 2 or 3 axes, not 4"),
     ],
 )
 def test_models_check_their_numbers(make, message):

@@ -183,7 +183,7 @@ BAD_SYSTEMS = {
     "1 constraints and 2 unknowns": ({"z": 2}, None),
     "index is higher than 2": ({}, lambda t, y, params: y[1]),
     "the same for all coordinates": ({}, lambda t, y, params: t),
-    "constraint returns": ({}, lambda t, y, params: "circle"),
+    "constraint must return": ({}, lambda t, y, params: "circle"),
     "z names 'a' twice": ({"z": ("a", "a")}, None),
     "params must be a mapping": ({"params": 3}, None),
 }
@@ -212,14 +212,14 @@ def test_an_unknown_without_effect_is_named():
 
 BAD_CALLS = {
     "start value 'y' is missing": {"y": None},
-    "y has shape": {"y": [1, 0]},
-    "z has shape": {"z": [1]},
-    "y of 'u' is nan": {"y": [1, 0, float("nan"), 0]},
+    "y must have shape": {"y": [1, 0]},
+    "z must have shape": {"z": [1]},
+    "y of 'u' must be finite, not nan": {"y": [1, 0, float("nan"), 0]},
     "'q' is no start value": {"q": [1, 0]},
     "violates the constraint 'rod'": {"y": [1, 0.1, 0, 0]},
     "violates the constraint 'speed'": {"y": [1, 0, 0.1, 0]},
     "rtol must be from 1e-14": {"rtol": 1e-15, "h": None},
-    "atol has shape": {"rtol": 1e-6, "h": None, "atol": [1, 1]},
+    "atol must have shape": {"rtol": 1e-6, "h": None, "atol": [1, 1]},
     "t_eval has 1.1, which is outside": {"t_eval": [0.1, 1.1]},
     r"event 'none' is the same for all states\nhint: .* such as y\[1\]": {
         "events": {"none": lambda t, y, z, params: params.g}

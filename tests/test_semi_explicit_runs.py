@@ -91,7 +91,7 @@ def test_each_member_may_have_a_guess_of_its_own():
 BAD_MEMBERS = {
     r"y has shape \(4,\), z has shape \(2,\)\nhint: give arrays": {"y": [1, 0, 0, 0], "z": [0, 0]},
     r"no parameter has a row for each member: y has shape \(4,\)\n": {"y": [1, 0, 0, 0]},
-    r"z has shape \(2, 3\), wanted \(P, 2\) .* a number for each of tension, shift": {
+    r"(?s)z must have shape \(P, 2\) .*, not \(2, 3\).* a number for each of tension, shift": {
         "z": np.zeros((2, 3))
     },
     "z has 3 members along its first axis, y has 2": {"z": np.zeros((3, 2))},

@@ -82,7 +82,7 @@ def test_starts_that_fail_have_no_exponent():
     none = lv.analysis.ftle(field, V(), t=(0, 0.3), h=0.1, x=[[0.9, 0.5], [0.95, 0.5]])
     assert np.isnan([none.exponents, *none.directions.T, *none.x.T]).all()
     assert list(none.failures) == [0, 1]
-    with pytest.raises(ValueError, match=r"x has shape \(2,\), wanted \(..., 2\)"):
+    with pytest.raises(ValueError, match=r"x must have shape \(..., 2\), not \(2,\)"):
         lv.analysis.ftle(field, V(), t=(0, 0.3), h=0.1, x=[0.1, 0.5])
     with pytest.raises(TypeError, match="exponents must be those of a field"):
         lv.analysis.ftle(lv.problems.pendulum.system, V(), t=(0, 1), h=0.1, x=[[0.1, 0.5]])
@@ -105,7 +105,7 @@ def test_rotation_numbers_are_the_turns_from_crossing_to_crossing(t):
 def test_a_centre_and_coordinates_that_are_none_are_refused():
     cuts = lv.section(twisting(0.1), V(), t=(0, 3), h=0.1, plane="z", period=1.0, x=[[1, 0, 0.5]])
     assert np.isnan(lv.analysis.rotation_numbers(cuts, about=(0, 0))).all()
-    with pytest.raises(ValueError, match=r"about has shape \(3,\), wanted \(2,\) or \(1, 2\)"):
+    with pytest.raises(ValueError, match=r"about must have shape \(2,\) or \(1, 2\), not \(3,\)"):
         lv.analysis.rotation_numbers(cuts, about=(0, 0, 0))
     with pytest.raises(ValueError, match=r"about must be finite, not \(nan, 0\)"):
         lv.analysis.rotation_numbers(cuts, about=(np.nan, 0))

@@ -312,9 +312,9 @@ BAD = [
     (driven, {"wrt": ["params.c"]}, {}, ValueError, "there is no direction 'params.c'"),
     (driven, {"wrt": ["drive[0]"]}, {}, ValueError, "there is no direction"),
     (driven, {"wrt": "psi"}, {}, TypeError, "a sequence of names"),
-    (driven, {"t": (0, 1), "wrt": ["psi"]}, {"psi": np.zeros((3, N))}, ValueError, "has shape"),
+    (driven, {"t": (0, 1), "wrt": ["psi"]}, {"psi": np.zeros((3, N))}, ValueError, "must have"),
     (driven, {"wrt": ["psi"]}, {"q": np.zeros(3)}, TypeError, "no cotangent of 'q'"),
-    (driven, {"wrt": ["psi"]}, {"psi": np.full((6, N), np.nan)}, ValueError, "not finite"),
+    (driven, {"wrt": ["psi"]}, {"psi": np.full((6, N), np.nan)}, ValueError, "must be finite"),
     (
         lambda: lv.Schrodinger(H, drive=[(jumping, B)], params={"a": 1.0, "b": 1.0}),
         {"wrt": ["params.b"]}, {}, ValueError, "not smooth in time",

@@ -267,7 +267,7 @@ def test_a_plan_comes_back_from_its_file_and_runs_to_the_same_bits(tmp_path, sys
     assert (loaded.times, loaded.method, str(loaded)) == (t, method, str(plan))
     one, other = (lv.integrate(system, each, t=t, psi=psi) for each in (plan, loaded))
     assert one.psi.tobytes() == other.psi.tobytes()
-    with pytest.raises(ValueError, match="its form is 'wave', wanted field"):
+    with pytest.raises(ValueError, match="its form must be field, not 'wave'"):
         lv.FieldPlan.load(tmp_path / "plan.json")
 
 

@@ -186,9 +186,19 @@ def test_bounds_that_leave_out_energies_are_moved_out_and_back_in_time_is_back()
         ((3, lambda t, x: H0 @ x + 1j * t * x), "auto", ValueError, r"H\(0.5\) is not Hermitian"),
         ((3, lambda t, x: np.real(turned(t) @ x)), "auto", ValueError, r"H\(0\) is not linear"),
         ((3, lambda t, x: np.nan * x if t > 1 else x), "auto", ValueError, r"H\(1.5\) returns nan"),
-        ((3, lambda t, x: x[:2]), "auto", ValueError, r"H\(0\) returns shape \(2,\)"),
-        (lambda t: turned(t)[:2], "auto", ValueError, r"H\(0\) has shape \(2, 3\)"),
-        (lambda t: t, "auto", TypeError, r"H\(0\) is float"),
+        (
+            (3, lambda t, x: x[:2]),
+            "auto",
+            ValueError,
+            r"H\(0\) returns must have shape \(3,\), not \(2,\)",
+        ),
+        (
+            lambda t: turned(t)[:2],
+            "auto",
+            ValueError,
+            r"H\(0\) must have shape \(N, N\), not \(2, 3\)",
+        ),
+        (lambda t: t, "auto", TypeError, r"H\(0\) must be an operator, not float"),
         (lambda t, psi: psi, "auto", TypeError, "unknown size"),
         (
             lambda t: np.diag(np.cos(t * np.arange(8))),
@@ -252,16 +262,16 @@ def test_drives_and_derivatives_beside_products_are_refused_and_an_exception_end
         lv.vjp(lv.Schrodinger(turned), lv.Magnus(), wrt=["psi"], t=(0, 2), h=0.1, psi=FIRST)
 
     for late, error, words in (
-        (lambda x: x[:2], ValueError, r"returns shape \(2,\), wanted \(3,\)"),
-        (lambda x: 1.0, ValueError, r"returns shape \(\), wanted \(3,\)"),
+        (lambda x: x[:2], ValueError, r"returns must have shape \(3,\), not \(2,\)"),
+        (lambda x: 1.0, ValueError, r"returns must have shape \(3,\), not \(\)"),
         (lambda x: np.nan * x, ValueError, r"returns \(?nan"),
-        (lambda x: "x", TypeError, "returns <U1 for a vector"),
+        (lambda x: "x", TypeError, "must return numbers for a vector, not <U1"),
     ):
         system = lv.Schrodinger((3, lambda t, x: turned(t) @ x if t != 0.7 else late(x)))  # noqa: B023
         with pytest.raises(error, match=r"H\(0.7\) " + words):
             lv.integrate(system, lv.Magnus(order=2), t=(0, 1.4), steps=1, psi=FIRST)
     other = lv.Schrodinger(lambda t: turned(t) if t != 0.7 else np.eye(2))
-    with pytest.raises(ValueError, match=r"H\(0.7\) has shape \(2, 2\), wanted \(3, 3\)"):
+    with pytest.raises(ValueError, match=r"H\(0.7\) must have shape \(3, 3\).*, not \(2, 2\)"):
         lv.integrate(other, lv.Magnus(order=2), t=(0, 1.4), steps=1, psi=FIRST)
 
     calls = []

@@ -133,7 +133,7 @@ def interval(t: Any, hint: str = "") -> tuple[float, float]:
     if not math.isfinite(t1 - t0):
         raise ValueError(f"t must be a finite interval, not ({t0:g}, {t1:g})")
     if t0 == t1:
-        raise ValueError(f"t = ({t0:g}, {t1:g}) is no interval")
+        raise ValueError(f"t must end at another time than it starts, not ({t0:g}, {t1:g})")
     if abs(t1 - t0) < SHORTEST:
         sentence = f"t = ({t0:g}, {t1:g}) is too short: a time is {SHORTEST:g} long at least"
         raise ValueError(hinted(sentence, "take another unit of time"))
@@ -152,7 +152,8 @@ def times_of(t: Any) -> tuple[float, ...]:
     bad = np.flatnonzero(~(np.isfinite(steps) & (steps * np.sign(times[-1] - times[0]) > 0)))
     if bad.size:
         k = int(bad[0])
-        raise ValueError(f"times rise or fall: t has {times[k]:g} and then {times[k + 1]:g}")
+        sentence = "the times of t must rise, or all fall"
+        raise ValueError(f"{sentence}: {times[k]:g} is followed by {times[k + 1]:g}")
     return times
 
 

@@ -16,6 +16,9 @@ if TYPE_CHECKING:
 #: A message has so many names.
 MOST_QUOTED = 8
 
+#: A list of names without quotes has so many.
+MOST_SHOWN = 20
+
 #: How much a name has in common with one that it may be meant for, as difflib counts.
 NEAR = 0.5
 
@@ -91,12 +94,23 @@ def hinted(message: str, hint: str) -> str:
     return f"{message}\nhint: {hint}"
 
 
+def misshapen(name: str, shape: Sequence[int], wanted: object, hint: str = "") -> ValueError:
+    """Return the error for an array of a wrong shape: x must have shape (2,), not (3,)."""
+    sentence = f"{name} must have shape {wanted}, not {tuple(shape)}"
+    return ValueError(hinted(sentence, hint) if hint else sentence)
+
+
 def quoted(names: Sequence[str]) -> str:
     """Write names for a message: 'a', 'b' and 'c', of many the first and how many more."""
     words = [f"'{name}'" for name in names]
     if len(words) > MOST_QUOTED:
         words = [*words[: MOST_QUOTED - 1], f"{len(words) - MOST_QUOTED + 1} more"]
     return " and ".join([", ".join(words[:-1]), words[-1]]) if len(words) > 1 else words[0]
+
+
+def shown(names: Sequence[str]) -> str:
+    """Join names, the first and the last where they are many."""
+    return ", ".join((*names[:3], "...", names[-1]) if len(names) > MOST_SHOWN else names)
 
 
 def meant(name: str, names: Collection[str]) -> str:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from liouville._basics.errors import hinted
+from liouville._basics.errors import misshapen
 from liouville._systems import Structure
 
 
@@ -159,7 +159,7 @@ class Body:
         """
         array = np.asarray(q, dtype=float)
         if array.shape[-1:] != self.free.shape:
-            raise ValueError(f"q has shape {array.shape}, wanted (..., {self.free.size})")
+            raise misshapen("q", array.shape, f"(..., {self.free.size})")
         every = np.zeros((*array.shape[:-1], self._place.size))
         every[..., self.free] = array
         return every
@@ -168,7 +168,7 @@ class Body:
         """Return the part of an assembled load, shape (N,), that the coordinates feel."""
         array = np.asarray(load, dtype=float)
         if array.shape != self._place.shape:
-            raise ValueError(f"load has shape {array.shape}, wanted {self._place.shape}")
+            raise misshapen("load", array.shape, self._place.shape)
         return array[self.free]
 
 
@@ -189,12 +189,8 @@ def _free(name: str, matrix: Any, free: np.ndarray, count: int) -> Any:
     if not hasattr(matrix, "tocsr"):
         raise TypeError(f"{name} must be a sparse matrix of SciPy's, not {matrix!r}")
     if matrix.shape != (count, count):
-        raise ValueError(
-            hinted(
-                f"{name} has shape {matrix.shape}, the basis {count} degrees of freedom",
-                "give the matrices before anything is condensed out, and name what is clamped",
-            )
-        )
+        hint = "give the matrices before anything is condensed out, and name what is clamped"
+        raise misshapen(name, matrix.shape, f"({count}, {count}) as the basis has", hint)
     return matrix.tocsr()[free][:, free]
 
 

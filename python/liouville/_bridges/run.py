@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from liouville._basics.arguments import kept
-from liouville._basics.errors import IntegrationError, hinted, quoted
+from liouville._basics.errors import IntegrationError, hinted, misshapen, quoted
 from liouville._basics.options import check_options
 from liouville._methods import Method
 from liouville._runs.choice import named
@@ -75,7 +75,7 @@ class RunFunction(ABC):
         self.system, self.method = system, method
         self.inputs = self._named(wrt, request)
         if len(self.inputs) < len(wrt):
-            raise ValueError(f"wrt names each input once, not {wrt!r}")
+            raise ValueError(f"wrt must name each input once, not {wrt!r}")
         self._refuse_fixed(request.start, "")
         self._start = self._fixed_start(request.start)
         self._params = self._fixed_params(request.params)
@@ -122,14 +122,15 @@ class RunFunction(ABC):
     def _chosen(self, returns: Any, request: Request) -> dict[str, tuple[int, ...]]:
         known = self._known(request)
         if not isinstance(returns, Sequence) or not returns:
-            raise TypeError(f"returns is the name of a state or a sequence of names: {returns!r}")
+            sentence = "returns must be the name of a state or a sequence of names"
+            raise TypeError(f"{sentence}, not {returns!r}")
         for name in returns:
             if name not in known:
                 hint = f"there are {quoted([*known])}"
                 raise ValueError(hinted(f"there is no state {name!r}", hint))
         found: dict[str, tuple[int, ...]] = {name: known[name] for name in returns}
         if len(found) < len(returns):
-            raise ValueError(f"returns names each state once, not {returns!r}")
+            raise ValueError(f"returns must name each state once, not {returns!r}")
         return found
 
     def ordered(self, given: Sequence[Any], named: Mapping[str, Any]) -> list[Any]:
@@ -178,9 +179,9 @@ class RunFunction(ABC):
         for (name, wanted), (shape, kind) in zip(self.inputs.items(), given, strict=True):
             own = self.types[name]
             if kind != own:
-                raise TypeError(hinted(f"'{name}' is of type {kind}", f"numbers are {own} here"))
+                raise TypeError(f"'{name}' must be of type {own}, not {kind}")
             if tuple(shape) != wanted:
-                raise ValueError(f"'{name}' has shape {tuple(shape)}, wanted {wanted}")
+                raise misshapen(f"'{name}'", shape, wanted)
 
     def members(self, inputs: Sequence[Any], known: RunMembers | None = None) -> RunMembers:
         """Run with a row of inputs for each member, unless these are known or the last runs again.
@@ -226,7 +227,7 @@ class RunFunction(ABC):
         more = dict[str, Any]()
         for name, value in zip(self.inputs, inputs, strict=True):
             if not np.isfinite(value).all():
-                raise ValueError(f"'{name}' is not finite")
+                raise ValueError(f"'{name}' must be finite, not {value!r}")
             if name in ("t0", "t1"):
                 ends[name] = float(value)
             elif name in self.system.states:

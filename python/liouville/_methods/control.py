@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from liouville._basics.arguments import MOST_STEPS, count, interval, number
-from liouville._basics.errors import hinted
+from liouville._basics.errors import hinted, misshapen
 
 #: Below this, the errors of a method of order 2 are those of roundoff.
 LEAST_TOLERANCE = 1e-12
@@ -276,7 +276,7 @@ def _absolute(atol: Any, rtol: float, coordinates: Sequence[str]) -> np.ndarray:
     if values.dtype.kind not in "iuf":
         raise TypeError(f"atol must be a number or an array of numbers, not {atol!r}")
     if values.shape not in ((), (n,)):
-        raise ValueError(f"atol has shape {values.shape}, wanted () or ({n},)")
+        raise misshapen("atol", values.shape, f"() or ({n},)")
     values = np.array(np.broadcast_to(values, n), dtype=float)
     bad = np.flatnonzero(~(np.isfinite(values) & (values > 0)))
     if bad.size:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from liouville._basics.arguments import kept
-from liouville._basics.errors import IntegrationError, hinted
+from liouville._basics.errors import IntegrationError, hinted, misshapen
 from liouville._basics.options import started
 from liouville._basics.progress import Progress
 from liouville._methods import Method
@@ -123,12 +123,13 @@ class Pullback:
                 hint = "give zeros where nothing is to be pulled back: x.filled(0)"
                 raise TypeError(hinted(sentence, hint))
             if value.dtype.kind not in kinds:
-                raise TypeError(f"the cotangent of '{name}' is an array of {kind} numbers")
+                sentence = f"the cotangent of '{name}' must be an array of {kind} numbers"
+                raise TypeError(f"{sentence}, not of {value.dtype}")
             if value.shape != shape:
-                sentence = f"the cotangent of '{name}' has shape {value.shape}, wanted {shape}"
-                raise ValueError(hinted(sentence, "it is that of the solution's array"))
+                hint = "it is that of the solution's array"
+                raise misshapen(f"the cotangent of '{name}'", value.shape, shape, hint)
             if not np.isfinite(value).all():
-                raise ValueError(f"the cotangent of '{name}' is not finite")
+                raise ValueError(f"the cotangent of '{name}' must be finite")
             parts[name] = value.astype(complex if is_complex else float)
         return parts
 

@@ -10,7 +10,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from liouville._basics.errors import IntegrationError, hinted
+from liouville._basics.errors import IntegrationError, hinted, misshapen
 from liouville._basics.progress import Progress, reported
 from liouville._methods import Method
 from liouville._runs.choice import check_system, runner_of
@@ -68,7 +68,7 @@ def _times_of(system: Field, runner: FieldRunner, release: Any) -> Array:
     if values.dtype.kind not in "iuf":
         raise TypeError(f"release must be a time for each member, not {release!r}")
     if values.shape not in ((), (count,)):
-        raise ValueError(f"release has shape {values.shape}, wanted ({count},)")
+        raise misshapen("release", values.shape, f"({count},)")
     times = with_ends(np.array(np.broadcast_to(values, count), dtype=float), t0, t1)
     h = runner.steps.mean(t1, runner.steps.count)
     places = (times - t0) / h

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from liouville._basics.errors import hinted
+from liouville._basics.errors import hinted, misshapen
 from liouville._methods import (
     HHT,
     ArnoldBruls,
@@ -365,14 +365,12 @@ def _direction(
         array = array.reshape(1)
     inner = array.ndim - len(shape)
     if array.shape == (0, *shape):
-        sentence = f"tangents of '{name}' has shape {array.shape}, which has no direction"
+        sentence = f"tangents of '{name}' must be one direction or more, not an empty array"
         raise ValueError(hinted(sentence, f"leave '{name}' out, or give one of shape {shape}"))
     if inner not in (0, 1) or array.shape[inner:] != shape or 0 in array.shape:
         stacked = "d, " + ", ".join(map(str, shape)) if shape else "d,"
-        raise ValueError(
-            f"tangents of '{name}' has shape {array.shape}, wanted {shape} for one direction or "
-            f"({stacked}) for d of them"
-        )
+        wanted = f"{shape} for one direction or ({stacked}) for d of them"
+        raise misshapen(f"tangents of '{name}'", array.shape, wanted)
     if not np.isfinite(array).all():
-        raise ValueError(f"tangents of '{name}' is not finite")
+        raise ValueError(f"tangents of '{name}' must be finite")
     return array.astype(complex if is_complex else float)

@@ -201,12 +201,12 @@ def within(times: Any, t0: float, t1: float) -> np.ndarray:
     if array.dtype.kind not in "iuf" or array.ndim != 1:
         raise TypeError(f"t_eval must be a sequence of numbers, not {times!r}")
     if not array.size:
-        raise ValueError("t_eval has no times")
+        raise ValueError("t_eval must have one time at least")
     array = with_ends(array.astype(float), t0, t1)
     way = np.sign(t1 - t0)
     if not np.isfinite(array).all() or (way * np.diff(array) <= 0).any():
         hint = "np.unique(t_eval) sorts times" + ("" if way > 0 else "; [::-1] turns them around")
-        raise ValueError(hinted("t_eval is finite, and in the order of the run", hint))
+        raise ValueError(hinted("t_eval must be finite times in the order of the run", hint))
     outside = array[(way * (array - t0) < 0) | (way * (array - t1) > 0)]
     if outside.size:
         raise ValueError(f"t_eval has {outside[0]:g}, which is outside t = ({t0:g}, {t1:g})")

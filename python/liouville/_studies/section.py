@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from liouville import _core
 from liouville._basics import html
 from liouville._basics.arguments import MOST_STEPS, amount, check_memory, interval, number
-from liouville._basics.errors import IntegrationError, hinted
+from liouville._basics.errors import IntegrationError, hinted, misshapen
 from liouville._basics.progress import Progress
 from liouville._methods import VolumeSplitting
 from liouville._runs.choice import runner_of
@@ -391,9 +391,9 @@ def _plane(plane: str | ArrayLike, names: Sequence[str]) -> Array:
         hint = "an Event's function and direction go into plane= and direction="
         raise TypeError(hinted(sentence, hint) if isinstance(plane, Event) else sentence)
     if normal.shape != (len(names),):
-        raise ValueError(f"plane has shape {normal.shape}, wanted ({len(names)},)")
+        raise misshapen("plane", normal.shape, f"({len(names)},)")
     if not np.isfinite(normal).all() or not normal.any():
-        raise ValueError("the normal of a plane is finite and not zero")
+        raise ValueError("the normal of a plane must be finite and not zero")
     return normal
 
 

@@ -162,7 +162,7 @@ def named(events: Any) -> dict[str, Event]:
         raise TypeError(hinted(f"events must be a mapping of names, not {events!r}", hint))
     for name in events:
         if not isinstance(name, str) or not name:
-            raise TypeError(f"events is a mapping of names; {name!r} is not a name")
+            raise TypeError(f"the names of events must be nonempty strings, not {name!r}")
     return {
         name: event if isinstance(event, Event) else _plain(name, event)
         for name, event in events.items()

@@ -8,10 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from liouville._basics.errors import misshapen, shown
 from liouville._systems.fields.field import Field
 from liouville._systems.mechanics.general import ONTO, Mechanics
 from liouville._systems.mechanics.semi_explicit import SemiExplicit
-from liouville._systems.mechanics.traced import TracedSystem, shown
+from liouville._systems.mechanics.traced import TracedSystem
 from liouville._systems.tracing import trace as _trace
 from liouville._systems.waves.equation import Schrodinger
 
@@ -207,13 +208,13 @@ def _rows(name: str, value: Any, places: tuple[str, ...]) -> np.ndarray | None:
         array = given
     n = len(places)
     if array.shape[1] != n:
-        raise ValueError(
-            f"{name} has shape {array.shape}, wanted (P, {n}) for P members: along its last axis "
-            f"a number for each of {shown(places)}"
-        )
+        hint = f"along the last axis give a number for each of {shown(places)}"
+        raise misshapen(name, array.shape, f"(P, {n}) for P members", hint)
     bad = np.argwhere(~np.isfinite(array))
     if bad.size:
         member, place = (int(k) for k in bad[0])
         found = array[member, place]
-        raise ValueError(f"{name} of '{places[place]}' of member {member} is {found}")
+        raise ValueError(
+            f"{name} of '{places[place]}' of member {member} must be finite, not {found}"
+        )
     return array

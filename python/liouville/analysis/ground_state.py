@@ -138,7 +138,7 @@ def ground_state(
     at, wanted = number("t must be a number", t), number("tol must be a number", tol)
     check_sampled(system.drives, at, at)
     if not 1e-14 <= wanted < 1:
-        raise ValueError(f"tol = {wanted:g}: it is a number from 1e-14 to below 1")
+        raise ValueError(f"tol must be from 1e-14 to below 1, not {wanted:g}")
     if system.absorber is not None:
         system.check_plain("a ground state", "leave it out")
     if system.nonlinearity is not None:

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from liouville import _core
 from liouville._basics.arguments import amount
-from liouville._basics.errors import hinted, quoted
+from liouville._basics.errors import hinted, misshapen, quoted
 from liouville._solution.solution import Solution
 from liouville._systems import Mechanics
 from liouville._systems.mechanics.motion import rates as recorded
@@ -164,14 +164,17 @@ def _motion(
     wanted = ("t", first, second, "acceleration")
     if set(given) != set(wanted):
         hint = "a spline of q gives both: CubicSpline(t, q).derivative()"
-        raise TypeError(hinted(f"motion has {list(given)}, wanted {list(wanted)}", hint))
+        raise TypeError(
+            hinted(f"motion must have {', '.join(wanted)}, not {', '.join(map(str, given))}", hint)
+        )
     arrays = {name: _trace.numbers(given[name]) for name in wanted}
     k, n = np.size(given["t"]), len(system.coordinates)
     for name, array in arrays.items():
         shape = (k,) if name == "t" else (k, n)
         if array is None or array.shape != shape or not k:
-            found = "no array of numbers" if array is None else f"of shape {array.shape}"
-            raise ValueError(f"{name} of the motion is {found}, wanted {shape}")
+            if array is None:
+                raise ValueError(f"{name} of the motion must be an array of numbers")
+            raise misshapen(f"{name} of the motion", array.shape, shape)
         if not np.isfinite(array).all():
             raise ValueError(f"{name} of the motion is not finite everywhere")
     t, y, z, a = (np.asarray(x) for x in arrays.values())

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from liouville._basics.arguments import number, times_of
-from liouville._basics.errors import hinted
+from liouville._basics.errors import hinted, misshapen
 from liouville._basics.scipy import scipy
 from liouville._methods import WaveMethod
 from liouville._runs.ensemble import ensemble
@@ -106,7 +106,7 @@ class Floquet:
         """Return a state after whole numbers of periods, shape (N,), or (k, N) of k numbers."""
         state, count = np.asarray(psi, complex), np.asarray(periods)
         if state.shape != (len(self.modes),):
-            raise ValueError(f"psi has shape {state.shape}, wanted ({len(self.modes)},)")
+            raise misshapen("psi", state.shape, f"({len(self.modes)},)")
         if count.dtype.kind not in "iu":
             raise TypeError(f"periods must be whole numbers, not {periods!r}")
         angles = np.multiply.outer(count, self.quasienergies * self.period / self.hbar)

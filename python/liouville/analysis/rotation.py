@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from liouville._basics.errors import hinted
+from liouville._basics.errors import hinted, misshapen
 
 if TYPE_CHECKING:
     from liouville._studies.section import Section
@@ -93,7 +93,7 @@ def rotation_numbers(
     centre = np.asarray(about, dtype=float)
     if centre.shape not in ((2,), (section.members, 2)):
         wanted = f"(2,) or ({section.members}, 2)"
-        raise ValueError(f"about has shape {centre.shape}, wanted {wanted}")
+        raise misshapen("about", centre.shape, wanted)
     if not np.isfinite(centre).all():
         raise ValueError(f"about must be finite, not {about!r}")
     centre = np.broadcast_to(centre, (section.members, 2))

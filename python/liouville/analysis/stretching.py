@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from liouville._basics.errors import hinted
+from liouville._basics.errors import hinted, misshapen
 from liouville._basics.progress import Progress
 from liouville._methods import VolumeSplitting
 from liouville._runs.ensemble import ensemble
@@ -116,7 +116,7 @@ def ftle(
         )
     n, starts = len(system.coordinates), np.asarray(x, dtype=float)
     if starts.ndim < 2 or starts.shape[-1] != n:
-        raise ValueError(f"x has shape {starts.shape}, wanted (..., {n})")
+        raise misshapen("x", starts.shape, f"(..., {n})")
     rows, shape = starts.reshape(-1, n), starts.shape[:-1]
     run = ensemble(
         system, method, t=t, h=h, steps=steps, every=2**31, params=params, progress=progress,

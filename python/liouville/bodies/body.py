@@ -137,7 +137,7 @@ def evaluated(
         raise TypeError(f"{what} does not return numbers: {error}") from error
     if found.size not in (size, or_size) or not np.isfinite(found).all():
         wanted = f"{size} or {or_size}" if or_size else f"{size}"
-        raise ValueError(f"{what} is {found.tolist()}, wanted {wanted} finite numbers")
+        raise ValueError(f"{what} must be {wanted} finite numbers, not {found.tolist()}")
     return found
 
 
@@ -187,9 +187,9 @@ def check_numbers(name: str, kind: str, mass: float, entries: NDArray[np.float64
             raise ValueError(f"{what} must be positive, not {entries[0, 0]:g}")
         return
     if not np.isfinite(entries).all():
-        raise ValueError(f"{what} is not finite")
+        raise ValueError(f"{what} must be finite")
     if not np.allclose(entries, entries.T, rtol=1e-9, atol=0):
-        raise ValueError(f"{what} is not symmetric")
+        raise ValueError(f"{what} must be symmetric")
     moments = np.linalg.eigvalsh(entries)
     if not moments[0] > 0:
         sentence = f"{what} must have positive principal moments, not {moments[0]:.3g}"
@@ -362,7 +362,7 @@ def called(
 def check_rows(what: str, rows: ca.SX | None) -> None:
     """Refuse more equations of a guide than there are of a curve; None is not looked at."""
     if rows is not None and rows.numel() > 2:
-        raise ValueError(f"{what} are {rows.numel()}, wanted 1 of a surface or 2 of a curve")
+        raise ValueError(f"{what} must be 1 of a surface or 2 of a curve, not {rows.numel()}")
 
 
 class Known:

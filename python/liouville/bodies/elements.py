@@ -147,9 +147,9 @@ def check_matrix(what: str, name: str, entries: NDArray[np.float64]) -> None:
     matrix = np.diag(entries.ravel()) if entries.size == 6 else entries.reshape(6, 6)
     largest = np.abs(matrix).max()
     if not np.isfinite(largest):
-        raise ValueError(f"{what} is {matrix.tolist()}, wanted finite numbers")
+        raise ValueError(f"{what} must be finite numbers, not {matrix.tolist()}")
     if not np.allclose(matrix, matrix.T, rtol=0, atol=1e-9 * largest):
-        raise ValueError(f"{what} is not symmetric")
+        raise ValueError(f"{what} must be symmetric")
     least = float(np.linalg.eigvalsh(matrix)[0])
     if name != "stiffness" and least < -1e-9 * largest:
         raise ValueError(f"{what} must have no negative eigenvalue, and has {least:.3g}")

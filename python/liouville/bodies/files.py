@@ -194,7 +194,7 @@ def _close(reader: Reader, name: str, loop: Loop) -> None:
     of = f"loop '{name}'"
     if isinstance(loop, str) or not isinstance(loop, Sequence) or len(loop) not in (3, 4):
         hint = "write (link, other, point), and an axis of a hinge"
-        raise ValueError(hinted(f"{of} is {loop!r}", hint))
+        raise ValueError(hinted(f"{of} must be two links and a point, not {loop!r}", hint))
     links = [reader.link(of, LINK, link) for link in loop[:2]]
     shape = np.shape(loop[2])
     points = numbers(f"point of {of}", loop[2], (2, 3) if shape == (2, 3) else (3,))

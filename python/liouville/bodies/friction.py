@@ -190,7 +190,8 @@ def frictions_of_axes(of: str, turns: Mapping[str, bool], friction: Any) -> Fric
     own = friction if isinstance(friction, Sequence) else [friction]
     if len(own) != len(turns):
         names = ", ".join(turns)
-        raise ValueError(f"friction= of {of} is one value for each of its coordinates: {names}")
+        sentence = f"friction= of {of} must be a friction or None for each of {names}"
+        raise ValueError(f"{sentence}, not {friction!r}")
     found: dict[tuple[str, ...], Coulomb] = {}
     for name, x in zip(turns, own, strict=True):
         if x is not None:
@@ -201,7 +202,9 @@ def frictions_of_axes(of: str, turns: Mapping[str, bool], friction: Any) -> Fric
 
 def _check(of: str, friction: Any, turns: bool) -> None:
     if not isinstance(friction, Coulomb):
-        raise TypeError(hinted(f"friction= of {of} is {friction!r}", HINT))
+        raise TypeError(
+            hinted(f"friction= of {of} must be a Coulomb or Stribeck, not {friction!r}", HINT)
+        )
     if turns == (friction.radius is None):
         missing = "wants the radius of its pin" if turns else "slides, and has no radius"
         raise ValueError(f"friction= of {of}: the joint {missing}")

@@ -84,7 +84,9 @@ def limits_of(of: str, names: Sequence[str], value: Any) -> dict[str, Limits]:
     entries = [value] if len(names) == 1 and not _is_row(value, 1) else value
     if not _is_row(entries, len(names)) or not all(_is_entry(x) for x in entries):
         if len(names) == 1:
-            raise TypeError(hinted(f"limits= of {of} is {value!r}", HINT))
+            raise TypeError(
+                hinted(f"limits= of {of} must be two numbers or Limits, not {value!r}", HINT)
+            )
         wanted = f"must be one entry for each of its coordinates {', '.join(names)}, not {value!r}"
         hint = "each is a pair (low, high), Limits or None"
         raise TypeError(hinted(f"limits= of {of} {wanted}", hint))

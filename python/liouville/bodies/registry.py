@@ -176,7 +176,7 @@ def points_of(of: str, at: Any, flat: bool = False) -> tuple[Value, Value]:
     pair = _trace.numbers(at)
     if pair is not None and pair.shape == (2,) and not flat:
         hint = "give three coordinates, or two points, one on each body"
-        raise ValueError(hinted(f"{what} is {at!r}", hint))
+        raise ValueError(hinted(f"{what} must be a place in space, not {at!r}", hint))
     is_place = pair is not None and pair.ndim == 1
     if not is_place and isinstance(at, Sequence | np.ndarray) and len(at) == 2:
         return place_of(what, at[0], flat), place_of(what, at[1], flat)
@@ -223,12 +223,12 @@ def coordinate_values(
         alike = len(names) == 1 or set(names) <= set(RATES)
         if not alike and value is not empty and not (_is_number(value) and value == empty):
             raise ValueError(
-                f"{what}= of {of} is one value for each of its coordinates: {', '.join(names)}"
+                f"{what}= of {of} must be a value for each of {', '.join(names)}, not {value!r}"
             )
         value = [value] * len(names)
     if len(value) != len(names):
         raise ValueError(
-            f"{what}= of {of} has {len(value)} values for its coordinates {', '.join(names)}"
+            f"{what}= of {of} must be a value for each of {', '.join(names)}, not {len(value)}"
         )
     found = {}
     for name, own in zip(names, value, strict=True):

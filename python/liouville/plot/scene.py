@@ -124,8 +124,8 @@ def _drawn(
     sizes = {shape[1:] for shape in next(iter(shapes))}
     if len(shapes) > 1 or not frames[0] or not sizes <= {(2,), (3,)} or len(sizes) != 1:
         raise ValueError(
-            "outline(q, params) is a list of polylines of shape (k, 2) or (k, 3), the same at all "
-            f"times; it has {sorted(shapes)[:2]}"
+            "outline(q, params) must return polylines of shape (k, 2) or (k, 3), the same at all "
+            f"times, not {sorted(shapes)[:2]}"
         )
     is_planar = sizes == {(2,)}
     wide = ((0, 0), (0, 0), (0, 1 if is_planar else 0))

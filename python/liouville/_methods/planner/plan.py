@@ -99,7 +99,7 @@ class Plan(ABC):
             given = checksum.verified(Path(path))
             form = given.pop("form")
             if form not in kinds:
-                raise ValueError(f"its form is {form!r}, wanted {' or '.join(kinds)}")
+                raise ValueError(f"its form must be {' or '.join(kinds)}, not {form!r}")
             given["method"] = read_method(given["method"])
             return kinds[form]._read(given)
         except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:

@@ -164,7 +164,7 @@ def _turned(
     if turn is None or word not in ("shears", "n+d"):
         return given
     if sorted(turn) != list(range(terms.n)):
-        raise ValueError(f"turn is a permutation of the numbers 0 to {terms.n - 1}")
+        raise ValueError(f"turn must be a permutation of the numbers 0 to {terms.n - 1}")
     if given is None and word == "shears":
         given = along(terms.n, terms.diagonal().degree, terms.is_exact)
     elif given is None:

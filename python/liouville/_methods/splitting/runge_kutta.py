@@ -58,7 +58,7 @@ def tableau(given: str | tuple[Any, Any]) -> Tableau:
         raise TypeError(f"runge_kutta must be a name or a pair of arrays (A, b), not {given!r}")
     a, b = (np.array(part, dtype=float) for part in given)
     if b.ndim != 1 or a.shape != (b.size, b.size):
-        raise ValueError(f"A and b have shapes {a.shape} and {b.shape}, wanted (s, s) and (s,)")
+        raise ValueError(f"A and b must have shapes (s, s) and (s,), not {a.shape} and {b.shape}")
     if not (np.isfinite(a).all() and np.isfinite(b).all()) or np.triu(a).any():
         raise ValueError(
             hinted("A is not strictly lower triangular", "triangular pieces take explicit methods")

@@ -7,7 +7,7 @@ from itertools import combinations
 
 import numpy as np
 
-from liouville._basics.errors import hinted
+from liouville._basics.errors import hinted, misshapen
 from liouville._methods.splitting.commuting import commuting
 from liouville._methods.splitting.directions import along
 from liouville._methods.splitting.elimination import NOISE, SingularError, solved
@@ -71,7 +71,7 @@ def _directions(terms: Terms, d: int, given: np.ndarray | None) -> np.ndarray:
         return along(terms.n, d, terms.is_exact)
     b = np.asarray(given)
     if b.ndim != 2 or len(b) != terms.n or b.shape[1] < d:
-        raise ValueError(f"directions have shape {b.shape}, wanted ({terms.n}, {d})")
+        raise misshapen("directions", b.shape, f"({terms.n}, {d})")
     return same_kind(b[:, :d], terms)
 
 

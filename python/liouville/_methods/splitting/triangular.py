@@ -66,7 +66,7 @@ def triangular(
 def _given(permutations: Sequence[Any], n: int) -> np.ndarray:
     orders = np.asarray(permutations)
     if orders.ndim != 2 or orders.shape[1] != n or (np.sort(orders) != np.arange(n)).any():
-        raise ValueError(f"permutations are rows with each of the numbers 0 to {n - 1} once")
+        raise ValueError(f"permutations must be rows with each of the numbers 0 to {n - 1} once")
     return np.argsort(orders, axis=1)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from liouville._basics.errors import hinted
+from liouville._basics.errors import hinted, misshapen
 from liouville._methods.splitting.basis import check_size, transformed
 from liouville._methods.splitting.directions import harmonic, spread
 from liouville._methods.splitting.elimination import SingularError, inverse
@@ -43,7 +43,7 @@ def whole(terms: Terms, directions: np.ndarray | None = None, merged: bool = Tru
     else:
         frame = np.asarray(directions)
         if frame.shape != (n, n + d):
-            raise ValueError(f"directions have shape {frame.shape}, wanted ({n}, {n + d})")
+            raise misshapen("directions", frame.shape, f"({n}, {n + d})")
         frame = same_kind(frame, terms)
     apart = spread(n, d)
     basis = np.delete(frame, apart, axis=1)

@@ -9,7 +9,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from liouville._basics.arguments import interval, number
-from liouville._basics.errors import hinted
+from liouville._basics.errors import hinted, misshapen
 from liouville._systems import Mechanics, SemiExplicit
 
 #: The quantities that are fitted.
@@ -174,10 +174,11 @@ class Measurements:
             if values.shape == (count,) and wanted == (count, 1):
                 values = values[:, None]
             if values.shape != wanted:
-                sentence = f"data {name!r} has shape {values.shape}, wanted {wanted}"
                 column = next(iter(components))
                 hint = f"one column alone is given by its name: data={{{column!r}: ...}}"
-                raise ValueError(hinted(sentence, hint) if values.ndim == 1 else sentence)
+                raise misshapen(
+                    f"data {name!r}", values.shape, wanted, hint if values.ndim == 1 else ""
+                )
             if given[place].any():
                 sentence = f"data {name!r} gives again what other data of the same state give"
                 raise ValueError(hinted(sentence, "give the state, or its coordinates"))
@@ -192,8 +193,8 @@ class Measurements:
             if weights.shape == (count,) and wanted == (count, 1):
                 weights = weights[:, None]
             if weights.shape not in ((), values.shape[1:], values.shape):
-                sentence = f"sigma of {name!r} has shape {weights.shape}"
-                raise ValueError(f"{sentence}, wanted a number or {values.shape}")
+                either = f"{values.shape}, or be a number"
+                raise misshapen(f"sigma of {name!r}", weights.shape, either)
             self.weights[:, place] = weights
         for name in sigma if isinstance(sigma, Mapping) else ():
             if name not in data or name == "t":

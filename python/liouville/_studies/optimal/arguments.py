@@ -139,8 +139,8 @@ class Times:
             return None
         low, high = _trace.pair("final_time", given, ())
         if not t0 < low <= t1 <= high:
-            sentence = f"final_time is from {low:g} to {high:g}, with the guess {t1:g} of t in it"
-            raise ValueError(hinted(sentence, f"limits are above the start, {t0:g}"))
+            sentence = f"final_time must be limits around t = {t1:g}, not {low:g} to {high:g}"
+            raise ValueError(hinted(sentence, f"both must be above the start, {t0:g}"))
         return float(low), float(high)
 
     @property

@@ -126,8 +126,8 @@ class Final:
             sentence = self._violated(system, t, params)
             if sentence is not None:
                 hint = (
-                    "constraints move, and the end is free: name the n - m entries that are "
-                    f"wanted, {system.states[0]}={{...}}, or give functions that vanish"
+                    "constraints move, and the end is free: name the n - m entries to be "
+                    f"reached, {system.states[0]}={{...}}, or give functions that vanish"
                 )
                 raise ValueError(hinted(sentence, hint))
 

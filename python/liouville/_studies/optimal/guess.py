@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from liouville._basics import casadi as ca
-from liouville._basics.errors import hinted
+from liouville._basics.errors import hinted, misshapen
 from liouville._solution.solution import Solution
 from liouville._studies.optimal.arguments import Array
 from liouville._studies.optimal.final import near_constraints
@@ -154,7 +154,7 @@ def _arrays(guess: Any, problem: Problem) -> tuple[Array, dict[str, Array]]:
         count = len(next(iter(arrays.values()))) if arrays else 2
         times = np.linspace(0.0, 1.0, count)
     if times.ndim != 1 or times.size < 2 or not (np.diff(times) > 0).all():
-        raise ValueError("t of the guess has two times at least, and they increase")
+        raise ValueError("t of the guess must have two times or more, which increase")
     return _parts(times), _fitting(arrays, times.size, problem)
 
 
@@ -176,5 +176,5 @@ def _fitting(arrays: dict[str, Array], count: int, problem: Problem) -> dict[str
     for name, array in arrays.items():
         own = problem.controls.shapes.get(name, (n,))
         if array.shape != (count, *own):
-            raise ValueError(f"{name} of the guess has shape {array.shape}, wanted {(count, *own)}")
+            raise misshapen(f"{name} of the guess", array.shape, (count, *own))
     return arrays

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from liouville import _core
 from liouville._basics.arguments import read_only
-from liouville._basics.errors import hinted
+from liouville._basics.errors import hinted, misshapen, shown
 from liouville._systems.events import Event
 from liouville._systems.fields.dates import Dates, in_numbers
 from liouville._systems.fields.observer import Observer
@@ -100,16 +100,19 @@ class Field(Pickled, ABC):
             array = array[..., None]
         wanted = f"(P, {n}) for P members" if members else f"({n},)"
         if array.ndim != 1 + members or array.shape[-1] != n or array.size == 0:
-            message = f"x has shape {array.shape}, wanted {wanted}"
+            hint = ""
             if array.ndim == 2 - members and array.size and array.shape[-1] == n:
                 rows = "give a row for each member, of one alone x[None, :]"
-                message = hinted(message, rows if members else "lv.ensemble takes many starts")
-            raise ValueError(message)
+                hint = rows if members else "lv.ensemble takes many starts"
+            elif array.ndim == 1 + members and array.size:
+                hint = f"give a number for each of {shown(self.coordinates)}"
+            raise misshapen("x", array.shape, wanted, hint)
         bad = np.argwhere(~np.isfinite(array))
         if bad.size:
             place = tuple(bad[0])
             member = f" of member {place[0]}" if members else ""
-            raise ValueError(f"x of '{self.coordinates[place[-1]]}'{member} is {array[place]}")
+            of = f"x of '{self.coordinates[place[-1]]}'{member}"
+            raise ValueError(f"{of} must be finite, not {array[place]}")
         return np.ascontiguousarray(array)
 
     def positions(self, x: np.ndarray) -> dict[str, tuple[np.ndarray, dict[str, str]]]:
@@ -148,7 +151,8 @@ class Field(Pickled, ABC):
         """Return a start as an array, the coordinate last."""
         if isinstance(value, Mapping):
             if set(value) != set(self.coordinates):
-                raise ValueError(f"x gives {list(value)}, wanted {list(self.coordinates)}")
+                names = shown([*map(str, value)])
+                raise ValueError(f"x must name {shown(self.coordinates)}, not {names}")
             value = [value[coordinate] for coordinate in self.coordinates]
             array = _trace.numbers(value)
             array = array if array is None else array.T

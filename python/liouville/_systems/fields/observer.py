@@ -32,7 +32,7 @@ def invariant(name: str, value: Any, s: Symbols) -> Invariant:
         return ca.SX(0), _core.Rows(1, n, zeros, matrix.row, matrix.values), None
     matrix = Matrix.read(what, value)
     if matrix.n != n:
-        raise ValueError(f"{what} is a matrix of order {matrix.n}, wanted {n}")
+        raise ValueError(f"{what} must be a matrix of order {n}, not {matrix.n}")
     return ca.SX(0), None, matrix.rows
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from liouville import _core
+from liouville._basics.errors import misshapen
 from liouville._systems.fields.field import Field
 
 #: Planes, each with its variables: frozen ones, then the two that move.
@@ -105,7 +106,7 @@ class PlaneField(Field):
         x = np.asarray(x, dtype=float)
         n, t = len(self.coordinates), self.in_time(t)
         if x.ndim == 0 or x.shape[-1] != n:
-            raise ValueError(f"x has shape {x.shape}, wanted (..., {n})")
+            raise misshapen("x", x.shape, f"(..., {n})")
         rows = self.extended(x.reshape(-1, n), t)
         a, v = np.zeros((len(rows), 3)), np.zeros((len(rows), n))
         for plane, order in self.planes:

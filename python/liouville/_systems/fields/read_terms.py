@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from liouville._basics.errors import hinted
+from liouville._basics.errors import hinted, misshapen
 from liouville._systems.fields.terms import Terms
 
 #: Larger powers are a slip of the pen.
@@ -39,12 +39,12 @@ def _arrays(
     n, count = len(names), component.size
     if component.ndim != 1 or coefficient.shape != (count,) or variables.shape[:1] != (count,):
         shapes = ", ".join(str(x.shape) for x in (component, coefficient, variables))
-        raise ValueError(f"the arrays of terms have shapes {shapes}, wanted (N,), (N,), (N, d)")
+        raise ValueError(f"the arrays of terms must have shapes (N,), (N,), (N, d), not {shapes}")
     if variables.ndim != 2:
-        raise ValueError(f"the variables of terms have shape {variables.shape}, wanted (N, d)")
+        raise misshapen("the variables of terms", variables.shape, "(N, d)")
     for what, array, least in (("component", component, 0), ("variable", variables, -1)):
         if array.dtype.kind not in "iu":
-            raise TypeError(f"a {what} is an index, but the array is of {array.dtype}")
+            raise TypeError(f"a {what} must be an index, and the array is of {array.dtype}")
         outside = np.argwhere((array < least) | (array >= n))
         if outside.size:
             place = tuple(outside[0])
@@ -56,7 +56,9 @@ def _arrays(
         raise TypeError(f"coefficients must be real numbers, not of {coefficient.dtype}")
     bad = np.flatnonzero(~np.isfinite(coefficient))
     if bad.size:
-        raise ValueError(f"the coefficient of term {bad[0]} is {coefficient[bad[0]]}")
+        raise ValueError(
+            f"the coefficient of term {bad[0]} must be finite, not {coefficient[bad[0]]}"
+        )
     return Terms(n, component, coefficient, variables).merged()
 
 
@@ -99,7 +101,7 @@ def _powers(k: int, row: Sequence[Any]) -> list[tuple[Any, int]]:
         is_natural = isinstance(exponent, (int, np.integer)) and exponent >= 0
         if not is_natural or isinstance(exponent, bool):
             raise ValueError(
-                f"term {k} has {variable!r} to the power of {exponent}, wanted 0, 1, 2, ..."
+                f"the power of {variable!r} in term {k} must be 0, 1, 2, ..., not {exponent}"
             )
     return [(variable, int(exponent)) for variable, exponent in variables.items()]
 
@@ -116,7 +118,7 @@ def _place(k: int, what: str, value: Any, index: Mapping[str, int], n: int) -> i
             )
         return index[value]
     if isinstance(value, bool) or not isinstance(value, (int, np.integer)):
-        raise TypeError(f"term {k} has the {what} {value!r}, wanted an index or a name")
+        raise TypeError(f"the {what} of term {k} must be an index or a name, not {value!r}")
     if not 0 <= value < n:
         raise ValueError(_out_of_range(k, what, int(value), n))
     return int(value)
@@ -140,4 +142,4 @@ def _coefficient(k: int, value: Any) -> Fraction | float:
         return exact
     except (TypeError, ValueError, ZeroDivisionError, OverflowError):
         wanted = "a finite number, a fraction or a string such as '-3/8'"
-        raise ValueError(f"the coefficient of term {k} is {value!r}, wanted {wanted}") from None
+        raise ValueError(f"the coefficient of term {k} must be {wanted}, not {value!r}") from None

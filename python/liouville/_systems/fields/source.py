@@ -81,13 +81,13 @@ def callable_of(field: Any, s: Symbols) -> Any:
     args = {1: (s.x,), 2: (s.t, s.x), 3: (s.t, s.x, s.params.vector)}.get(field.n_in())
     if args is None or field.n_out() != 1:
         raise ValueError(
-            f"the CasADi function '{field.name()}' has {field.n_in()} inputs and {field.n_out()} "
-            "outputs, wanted x, or t and x, or t, x and params, and one output"
+            f"the CasADi function '{field.name()}' must have the inputs x, or t and x, or t, x and "
+            f"params, and one output, not {field.n_in()} inputs and {field.n_out()} outputs"
         )
     for k, arg in enumerate(args):
         if field.numel_in(k) != arg.numel():
             raise ValueError(
-                f"input {k} of the CasADi function '{field.name()}' has {field.numel_in(k)} "
-                f"elements, wanted {arg.numel()}"
+                f"input {k} of the CasADi function '{field.name()}' must have {arg.numel()} "
+                f"elements, not {field.numel_in(k)}"
             )
     return lambda *_: field(*args)

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from liouville import _core
 from liouville._basics import casadi as ca
 from liouville._basics.arguments import amount
-from liouville._basics.errors import describe, hinted, quoted
+from liouville._basics.errors import describe, hinted, quoted, shown
 from liouville._systems.mechanics import motion as _motion
 from liouville._systems.mechanics.consistent import recorded
 from liouville._systems.mechanics.form import (
@@ -34,7 +34,6 @@ from liouville._systems.mechanics.traced import (
     TracedSystem,
     finite_time,
     missed,
-    shown,
 )
 from liouville._systems.program import elements
 from liouville._systems.tape import record

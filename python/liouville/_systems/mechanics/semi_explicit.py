@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from liouville import _core
 from liouville._basics import casadi as ca
 from liouville._basics.arguments import amount
-from liouville._basics.errors import Description, hinted
+from liouville._basics.errors import Description, hinted, shown
 from liouville._systems.mechanics.form import record_blocks, total_derivative
 from liouville._systems.mechanics.traced import (
     FLOOR,
@@ -22,7 +22,6 @@ from liouville._systems.mechanics.traced import (
     TracedSystem,
     check_residual,
     finite_time,
-    shown,
     traced_invariants,
 )
 from liouville._systems.program import elements

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from liouville._basics import casadi as ca
-from liouville._basics.errors import hinted
+from liouville._basics.errors import hinted, misshapen
 from liouville._systems.mechanics.form import Model
 from liouville._systems.mechanics.general import Mechanics
 from liouville._systems.mechanics.mechanical import declared, extra_power, holonomic, ideal
@@ -82,10 +82,14 @@ class Structure(Mechanics):
         n = matrices["mass"].n
         for name, matrix in matrices.items():
             if matrix.n != n:
-                raise ValueError(f"{name} has order {matrix.n}, the mass matrix {n}")
+                raise ValueError(
+                    f"{name} must have order {n} as the mass matrix has, not {matrix.n}"
+                )
         coordinates, s = declared(n if q is None else q, ("q", "v"), params)
         if len(coordinates) != n:
-            raise ValueError(f"q names {len(coordinates)} coordinates, the mass matrix has {n}")
+            raise ValueError(
+                f"q must name {n} coordinates, as the mass matrix has, not {len(coordinates)}"
+            )
         _check_mass(matrices["mass"], coordinates)
         turning = matrices["stiffness"].skew if "stiffness" in matrices else None
         args = s.args
@@ -159,8 +163,8 @@ def _load(
     if array is None:
         raise TypeError(f"force must be a function or an array of numbers, not {force!r}")
     if array.shape != (n,):
-        raise ValueError(f"force has shape {array.shape}, wanted ({n},)")
+        raise misshapen("force", array.shape, f"({n},)")
     bad = np.flatnonzero(~np.isfinite(array))
     if bad.size:
-        raise ValueError(f"force of '{coordinates[bad[0]]}' is {array[bad[0]]}")
+        raise ValueError(f"force of '{coordinates[bad[0]]}' must be finite, not {array[bad[0]]}")
     return ca.SX(ca.sparsify(ca.DM(array)))

@@ -34,8 +34,6 @@ FLOOR = 1e-14
 #: A start may miss its constraints by so many times what roundings make of them.
 ROUNDINGS = 64
 
-#: More names than these are not all shown.
-SHOWN = 20
 
 #: The prefix of invariants among the expressions and in a record.
 INVARIANT = "invariant "
@@ -349,11 +347,6 @@ def finite_time(t: Any) -> float:
     return float(time)
 
 
-def shown(names: tuple[str, ...]) -> str:
-    """Join names for a repr, the first and the last where they are many."""
-    return ", ".join((*names[:3], "...", names[-1]) if len(names) > SHOWN else names)
-
-
 def check_residual(
     what: str,
     symbol: str,
@@ -382,6 +375,6 @@ def missed(
         )
     sentence = (
         f"start violates the {what} '{name}': |{symbol}| = {abs(value):.1e} "
-        f"at t = {t:g}, wanted at most {limit:.1e}"
+        f"at t = {t:g}, and at most {limit:.1e} is taken"
     )
     return hinted(sentence, hint)

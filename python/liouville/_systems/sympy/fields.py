@@ -107,7 +107,7 @@ def read(
         expressions = list(expressions)
     found = [x if isinstance(x, sympy.Poly) else sympy.sympify(x, strict=True) for x in expressions]
     if len(found) != len(names):
-        raise ValueError(f"the field has {len(found)} expressions, wanted {len(names)}")
+        raise ValueError(f"the field must have {len(names)} expressions, not {len(found)}")
     by_name = {str(symbol): symbol for x in found for symbol in x.free_symbols}
     constants = tuple(by_name.get(x, sympy.Symbol(str(x))) for x in map(str, params or {}))
     values = {str(name): value for name, value in (params or {}).items()}

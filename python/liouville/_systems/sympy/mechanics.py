@@ -216,8 +216,8 @@ class _Kane:
             )
         if len(parts["kinematics"]) != len(q):
             raise ValueError(
-                f"the method has {len(parts['kinematics'])} kinematical differential equations, "
-                f"wanted {len(q)}"
+                f"the method must have {len(q)} kinematical differential equations, one for each "
+                f"coordinate, not {len(parts['kinematics'])}"
             )
         self.coordinates = [name_of(x) for x in q]
         self.reader = Reader(q, u, parts["zeros"], params, inputs)

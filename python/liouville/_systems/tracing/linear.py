@@ -10,6 +10,7 @@ import numpy as np
 
 from liouville import _core
 from liouville._basics import casadi as ca
+from liouville._basics.errors import misshapen
 from liouville._systems.tape import Part
 from liouville._systems.tracing.sparse import entries
 
@@ -52,7 +53,7 @@ class Matrix:
             diagonal = np.arange(array.size)
             return cls._of(name, (array.size, array.size), diagonal, diagonal, array)
         if array.ndim != 2:
-            raise ValueError(f"{name} has shape {array.shape}, wanted (n, n), or (n,) if diagonal")
+            raise misshapen(name, array.shape, "(n, n), or (n,) if diagonal")
         row, col = np.nonzero(array)
         return cls._of(name, array.shape, row, col, array[row, col])
 
@@ -64,11 +65,11 @@ class Matrix:
             raise TypeError(f"{name} must be a matrix of real numbers, not of {data.dtype}")
         n = shape[0]
         if shape != (n, n) or n == 0:
-            raise ValueError(f"{name} has shape {shape}, wanted a square matrix")
+            raise misshapen(name, shape, "(N, N)")
         bad = np.flatnonzero(~np.isfinite(data))
         if bad.size:
             k = bad[0]
-            raise ValueError(f"{name}[{row[k]}, {col[k]}] is {data[k]}")
+            raise ValueError(f"{name}[{row[k]}, {col[k]}] must be finite, not {data[k]}")
         places, entry = np.unique(col.astype(np.int64) * n + row, return_inverse=True)
         # of no entries bincount returns integers
         values = np.bincount(entry, data.astype(float), places.size).astype(float)

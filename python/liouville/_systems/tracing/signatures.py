@@ -46,7 +46,7 @@ def misfitting(what: str, function: Callable[..., Any], args: Mapping[str, Any])
     return TypeError(
         hinted(
             f"{what} is called with ({wanted}), and the function given takes ({given})",
-            f"write it as def function({wanted}), whichever of these it uses",
+            f"write it as def function({wanted}): it takes all of these, whichever it uses",
         )
     )
 

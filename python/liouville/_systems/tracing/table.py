@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from liouville._basics import casadi as ca
-from liouville._basics.errors import hinted
+from liouville._basics.errors import hinted, misshapen
 from liouville._basics.scipy import scipy
 from liouville._core import Column
 from liouville._systems.tape.lookups import LookedUp, lookups
@@ -188,7 +188,7 @@ def table(x: Any, y: ArrayLike, ends: str | Sequence[str] = "natural") -> Table 
         raise ValueError(sentence)
     if not np.all(np.diff(at) > 0):
         k = int(np.argmin(np.diff(at) > 0))
-        sentence = f"x of a table increases: x[{k}] = {at[k]:g} is followed by {at[k + 1]:g}"
+        sentence = f"x of a table must increase: x[{k}] = {at[k]:g} is followed by {at[k + 1]:g}"
         raise ValueError(hinted(sentence, "sort both by x, and leave repeated points out"))
     if ends == "periodic":
         if abs(values[0] - values[-1]) > SAME * np.abs(values).max():
@@ -215,10 +215,10 @@ def _points(name: str, given: Any) -> Array:
     if found is None:
         raise TypeError(f"{name} of a table must be a 1-D array of numbers, not {given!r}")
     if found.ndim != 1:
-        raise ValueError(f"{name} of a table has shape {found.shape}, wanted (k,)")
+        raise misshapen(f"{name} of a table", found.shape, "(k,)")
     bad = np.flatnonzero(~np.isfinite(found))
     if bad.size:
-        raise ValueError(f"{name}[{bad[0]}] of a table is {found[bad[0]]}")
+        raise ValueError(f"{name}[{bad[0]}] of a table must be finite, not {found[bad[0]]}")
     found.setflags(write=False)
     return found
 

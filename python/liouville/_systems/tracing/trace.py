@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from liouville._basics import casadi as ca
 from liouville._basics.arguments import large_integers
-from liouville._basics.errors import hinted
+from liouville._basics.errors import hinted, misshapen, shown
 from liouville._basics.handlers import raise_of_handler
 from liouville._systems.tape import check
 from liouville._systems.tracing.call_errors import (
@@ -71,9 +71,7 @@ class Parameters:
                 )
             new = _parameter(name, value)
             if new.shape != values[name].shape:
-                raise ValueError(
-                    f"parameter '{name}' has shape {new.shape}, wanted {values[name].shape}"
-                )
+                raise misshapen(f"parameter '{name}'", new.shape, values[name].shape)
             values[name] = new
         return np.concatenate([np.empty(0), *(x.ravel() for x in values.values())])
 
@@ -136,8 +134,8 @@ def _parameter(name: str, value: ArrayLike) -> np.ndarray:
         )
     bad = np.flatnonzero(~np.isfinite(array))
     if bad.size:
-        place = f"{name}[{bad[0]}] is " if array.ndim else ""
-        raise ValueError(f"parameter '{name}' is not finite: {place}{array.flat[bad[0]]}")
+        place = f"[{bad[0]}]" if array.ndim else ""
+        raise ValueError(f"parameter '{name}{place}' must be finite, not {array.flat[bad[0]]}")
     return array
 
 
@@ -178,7 +176,7 @@ def vector(name: str, value: Any, places: tuple[str, ...]) -> np.ndarray:
     array = numbers(value)
     if array is None and isinstance(value, Mapping):
         if set(value) != set(places):
-            raise ValueError(f"{name} gives {list(value)}, wanted {list(places)}")
+            raise ValueError(f"{name} must name {shown(places)}, not {shown([*map(str, value)])}")
         value = [value[place] for place in places]
         array = numbers(value)
     if array is None:
@@ -186,10 +184,11 @@ def vector(name: str, value: Any, places: tuple[str, ...]) -> np.ndarray:
     if array.shape == () and len(places) == 1:
         array = array.reshape(1)
     if array.shape != (len(places),):
-        raise ValueError(f"{name} has shape {array.shape}, wanted ({len(places)},)")
+        hint = f"give a number for each of {shown(places)}" if array.ndim == 1 and places else ""
+        raise misshapen(name, array.shape, f"({len(places)},)", hint)
     if not np.isfinite(array).all():
         bad = int(np.argmin(np.isfinite(array)))
-        raise ValueError(f"{name} of '{places[bad]}' is {array[bad]}")
+        raise ValueError(f"{name} of '{places[bad]}' must be finite, not {array[bad]}")
     return array
 
 
@@ -201,7 +200,7 @@ def mapping(what: str, value: Mapping[str, Any] | None) -> dict[str, Any]:
         raise TypeError(f"{what} must be a mapping of names, not {value!r}")
     for name in value:
         if not isinstance(name, str) or not name:
-            raise TypeError(f"{what} is a mapping of names; {name!r} is not a name")
+            raise TypeError(f"the names of {what} must be nonempty strings, not {name!r}")
     return dict(value)
 
 
@@ -378,5 +377,5 @@ def _column(what: str, value: Any) -> ca.SX:
         expression = ca.SX(value)
     except (NotImplementedError, TypeError):
         kind = type(value).__name__
-        raise TypeError(f"{what} returns a {kind}, wanted CasADi's SX or numbers") from None
+        raise TypeError(f"{what} must return CasADi's SX or numbers, not a {kind}") from None
     return ca.vec(expression)

@@ -77,7 +77,7 @@ def interval(bounds: Any, hbar: float) -> Bounds | None:
         )
     low, high = (number("bounds must be a pair of numbers", x) for x in bounds)
     if not (np.isfinite(high - low) and low < high):
-        raise ValueError(f"bounds = ({low:g}, {high:g}) is no interval")
+        raise ValueError(f"bounds must be (least, largest) energy, not ({low:g}, {high:g})")
     return low / hbar, high / hbar
 
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from liouville._basics.arguments import check_memory, counted, large_integers
-from liouville._basics.errors import hinted
+from liouville._basics.errors import hinted, misshapen
 
 #: Entries that mirror one another may differ by this much of the largest entry: roundoff, ...
 ROUNDOFF = 1e-14
@@ -155,7 +155,7 @@ class Entries:
                 row, col = np.nonzero(array)
                 found = (array.shape, row, col, array[row, col])
             else:
-                raise ValueError(f"{name} has shape {array.shape}, wanted (N, N)")
+                raise misshapen(name, array.shape, "(N, N)")
         return cls._checked(name, *found)
 
     @classmethod
@@ -164,11 +164,11 @@ class Entries:
     ) -> Entries:
         n = shape[0]
         if shape != (n, n) or n == 0:
-            raise ValueError(f"{name} has shape {shape}, wanted a square matrix")
+            raise misshapen(name, shape, "(N, N)")
         bad = np.flatnonzero(~np.isfinite(data))
         if bad.size:
             k = bad[0]
-            raise ValueError(f"{name}[{row[k]}, {col[k]}] is {data[k]}")
+            raise ValueError(f"{name}[{row[k]}, {col[k]}] must be finite, not {data[k]}")
         check_size(name, data)
         values = data.astype(complex if data.dtype.kind == "c" else float)
         kept = values != 0

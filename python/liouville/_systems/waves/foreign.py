@@ -74,7 +74,7 @@ def state(psi: Any, size: int, is_ensemble: bool) -> Any:
         return np.array([plain("psi", one) for one in psi])
     if _is_qobj(psi) and not psi.isket:
         hint = f"density matrices are not stepped: {MESOLVE}"
-        raise TypeError(hinted(f"psi is a Qobj of type {psi.type!r}, wanted a ket", hint))
+        raise TypeError(hinted(f"psi must be a ket, not a Qobj of type {psi.type!r}", hint))
     found = plain("psi", psi)
     if not is_ensemble and getattr(found, "shape", None) == (size, 1):
         return np.asarray(found).ravel()
@@ -113,7 +113,7 @@ def parted(
             raise TypeError(f"drive[{k}] must be a pair of a function and a matrix, not {pair!r}")
         function, matrix = pair
         if _is_operator(function):
-            sentence = f"drive[{k}] is a pair (matrix, function), wanted (function, matrix)"
+            sentence = f"drive[{k}] must be a pair (function, matrix), not (matrix, function)"
             hint = "turn it round; a list [H0, [H1, f]] as the Hamiltonian has QuTiP's order"
             raise TypeError(hinted(sentence, hint))
         if isinstance(function, str):
@@ -226,7 +226,7 @@ class Samples:
         bad = np.flatnonzero(~np.isfinite(values))
         if bad.size:
             which = f"sample {bad[0]} of {name}, at t = {times[bad[0]]:g},"
-            raise ValueError(f"{which} is {values[bad[0]]}, wanted a finite number")
+            raise ValueError(f"{which} must be a finite number, not {values[bad[0]]}")
         from liouville._systems.tracing.table import steps, table
 
         if order == 0:
@@ -270,9 +270,9 @@ def _times(times: ArrayLike) -> np.ndarray:
         raise ValueError(f"times must be {FEWEST} at least, not {found.size}")
     if not np.isfinite(found).all():
         k = int(np.argmin(np.isfinite(found)))
-        raise ValueError(f"times[{k}] is {found[k]}, wanted a finite number")
+        raise ValueError(f"times[{k}] must be a finite number, not {found[k]}")
     if not (np.diff(found) > 0).all():
         k = int(np.argmin(np.diff(found) > 0))
-        sentence = f"times increase: times[{k}] = {found[k]:g} is followed by {found[k + 1]:g}"
+        sentence = f"times must increase: times[{k}] = {found[k]:g} is followed by {found[k + 1]:g}"
         raise ValueError(hinted(sentence, "sort times and samples together, each time once"))
     return found

@@ -89,17 +89,19 @@ class Grid:
         given = points if isinstance(points, (tuple, list, np.ndarray)) else (points,)
         shape = tuple(count("a number of points", n) for n in given)
         if not 1 <= len(shape) <= 3:
-            raise ValueError(f"a grid has 1, 2 or 3 axes, not {len(shape)}")
+            raise ValueError(f"a grid must have 1, 2 or 3 axes, not {len(shape)}")
         for axis, n in enumerate(shape):
             if n < 2:
-                raise ValueError(f"axis {axis} has {n} points, wanted at least 2")
+                raise ValueError(f"axis {axis} must have 2 points or more, not {n}")
         needed = 16.0 * STATES * prod(shape)
         check_memory(f"a grid of {counted(prod(shape))} points", needed, "take fewer points")
         d = len(shape)
         begin, end, masses = reals("low", low, d), reals("high", high, d), reals("mass", mass, d)
         for axis, (a, b, m) in enumerate(zip(begin, end, masses, strict=True)):
             if not a < b:
-                raise ValueError(f"axis {axis} is empty: from {a:g} to {b:g}")
+                raise ValueError(
+                    f"axis {axis} must end above its start, not go from {a:g} to {b:g}"
+                )
             if m <= 0:
                 raise ValueError(
                     hinted(

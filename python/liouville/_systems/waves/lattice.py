@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from liouville._basics.arguments import count
-from liouville._basics.errors import hinted
+from liouville._basics.errors import hinted, misshapen
 from liouville._systems.tracing.trace import numbers
 from liouville._systems.waves.entries import (
     MAKING,
@@ -75,13 +75,13 @@ class Lattice:
         sites = shape if isinstance(shape, (tuple, list, np.ndarray)) else (shape,)
         sites = tuple(count("a number of sites", n) for n in sites)
         if not sites:
-            raise ValueError("a lattice has at least one axis")
+            raise ValueError("a lattice must have an axis or more")
         ends = tuple(bool(x) for x in per_axis("periodic", periodic, len(sites)))
         for axis, (n, closed) in enumerate(zip(sites, ends, strict=True)):
             if closed and n < 3:
                 raise ValueError(
                     hinted(
-                        f"axis {axis} has {n} sites, and a periodic one at least 3",
+                        f"axis {axis} is periodic and must have 3 sites or more, not {n}",
                         "of fewer, both neighbours of a site would be the same",
                     )
                 )
@@ -139,7 +139,7 @@ def per_axis(name: str, value: Any, axes: int) -> tuple[Any, ...]:
         return (value,) * axes
     if len(value) != axes:
         raise ValueError(
-            f"{name} has {len(value)} values, wanted one, or one for each axis: {axes}"
+            f"{name} must be one number, or one for each of {axes} axes, not {len(value)}"
         )
     return tuple(value)
 
@@ -162,16 +162,16 @@ def on_sites(name: str, value: Any, shape: tuple[int, ...]) -> np.ndarray:
     if found is None:
         given = np.asarray(value)
         if given.dtype.kind == "c":
-            raise TypeError(hinted(f"{name} is complex, wanted real numbers", OPEN))
+            raise TypeError(hinted(f"{name} must be real numbers, not complex ones", OPEN))
         what = repr(value) if given.ndim == 0 else f"one of {given.dtype.name}"
         raise TypeError(f"{name} must be an array of real numbers, not {what}")
     if found.shape not in ((), shape, (prod(shape),)):
         flat = f" or ({prod(shape)},)" if len(shape) > 1 else ""
-        raise ValueError(f"{name} has shape {found.shape}, wanted {shape}{flat}")
+        raise misshapen(name, found.shape, f"{shape}{flat}")
     bad = np.flatnonzero(~np.isfinite(found))
     if bad.size:
         place = ", ".join(map(str, np.unravel_index(bad[0], found.shape)))
-        raise ValueError(f"{name}[{place}] is {found.flat[bad[0]]}")
+        raise ValueError(f"{name}[{place}] must be finite, not {found.flat[bad[0]]}")
     check_size(name, found)
     found = np.broadcast_to(found, shape) if found.ndim == 0 else found.reshape(shape)
     found = found.copy()

@@ -13,7 +13,7 @@ import numpy as np
 
 from liouville import _core
 from liouville._basics.arguments import count
-from liouville._basics.errors import hinted
+from liouville._basics.errors import hinted, misshapen
 from liouville._systems.waves.foreign import plain
 from liouville._systems.waves.products import Product, vector
 
@@ -104,7 +104,7 @@ class OperatorAt:
         n, multiply = self._at(t)
         if n != x.size:
             wanted = f"({x.size}, {x.size}) as at t = 0"
-            raise ValueError(f"{self.name}({t:g}) has shape ({n}, {n}), wanted {wanted}")
+            raise misshapen(f"{self.name}({t:g})", (n, n), wanted)
         return multiply(x)
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -128,11 +128,11 @@ def _operator(
     shape = getattr(found, "shape", None)
     multiply = getattr(found, "matvec", None) or getattr(found, "__matmul__", None)
     if shape is None or multiply is None:
-        sentence = f"{name}({t:g}) is {type(found).__name__}, wanted an operator"
+        sentence = f"{name}({t:g}) must be an operator, not {type(found).__name__}"
         hint = "of products H psi give (N, function of psi) or (N, function of t and psi)"
         raise TypeError(hinted(sentence, hint))
     if len(shape) != 2 or shape[0] != shape[1]:
-        raise ValueError(f"{name}({t:g}) has shape {shape}, wanted a square operator")
+        raise misshapen(f"{name}({t:g})", shape, "(N, N)")
     return int(shape[0]), multiply
 
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from liouville import _core
-from liouville._basics.errors import hinted
+from liouville._basics.errors import hinted, misshapen
 from liouville._systems.tracing import trace as _trace
 from liouville._systems.waves.bounds import check_symmetric
 from liouville._systems.waves.entries import LARGEST, MESOLVE, Entries, numbers, of_size
@@ -35,20 +35,18 @@ def checked(psi: Any, shapes: Sequence[tuple[int, ...]], is_ensemble: bool) -> n
     extra = 1 if is_ensemble else 0
     if array.ndim < extra or array.shape[extra:] not in shapes or not array.size:
         wanted = " or ".join(f"(P, {', '.join(map(str, s))})" if extra else str(s) for s in shapes)
-        message = f"psi has shape {array.shape}, wanted {wanted}"
+        hint = ""
         size = math.prod(shapes[0])
         if array.shape == (size, size) and not extra:
-            message = hinted(message, f"density matrices are not stepped: {MESOLVE}")
+            hint = f"density matrices are not stepped: {MESOLVE}"
         elif array.shape[1 - extra :] in shapes:
-            message = hinted(
-                message, f"lv.{'integrate takes one state' if extra else 'ensemble takes many'}"
-            )
-        raise ValueError(message)
+            hint = f"lv.{'integrate takes one state' if extra else 'ensemble takes many'}"
+        raise misshapen("psi", array.shape, wanted, hint)
     flat = array.reshape(*array.shape[:extra], -1)
     bad = np.argwhere(~np.isfinite(flat))
     if bad.size:
         place = tuple(bad[0].tolist())
-        raise ValueError(f"psi[{', '.join(map(str, place))}] is {flat[place]}")
+        raise ValueError(f"psi[{', '.join(map(str, place))}] must be finite, not {flat[place]}")
     zero = np.flatnonzero(~flat.any(axis=-1))
     if zero.size:
         member = f" of member {zero[0]}" if is_ensemble else ""
@@ -100,14 +98,14 @@ def observables(
             found.append((name, *_expectation(what, array, frame)))
         else:
             wanted = " or ".join(map(str, [*shapes, (frame.size, frame.size)]))
-            raise ValueError(f"{what} has shape {array.shape}, wanted {wanted}")
+            raise misshapen(what, array.shape, wanted)
     return found
 
 
 def _of_array(what: str, array: np.ndarray, frame: Frame) -> tuple[int, list[tuple[Any, ...]]]:
     bad = np.flatnonzero(~np.isfinite(array))
     if bad.size:
-        raise ValueError(f"{what} is {array[bad[0]]} in place {bad[0]}")
+        raise ValueError(f"{what} must be finite, not {array[bad[0]]} in place {bad[0]}")
     if array.dtype.kind != "c":
         return 1, [("diagonal", frame.diagonal(array.astype(float)))]
     phi = frame.inward(array)
@@ -126,7 +124,7 @@ def _expectation(what: str, given: Any, frame: Frame) -> tuple[int, list[tuple[A
         return 1, [("symmetric", known)]
     matrix = Entries.read_any(what, given)
     if matrix.n != frame.size:
-        raise ValueError(f"{what} has order {matrix.n}, H has {frame.size}")
+        raise ValueError(f"{what} must have order {frame.size} as H has, not {matrix.n}")
     halves = matrix.halves()
     return len(halves), [_symmetric(half, frame) for half in halves]
 

@@ -53,7 +53,7 @@ class OnGrid(Bounded):
             return on_sites("absorber", given, self.grid.shape).ravel()
         found = TimeFunction("absorber", given, self._params, len(self.grid.shape))
         if found.is_driven:
-            raise ValueError("the absorber depends on time, which none may")
+            raise ValueError("the absorber must not depend on time")
         return found
 
     @property
@@ -141,5 +141,5 @@ class OnGrid(Bounded):
             raise TypeError(observed.without_grid(name))
         traced = TimeFunction(f"observable '{name}'", function, self._params, len(self.grid.shape))
         if traced.is_driven:
-            raise ValueError(f"observable '{name}' depends on time, which none may")
+            raise ValueError(f"observable '{name}' must not depend on time")
         return traced.at(0.0, self.grid.points)

@@ -10,7 +10,7 @@ import numpy as np
 
 from liouville import _core
 from liouville._basics.arguments import count
-from liouville._basics.errors import hinted
+from liouville._basics.errors import hinted, misshapen
 
 #: A product with i x may differ from i times that with x by so much of its largest number.
 LINEAR = 1e-10
@@ -21,9 +21,9 @@ def vector(name: str, found: Any, n: int) -> np.ndarray:
     array = np.asarray(found)
     if array.dtype.kind not in "biufc":
         what = type(found).__name__ if array.dtype.kind == "O" else str(array.dtype)
-        raise TypeError(f"{name} returns {what} for a vector, wanted numbers")
+        raise TypeError(f"{name} must return numbers for a vector, not {what}")
     if array.shape not in ((n,), (n, 1)):
-        raise ValueError(f"{name} returns shape {array.shape}, wanted ({n},)")
+        raise misshapen(f"the vector that {name} returns", array.shape, f"({n},)")
     if array.dtype.kind in "fc":
         with np.errstate(over="ignore"):  # of longer types, which are infinite then
             array = array.astype(complex if array.dtype.kind == "c" else float, copy=False)
@@ -56,7 +56,7 @@ class Product:
         if not (hasattr(given, "matvec") and hasattr(given, "shape")):
             return None
         if len(given.shape) != 2 or given.shape[0] != given.shape[1]:
-            raise ValueError(f"{name} has shape {given.shape}, wanted a square operator")
+            raise misshapen(name, given.shape, "(N, N)")
         is_real = np.dtype(getattr(given, "dtype", None) or float).kind != "c"
         return cls(int(given.shape[0]), given.matvec, is_real).checked(name)
 

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from liouville._basics.arguments import amount, check_memory, count
+from liouville._basics.errors import misshapen
 from liouville._systems.tracing.trace import numbers
 from liouville._systems.waves.entries import Entries, check_size
 from liouville._systems.waves.exchange import BUILDING, MOST, Exchange, states_of
@@ -80,7 +81,7 @@ class SpinChain:
     ) -> None:
         n = count("length", length)
         if n < 2 + bool(periodic):
-            raise ValueError(f"length = {n}: a chain has at least 2 spins, 3 if it is periodic")
+            raise ValueError(f"length must be 2 or more, 3 of a periodic chain, not {n}")
         if up is not None:
             if isinstance(up, bool) or not isinstance(up, (int, np.integer)):
                 raise TypeError(f"up must be a number of spins, not {up!r}")
@@ -153,9 +154,7 @@ def _along(name: str, value: Any, size: int, what: str) -> np.ndarray:
             f"{name} must be a number, or an array of one for each {what}, not {value!r}"
         )
     if found.shape not in ((), (size,)):
-        raise ValueError(
-            f"{name} has shape {found.shape}, wanted one number for each {what}: {size}"
-        )
+        raise misshapen(name, found.shape, f"({size},), a number for each {what}")
     if not np.isfinite(found).all():
         raise ValueError(f"{name} must be finite, not {value!r}")
     check_size(name, found)

@@ -102,11 +102,9 @@ def check_step(system: PlaneField, scheme: str, h: float, rows: np.ndarray) -> f
         what, more = ("grid", "; smoother data take longer steps")
         if system.degree is None:
             what, more = ("field and start", "")
-        sentence = (
-            f"a step of {abs(h):g} is too long for this {what}: the equations of {scheme} have "
-            f"solutions for sure up to {longest:.3g}"
-        )
-        raise ValueError(hinted(sentence, f"give a smaller h, up to {0.99 * longest:.3g}{more}"))
+        why = f"the equations of {scheme} might have no solution"
+        sentence = f"a step of {abs(h):g} is too long for this {what}: {why}"
+        raise ValueError(hinted(sentence, f"give h up to {0.99 * longest:.3g}{more}"))
     return theta
 
 

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from liouville._basics.errors import hinted
+from liouville._basics.arguments import amount
+from liouville._basics.errors import hinted, misshapen
 from liouville._systems.fields.gridded.axis import Array, Axis, Bounds
 from liouville._systems.fields.gridded.coordinates import TURNS, Turn
 from liouville._systems.tracing import trace as _trace
@@ -66,9 +67,11 @@ def axes_of(
         least = degree + 2 if bounds == "periodic" else degree + 1
         if points.size - 1 < least:
             what = "edges" if is_of_faces else "nodes"
-            sentence = f"'{name}' has {np.size(given)} {what}: splines of degree {degree} want more"
-            other = ", or degree=3" if degree > DEGREES[0] else ""
-            raise ValueError(hinted(sentence, f"give {least + 1} at least{other}"))
+            few = f"{least + 1} {what} or more for splines of degree {degree}"
+            sentence = f"'{name}' must have {few}, not {np.size(given)}"
+            raise ValueError(
+                hinted(sentence, "or take degree=3") if degree > DEGREES[0] else sentence
+            )
         axes.append(Axis(name, points, degree, bounds))
         reversed_.append(is_reversed)
     return axes, reversed_
@@ -78,7 +81,7 @@ def time_axis(t: Any) -> Axis:
     """Return the axis of the times of samples."""
     times = _points("t", t)
     if times[0] > times[-1]:
-        raise ValueError("t grows from sample to sample")
+        raise ValueError("t must grow from sample to sample")
     return Axis("t", times, min(IN_TIME, times.size - 1), "open")
 
 
@@ -92,7 +95,10 @@ def arrays_of(
         raise TypeError(f"{what} must be a tuple of arrays, not {type(given).__name__}")
     if len(given) != len(shapes):
         wanted = f"{len(shapes)} arrays" if len(shapes) > 1 else "one array"
-        raise ValueError(f"{what} has {len(given)} components, wanted {wanted}")
+        found = amount(len(given), "array")
+        if isinstance(given, np.ndarray):
+            found = f"an array of shape {given.shape}"
+        raise ValueError(f"{what} must be {wanted}, for {', '.join(names)}, not {found}")
     arrays = []
     for name, values, shape in zip(names, given, shapes, strict=True):
         if isinstance(values, np.ma.MaskedArray) and values.dtype.kind in "iuf":
@@ -100,13 +106,12 @@ def arrays_of(
         is_plain = type(values) is np.ndarray and values.dtype.kind == "f"
         array = values if is_plain else _trace.numbers(values)  # which copies
         if array is None:
-            raise TypeError(f"{what} of '{name}' is an array of real numbers")
+            raise TypeError(f"{what} of '{name}' must be an array of real numbers")
         if array.shape != shape:
-            sentence = f"{what} of '{name}' has shape {array.shape}, wanted {shape}"
             hint = "axes are in the order (t, x, y, z), the time only where t= is given"
             if array.shape == shape[::-1]:
                 hint = f"{hint}: transpose it"
-            raise ValueError(hinted(sentence, hint))
+            raise misshapen(f"{what} of '{name}'", array.shape, shape, hint)
         arrays.append(array)
     return arrays
 
@@ -225,10 +230,10 @@ def _points(name: str, given: ArrayLike) -> Array:
         raise TypeError(f"{name} must be an array of the nodes along the axis, not {given!r}")
     points = np.array(points, dtype=float)
     if not np.isfinite(points).all():
-        raise ValueError(f"{name} has nodes that are not finite")
+        raise ValueError(f"the nodes of {name} must be finite")
     steps = np.diff(points)
     if not ((steps > 0).all() or (steps < 0).all()):
-        raise ValueError(f"{name} has nodes that are not in order")
+        raise ValueError(f"the nodes of {name} must all rise or all fall")
     ideal: Array = np.linspace(points[0], points[-1], points.size)
     is_even = np.ptp(steps) <= EQUAL * np.abs(steps).max()
     if not is_even and own.kind == "f":  # the type of the axis may have fewer digits than that
@@ -278,8 +283,10 @@ def _periods(periodic: Any, names: Mapping[str, Any]) -> dict[str, float | None]
 
 
 def _named(what: str, given: Any, names: Mapping[str, Any]) -> tuple[str, ...]:
+    if not isinstance(given, Iterable):
+        raise TypeError(f"{what} must be names of axes such as {(*names,)[:1]!r}, not {given!r}")
     found = (given,) if isinstance(given, str) else tuple(given)
     for name in found:
         if name not in names:
-            raise ValueError(f"{what} names {name!r}, and the axes are {', '.join(names)}")
+            raise ValueError(f"{what} must be names of the axes {', '.join(names)}, not {name!r}")
     return found

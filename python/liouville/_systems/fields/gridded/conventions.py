@@ -179,7 +179,8 @@ def _ordered(x: Variable, axes: Mapping[str, Variable], order: Sequence[str]) ->
         values = values.take(0, axis=dims.index(dim))
         dims.remove(dim)
     if sorted(dims) != sorted(wanted):
-        raise ValueError(f"'{x.name}' is on axes {', '.join(x.dims)}, wanted {', '.join(wanted)}")
+        sentence = f"'{x.name}' must be on the axes {', '.join(wanted)}"
+        raise ValueError(f"{sentence}, not {', '.join(x.dims)}")
     return values.transpose([dims.index(dim) for dim in wanted])
 
 

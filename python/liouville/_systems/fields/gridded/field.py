@@ -176,7 +176,7 @@ class GriddedField(PlaneField):
         if coordinates not in KINDS:
             raise ValueError(f"coordinates must be one of {', '.join(KINDS)}, not {coordinates!r}")
         if coordinates == "cylindrical" and n == 2:
-            raise ValueError("cylindrical coordinates are three, not 2")
+            raise ValueError("cylindrical coordinates must have three axes, not 2")
         ways = {"velocity": velocity, "potential": potential, "fluxes": fluxes}
         ways = {name: value for name, value in ways.items() if value is not None}
         if len(ways) != 1:
@@ -187,7 +187,7 @@ class GriddedField(PlaneField):
         if names is not None:
             named = _trace.names(names, "names")
             if len(named) != n:
-                raise ValueError(f"names has {len(named)} names, wanted {n}")
+                raise ValueError(f"names must be {n} names, not {len(named)}")
         nodes = dict(zip(named, (x, y, z), strict=False))
         axes, turned = checks.axes_of(nodes, periodic, walls, degree, what == "fluxes", coordinates)
         if t is not None and np.asarray(t).dtype.kind == "M":
@@ -404,7 +404,9 @@ class GriddedField(PlaneField):
         for name, axis, value in zip(self.coordinates, self._axes, x.T, strict=True):
             first, last = axis.edges[0], axis.edges[-1]
             if not (members or axis.is_periodic or first <= value <= last):
-                sentence = f"x of '{name}' is {value:g}, and the grid from {first:g} to {last:g}"
+                sentence = (
+                    f"x of '{name}' must be in the grid, {first:g} to {last:g}, not {value:g}"
+                )
                 hint = "field.states_of translates points" if self._kind.kind != "cartesian" else ""
                 raise ValueError(hinted(sentence, hint) if hint else sentence)
         return x

@@ -103,7 +103,7 @@ def _growing(name: str, values: Array) -> tuple[Array, Indices]:
     if values.size > 1 and values[0] > values[-1]:
         values, own = values[::-1], own[::-1]
     if not (np.diff(values) > 0).all():
-        raise ValueError(f"{name} has nodes that are not in order")
+        raise ValueError(f"the nodes of {name} must all rise or all fall")
     return values, own
 
 

@@ -48,8 +48,8 @@ def of_xarray(dataset: Any) -> dict[str, Variable]:
     try:
         names = [str(name) for name in dataset.variables]
     except (AttributeError, TypeError):
-        wanted = "dataset is an xarray.Dataset"
-        raise TypeError(f"{wanted}, not {type(dataset).__name__}") from None
+        found = type(dataset).__name__
+        raise TypeError(f"dataset must be an xarray.Dataset, not {found}") from None
     return {
         name: Variable(name, tuple(map(str, x.dims)), _meant(x.values, x.attrs), dict(x.attrs))
         for name, x in ((name, dataset[name]) for name in names)

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from liouville._basics.errors import misshapen
 from liouville._systems.fields.terms.arrays import exact, grouped, widened
 from liouville._systems.fields.terms.functions import Function, written
 from liouville._systems.fields.terms.waves import Wave, expanded
@@ -379,7 +380,7 @@ class Terms:
         """Return the field at x, of shape (n,) or (P, n); entries may be any numbers."""
         x = np.asarray(x)
         if x.shape[-1] != self.n:
-            raise ValueError(f"x has shape {x.shape}, wanted ({self.n},) or (P, {self.n})")
+            raise misshapen("x", x.shape, f"({self.n},) or (P, {self.n})")
         functions = [function.evaluate(x)[..., None] for function in self.functions]
         factors = np.concatenate([x, *functions, np.ones_like(x[..., :1])], axis=-1)
         values = self.coefficient * factors[..., self.variables].prod(axis=-1)

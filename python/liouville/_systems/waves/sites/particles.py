@@ -92,19 +92,20 @@ class FermionSystem(SiteSystem):
         is_pair = isinstance(particles, (tuple, list, np.ndarray))
         self.spinful = is_pair if spinful is None else bool(spinful)
         modes = length * (1 + self.spinful)
+        places = f" for {length} sites"
         charges: tuple[Charge, ...] = ()
         if isinstance(particles, (tuple, list, np.ndarray)):
             if len(particles) != 2 or not self.spinful:
-                sentence = "particles is a number, or with spin a pair (up, down)"
+                sentence = "particles must be a number, or with spin a pair (up, down)"
                 raise ValueError(f"{sentence}, not {particles!r}")
-            found = tuple(whole("particles", n, 0, length, "a site has") for n in particles)
+            found = tuple(whole("particles", n, 0, length, places) for n in particles)
             asked = f"particles={found}"
             for k, name in enumerate(("up", "down")):
                 what = f"the number of fermions with spin {name}"
                 charges += (Charge(what, asked, k * length, (k + 1) * length, found[k]),)
             self.particles: int | tuple[int, ...] | None = found
         elif particles is not None:
-            self.particles = whole("particles", particles, 0, modes, "sites have room for")
+            self.particles = whole("particles", particles, 0, modes, places)
             what = "the number of fermions"
             charges = (Charge(what, f"particles={particles}", 0, modes, self.particles),)
         else:
@@ -198,12 +199,12 @@ class BosonSystem(SiteSystem):
     ) -> None:
         length = counted("sites", sites, periodic)
         if cutoff is None and particles is None:
-            raise ValueError("cutoff= or particles= is wanted: a site has room for any number")
-        most = 2**15 if cutoff is None else whole("cutoff", cutoff, 1, 2**15, "a site has")
+            raise ValueError("give cutoff= or particles=: a site has room for any number of bosons")
+        most = 2**15 if cutoff is None else whole("cutoff", cutoff, 1, 2**15)
         charges: tuple[Charge, ...] = ()
         self.particles = particles
         if particles is not None:
-            self.particles = whole("particles", particles, 0, most * length, "there are")
+            self.particles = whole("particles", particles, 0, most * length)
             most = min(most, max(self.particles, 1))
             what, asked = "the number of bosons", f"particles={particles}"
             charges = (Charge(what, asked, 0, length, self.particles),)

@@ -106,14 +106,14 @@ class SpinSystem(SiteSystem):
         length = counted("sites", sites, periodic)
         twice = 2 * number("spin must be a number", spin)
         if twice != round(twice) or not 1 <= twice <= 30:
-            raise ValueError(f"spin = {spin:g}: it is a multiple of 1/2, from 1/2 to 15")
+            raise ValueError(f"spin must be a multiple of 1/2 from 1/2 to 15, not {spin:g}")
         if pauli and twice != 1:
             raise ValueError(f"pauli=True is for spins one half, and spin = {spin:g}")
         steps = int(twice)
         self.spin, self.pauli = twice / 2, bool(pauli)
         self.up, self.parity = up, parity
         if up is not None:
-            self.up = whole("up", up, 0, steps * length, f"of {length} spins it is")
+            self.up = whole("up", up, 0, steps * length, f" for {length} spins")
         charges = () if up is None else states_of(steps * length, self.up).charges
         charges = tuple(Charge(c.name, c.asked, 0, length, c.total) for c in charges)
         if parity is not None:

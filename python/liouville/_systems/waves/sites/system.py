@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from liouville._basics.arguments import check_memory, count
-from liouville._basics.errors import hinted
+from liouville._basics.errors import hinted, misshapen
 from liouville._systems.waves.entries import COMPLEX, READING
 from liouville._systems.waves.entries import numbers as array_of
 from liouville._systems.waves.exchange import BUILDING, Exchange
@@ -129,9 +129,7 @@ class SiteSystem:
         phi = array_of("the states of sites", local)
         shape = (self._basis.sites, self._basis.levels)
         if phi.shape not in (shape, shape[1:]):
-            raise ValueError(
-                f"states of sites have shape {phi.shape}, wanted {shape[1:]} or {shape}"
-            )
+            raise misshapen("states of sites", phi.shape, f"{shape[1:]} or {shape}")
         phi = np.broadcast_to(phi, shape)
         whole = self._basis.whole
         psi = np.ones(whole.size, phi.dtype if phi.dtype.kind == "c" else float)
@@ -225,8 +223,7 @@ class SiteSystem:
         if not periodic:
             hint = "give periodic=True, or leave momentum= out"
             raise ValueError(hinted("an open chain has no momentum", hint))
-        what = f"of a chain of {length} sites k is"
-        self.momentum = whole("momentum", momentum, 0, length - 1, what)
+        self.momentum = whole("momentum", momentum, 0, length - 1, f" for {length} sites")
         self._check_basis()
         states = self._basis.size
         check_memory(f"the orbits of {states} states", ORBITS * states, self._fewer)
@@ -248,21 +245,21 @@ def counted(name: str, sites: Any, periodic: bool) -> int:
     """Return the number of sites; a ring has three at least."""
     found = count(name, sites)
     if periodic and found < 3:
-        sentence = f"{name} = {found}: a periodic chain has at least 3 sites"
+        sentence = f"{name} must be 3 or more of a periodic chain, not {found}"
         raise ValueError(hinted(sentence, "of fewer, both neighbours of a site would be the same"))
     return found
 
 
-def whole(name: str, value: Any, least: int, most: int, what: str) -> int:
-    """Return an integer between two others."""
+def whole(name: str, value: Any, least: int, most: int, what: str = "") -> int:
+    """Return an integer between two others; the words say why these."""
     if isinstance(value, bool) or not isinstance(value, (int, np.integer)):
         raise TypeError(f"{name} must be an integer, not {value!r}")
     if not least <= value <= most:
-        raise ValueError(f"{name} = {value}: {what} {least} to {most}")
+        raise ValueError(f"{name} must be from {least} to {most}{what}, not {value}")
     return int(value)
 
 
 def parity_of(parity: Any, what: str, last: int) -> Charge:
     """Return the parity of a sum of digits, that of the sites before the last, as a charge."""
-    found = whole("parity", parity, 0, 1, f"{what} is")
+    found = whole("parity", parity, 0, 1)
     return Charge(f"the parity of {what}", f"parity={found}", 0, last, found, 2)

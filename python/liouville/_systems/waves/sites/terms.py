@@ -145,8 +145,8 @@ def read(term: Any, name: str, letters: Letters, sites: int, periodic: bool) -> 
     values = array_of(f"the coefficient of {name}, {word!r},", coefficient)
     if values.shape not in ((), (len(at),)):
         raise ValueError(
-            f"{name}, {word!r}, has coefficients of shape {values.shape}, "
-            f"wanted one, or one for each of its {len(at)} places"
+            f"the coefficient of {name}, {word!r}, must be a number, or one for each of its "
+            f"{len(at)} places, not of shape {values.shape}"
         )
     if not np.isfinite(values).all():
         raise ValueError(
@@ -192,8 +192,8 @@ def _sites(
         found = found.reshape((-1, 1) if factors == 1 else (1, -1))
     if found.ndim != 2 or found.shape[1] != factors:
         raise ValueError(
-            f"the sites of {name}, {word!r}, have shape {np.shape(places)}: "
-            f"wanted {factors} for its {factors} letters, or rows of them"
+            f"the sites of {name}, {word!r}, must be {factors} for its {factors} letters, or rows "
+            f"of them, not of shape {np.shape(places)}"
         )
     outside = found[(found < 0) | (found >= sites)]
     if outside.size:
