@@ -37,7 +37,9 @@ nitpicky = True  # a link that leads nowhere is an error
 # Types in docstrings are words: "optional", "array_like".
 nitpick_ignore_regex = [("py:class", r"(?!liouville\b).*")]
 
-linkcheck_ignore = ["https://(github.com/)?liouville-integrators"]  # tests/test_pages.py looks
+linkcheck_ignore = [
+    "https://(github.com/)?liouville-integrators"
+]  # tests/test_pages.py looks
 linkcheck_retries = 3
 
 autodoc_member_order = "bysource"
@@ -88,11 +90,16 @@ def outputs(page, source):
     for node in page.findall():
         if isinstance(node, nodes.literal_block) and node.get("language") == "Python":
             cells.append([])
-        elif isinstance(node, nodes.literal_block) and "sphx-glr-script-out" in node["classes"]:
+        elif (
+            isinstance(node, nodes.literal_block)
+            and "sphx-glr-script-out" in node["classes"]
+        ):
             text = f"{node.astext()}\n"
             cells[-1].append({"output_type": "stream", "name": "stdout", "text": text})
         elif isinstance(node, imgsgnode):
-            picture = base64.b64encode((source / node["uri"].lstrip("/")).read_bytes()).decode()
+            picture = base64.b64encode(
+                (source / node["uri"].lstrip("/")).read_bytes()
+            ).decode()
             cells[-1].append(shown("display_data", {"image/png": picture}))
         elif isinstance(node, nodes.raw) and "output_result" in node.astext():
             html = {"text/html": node.astext().removesuffix("<br />\n<br />")}
@@ -129,11 +136,18 @@ def write_view(app, error):
     if error is None and app.builder.format == "html":
         problem = problems.load("stewart_platform")
         motion = lv.integrate(
-            problem.system, lv.Spark(3), t=(0, 10), h=0.02, params={"c": 3000.0}, **problem.start
+            problem.system,
+            lv.Spark(3),
+            t=(0, 10),
+            h=0.02,
+            params={"c": 3000.0},
+            **problem.start,
         )
         folder = Path(app.outdir) / "_static"
         plot.view(motion, path=folder / "mechanism.html", trace="plate")
-        runpy.run_path(str(Path(app.confdir).parent / "tools" / "sweeps.py"))["main"](folder)
+        runpy.run_path(str(Path(app.confdir).parent / "tools" / "sweeps.py"))["main"](
+            folder
+        )
 
 
 def setup(app):

@@ -25,8 +25,13 @@ sides = {
     "middle": lambda x: (abs(x[0] - LENGTH / 2) < 1e-9) & (x[1] == HEIGHT / 2),
 }
 x, y = np.linspace(0, LENGTH, 41), np.linspace(-HEIGHT / 2, HEIGHT / 2, 5)
-basis = skfem.Basis(skfem.MeshQuad.init_tensor(x, y), skfem.ElementVector(skfem.ElementQuad2()))
-nodes = {name: basis.get_dofs(nodes=basis.mesh.nodes_satisfying(at)) for name, at in sides.items()}
+basis = skfem.Basis(
+    skfem.MeshQuad.init_tensor(x, y), skfem.ElementVector(skfem.ElementQuad2())
+)
+nodes = {
+    name: basis.get_dofs(nodes=basis.mesh.nodes_satisfying(at))
+    for name, at in sides.items()
+}
 left = basis.get_dofs(basis.mesh.facets_satisfying(sides["left"], boundaries_only=True))
 
 body = lv.fem.Body.elastic(basis, young=210e9, poisson=0.0, density=7800.0, clamped=left)
@@ -54,7 +59,10 @@ beam
 rest = np.zeros(len(body.names))
 runs = {
     name: lv.integrate(beam, method, t=(0.0, 0.02), h=1e-4, q=rest, v=rest)
-    for name, method in {"trapezoidal rule": lv.HHT(alpha=0.0), "HHT": lv.HHT(alpha=-0.3)}.items()
+    for name, method in {
+        "trapezoidal rule": lv.HHT(alpha=0.0),
+        "HHT": lv.HHT(alpha=-0.3),
+    }.items()
 }
 
 # %%
@@ -71,7 +79,9 @@ plt.show()
 # %%
 # The beam bends in the first 5 ms, dark to light.
 
-line = basis.get_dofs(nodes=basis.mesh.nodes_satisfying(lambda x: abs(x[1]) < 1e-9)).all("u^2")
+line = basis.get_dofs(nodes=basis.mesh.nodes_satisfying(lambda x: abs(x[1]) < 1e-9)).all(
+    "u^2"
+)
 line = line[np.argsort(basis.doflocs[0, line])]
 swing = runs["HHT"]
 

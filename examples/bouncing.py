@@ -37,7 +37,9 @@ runs = lv.ensemble(
     ball, lv.Spark(stages=2), t=(0, 200), h=0.1, events={"wall": wall},
     params={"n": [2.0, 2.0, 4.0, 4.0]}, q=[[0.6, 1.5], [0.6 + 1e-9, 1.5]] * 2, v=[0.0, 0.0],
 )  # fmt: skip
-print(f"largest relative error of the energy: {np.nanmax(runs.invariant_drift('energy')):.1e}")
+print(
+    f"largest relative error of the energy: {np.nanmax(runs.invariant_drift('energy')):.1e}"
+)
 runs.member(0).message
 
 # %%

@@ -44,7 +44,9 @@ system
 def swing(stages, h):
     """Return the largest sideways displacement, and whether the run was finished."""
     try:
-        solution = lv.integrate(system, lv.Spark(stages), t=(0, STEPS * h), steps=STEPS, **start)
+        solution = lv.integrate(
+            system, lv.Spark(stages), t=(0, STEPS * h), steps=STEPS, **start
+        )
     except lv.IntegrationError as error:
         return np.abs(error.solution.q[:, ::2]).max(), False
     return np.abs(solution.q[:, ::2]).max(), True

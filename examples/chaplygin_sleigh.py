@@ -23,7 +23,9 @@ problem.system
 
 runs = {}
 for a in (0.5, 1.0, 2.0):
-    start = problem.system.consistent(params={"a": a}, q=[0.0, 0.0, 0.0], v=[-0.995, 0.0, 0.0825])
+    start = problem.system.consistent(
+        params={"a": a}, q=[0.0, 0.0, 0.0], v=[-0.995, 0.0, 0.0825]
+    )
     solution = lv.integrate(
         problem.system, lv.Spark(stages=3), t=(0.0, 40.0), h=0.1, params={"a": a}, **start
     )

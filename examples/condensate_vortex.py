@@ -69,7 +69,9 @@ places = np.array([place(each) for each in solution.psi])
 angle = np.unwrap(np.arctan2(places[:, 1], places[:, 0]))
 frequency = np.polyfit(solution.t, angle, 1)[0]
 radius2 = 2 * mu
-formula = np.log(2**1.5 * np.pi * mu) / (radius2 - np.mean(places[:, 0] ** 2 + places[:, 1] ** 2))
+formula = np.log(2**1.5 * np.pi * mu) / (
+    radius2 - np.mean(places[:, 0] ** 2 + places[:, 1] ** 2)
+)
 print(f"frequency {frequency:.4f}, formula {formula:.4f}")
 
 fig, ax = plt.subplots()

@@ -72,7 +72,9 @@ found
 
 fig, (way, forces) = plt.subplots(1, 2, width_ratios=(3, 2))
 angle = np.linspace(0, 2 * np.pi, 200)
-way.fill(*(CENTRE[:, None] + HALF[:, None] * [np.cos(angle), np.sin(angle)]), color="0.85")
+way.fill(
+    *(CENTRE[:, None] + HALF[:, None] * [np.cos(angle), np.sin(angle)]), color="0.85"
+)
 for run, label in ((free, "without limits"), (found, "within limits")):
     way.plot(run.q[:, 1], run.q[:, 2], label=label)
 for k in range(0, 41, 5):

@@ -31,7 +31,8 @@ def integrate(problem):
     )
     reference = problem.reference[problem.interval[1]]
     errors = {
-        state: np.max(np.abs(getattr(solution, state)[-1] - values)) / np.max(np.abs(values))
+        state: np.max(np.abs(getattr(solution, state)[-1] - values))
+        / np.max(np.abs(values))
         for state, values in reference.items()
     }
     return solution, errors
@@ -41,7 +42,9 @@ def draw_motion(ax, problem, solution, frames=12):
     """Draw the mechanism at a few times, from light to dark."""
     params = SimpleNamespace(**solution.params)
     at = np.linspace(0, len(solution.t) - 1, frames).round().astype(int)
-    for i, shade in zip(at, colormaps["Blues"](np.linspace(0.25, 1, frames)), strict=True):
+    for i, shade in zip(
+        at, colormaps["Blues"](np.linspace(0.25, 1, frames)), strict=True
+    ):
         for line in problem.outline(solution.q[i], params):
             ax.plot(*line.T, color=shade, lw=1.2, solid_capstyle="round")
     ax.set_aspect("equal", adjustable="datalim")
@@ -49,11 +52,15 @@ def draw_motion(ax, problem, solution, frames=12):
 
 def draw_kept(ax, solution, conserved):
     """Draw the residuals of the constraints and the drift of the conserved quantities."""
-    sizes = {name: np.abs(values).max(axis=1) for name, values in solution.residuals.items()}
+    sizes = {
+        name: np.abs(values).max(axis=1) for name, values in solution.residuals.items()
+    }
     sizes |= {name: solution.invariant_drift(name) for name in conserved}
     for (name, size), colour in zip(sizes.items(), plot.COLOURS, strict=False):
         label = LABELS.get(name, name)
-        ax.semilogy(solution.t, np.maximum(size, plot.FLOOR), ".", ms=2, color=colour, label=label)
+        ax.semilogy(
+            solution.t, np.maximum(size, plot.FLOOR), ".", ms=2, color=colour, label=label
+        )
     ax.set_ylim(plot.FLOOR / 3, 1e-9)
     ax.set_xlabel("time $t$", fontsize=9)
     ax.set_ylabel("deviation (energy: relative)", fontsize=9)
@@ -63,7 +70,9 @@ def draw_kept(ax, solution, conserved):
 def main(path):
     figure = Figure(figsize=(10.5, 5.8), layout="constrained")
     rows = figure.subplots(2, 3)
-    print(f"{METHOD}\n{'':12}{'h':>9}{'steps':>7}{'error in q':>12}{'error in v':>12}{'ms':>8}")
+    print(
+        f"{METHOD}\n{'':12}{'h':>9}{'steps':>7}{'error in q':>12}{'error in v':>12}{'ms':>8}"
+    )
     page = Path(path).with_suffix(".html")
     page.parent.mkdir(parents=True, exist_ok=True)
     for name, row in zip(TITLES, rows, strict=True):

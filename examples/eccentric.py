@@ -59,6 +59,11 @@ for name, solution in runs.items():
     drift = np.abs(solution.invariants["energy"] - solution.invariants["energy"][0])
     label = f"{name}: {solution.stats['steps'] / REVOLUTIONS:.0f} steps a revolution"
     ax.loglog(solution.t[1:] / problem.period, drift[1:], ".", ms=1, label=label)
-ax.set(xlabel="revolutions", ylabel="error of the energy", xlim=(1e-2, None), ylim=(1e-12, None))
+ax.set(
+    xlabel="revolutions",
+    ylabel="error of the energy",
+    xlim=(1e-2, None),
+    ylim=(1e-12, None),
+)
 fig.legend(markerscale=6, loc="outside upper left")
 plt.show()

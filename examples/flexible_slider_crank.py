@@ -47,8 +47,17 @@ def constraint(t, q, params):
     return {"pin": end[0] - q[1], "guide": end[1]}
 
 
-params = {"r": 0.15, "l": 0.3, "speed": 150.0, "rhoA": 0.39, "EI": 42.0, "slider": 0.1}  # SI
-system = lv.Lagrangian(lagrangian, constraint, q=("rod", "slider", "e1", "e2"), params=params)
+params = {
+    "r": 0.15,
+    "l": 0.3,
+    "speed": 150.0,
+    "rhoA": 0.39,
+    "EI": 42.0,
+    "slider": 0.1,
+}  # SI
+system = lv.Lagrangian(
+    lagrangian, constraint, q=("rod", "slider", "e1", "e2"), params=params
+)
 system
 
 # %%
@@ -59,7 +68,12 @@ turns = 2 * 2 * np.pi / params["speed"]
 
 runs = {
     name: lv.integrate(
-        system, lv.HHT(alpha=-0.3), t=(0.0, turns), h=1e-4, params={"EI": stiffness}, **start
+        system,
+        lv.HHT(alpha=-0.3),
+        t=(0.0, turns),
+        h=1e-4,
+        params={"EI": stiffness},
+        **start,
     )
     for name, stiffness in {"slender": params["EI"], "rigid": 1e6 * params["EI"]}.items()
 }

@@ -49,7 +49,9 @@ for name in BARS:
     ends = np.array([body.point((x, 0, 0)) for x in (-reach, reach)])
     for k in range(0, 157, 12):
         ax.plot(*ends[:, k, :2].T, color=plt.cm.viridis(k / 157))
-ax.set(aspect="equal", xlabel="x / m", ylabel="y / m", title="the first turn, dark to light")
+ax.set(
+    aspect="equal", xlabel="x / m", ylabel="y / m", title="the first turn, dark to light"
+)
 plt.show()
 
 # %%
@@ -60,7 +62,9 @@ fig, ax = plt.subplots()
 for name in "BCD":
     force = solution.joint(name).force
     ax.plot(solution.t, np.hypot(force[:, 0], force[:, 1]), label=f"force in {name} / N")
-ax.plot(solution.t, solution.joint("A").torque[:, 2], "k", label="torque of the motor / Nm")
+ax.plot(
+    solution.t, solution.joint("A").torque[:, 2], "k", label="torque of the motor / Nm"
+)
 ax.set(xlabel="time / s", ylabel="force / N, torque / Nm")
 fig.legend(ncols=2, loc="outside upper left")
 plt.show()

@@ -62,7 +62,9 @@ modes
 
 shape = modes.shapes[:, 0].real
 drawn = {"as drawn": m.start()["q"], "at rest": rest.start["q"]}
-drawn |= {f"swing {sign}": rest.start["q"] + k * shape for sign, k in (("+", 0.2), ("-", -0.2))}
+drawn |= {
+    f"swing {sign}": rest.start["q"] + k * shape for sign, k in (("+", 0.2), ("-", -0.2))
+}
 
 fig, ax = plt.subplots()
 for (label, q), colour in zip(drawn.items(), ("0.8", "k", "C0", "C1"), strict=True):
@@ -71,7 +73,9 @@ for (label, q), colour in zip(drawn.items(), ("0.8", "k", "C0", "C1"), strict=Tr
     for bar, (a, b) in BARS.items():
         reach = np.hypot(*np.subtract(POINTS[a], POINTS[b])) / 2
         ends = [pose.body(bar).point((x, 0, 0))[0, :2] for x in (-reach, reach)]
-        ax.plot(*np.transpose(ends), color=colour, label=label if bar == "crank" else None)
+        ax.plot(
+            *np.transpose(ends), color=colour, label=label if bar == "crank" else None
+        )
 ax.set(aspect="equal", xlabel="x / m", ylabel="y / m")
 fig.legend(ncols=4, loc="outside upper left")
 plt.show()

@@ -27,7 +27,11 @@ system = lv.Lagrangian(
 # Friction changes its sign where the block turns. The event ends a step there, and its reset
 # changes nothing.
 
-turns = {"turn": lv.Event(lambda t, q, v, lam, params: v[0], reset=lambda t, q, v, lam, params: {})}
+turns = {
+    "turn": lv.Event(
+        lambda t, q, v, lam, params: v[0], reset=lambda t, q, v, lam, params: {}
+    )
+}
 
 # %%
 # The films: 25 frames a second, places good to 2 mm, and in each one frame off by 10 cm.

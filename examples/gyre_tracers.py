@@ -33,7 +33,11 @@ v = 0.7 * np.cos(np.pi * f) * slope * np.sin(np.pi * Y)
 
 path = Path(mkdtemp()) / "gyre.nc"
 with netcdf_file(path, "w") as file:
-    for name, values, units in (("time", t, "s"), ("y", length * y, "m"), ("x", length * x, "m")):
+    for name, values, units in (
+        ("time", t, "s"),
+        ("y", length * y, "m"),
+        ("x", length * x, "m"),
+    ):
         file.createDimension(name, len(values))
         variable = file.createVariable(name, "d", (name,))
         variable[:], variable.units = values, units

@@ -41,7 +41,9 @@ solution
 fig, ax = plt.subplots(figsize=(5, 4.6), subplot_kw={"projection": "3d"})
 shown = solution.t <= 4.0
 ax.plot(*solution.observed["disc"][shown].T, lw=1)
-ax.set(xlabel="x / m", ylabel="y / m", zlabel="z / m", title="path of the disc's centre, 4 s")
+ax.set(
+    xlabel="x / m", ylabel="y / m", zlabel="z / m", title="path of the disc's centre, 4 s"
+)
 ax.set_box_aspect((1, 1, 1), zoom=0.9)
 ax.locator_params(nbins=5)
 plt.show()

@@ -31,7 +31,9 @@ MIDDLE = LENGTH // 2
 up = chain.product_state([1.0, 0.0])
 times = np.linspace(0.0, 6.0, 121)
 observe = {f"z{i}": chain.operator("z", 1.0, [i]) for i in range(LENGTH)}
-observe |= {f"zz{i}": chain.operator("zz", 1.0, (MIDDLE, i)) for i in range(LENGTH) if i != MIDDLE}
+observe |= {
+    f"zz{i}": chain.operator("zz", 1.0, (MIDDLE, i)) for i in range(LENGTH) if i != MIDDLE
+}
 solution = lv.integrate(
     system, lv.Chebyshev(tol=1e-6), t=times, psi=up, states=False, observe=observe
 )
@@ -56,7 +58,9 @@ for i in range(LENGTH):
         connected[:, i] = solution.observed[f"zz{i}"] - z[:, i] * z[:, MIDDLE]
 
 fig, ax = plt.subplots()
-shown = ax.pcolormesh(np.arange(LENGTH), times, connected, cmap="magma", shading="nearest")
+shown = ax.pcolormesh(
+    np.arange(LENGTH), times, connected, cmap="magma", shading="nearest"
+)
 for side in (-1, 1):
     ax.plot(MIDDLE + side * 4 * FIELD * times, times, color="white", linestyle=":")
 ax.set(xlabel="spin", ylabel="time", xlim=(-0.5, LENGTH - 0.5))

@@ -46,7 +46,9 @@ f"{100 * low.mean():.0f} % of the time, a stride of {100 * stride:.0f} cm"
 
 fig, ax = plt.subplots()
 ax.plot(solution.t, solution.joint("A").rate, label="rate of the crank / rad/s")
-ax.plot(solution.t, 100 * (foot[:, 1] - foot[:, 1].min()), label="height of the foot / cm")
+ax.plot(
+    solution.t, 100 * (foot[:, 1] - foot[:, 1].min()), label="height of the foot / cm"
+)
 ax.set(xlabel="time / s")
 fig.legend(ncols=2, loc="outside upper right")
 plt.show()

@@ -22,7 +22,11 @@ plt.style.use(plot.STYLE)
 # The data set, with the names, units and directions of ocean models; ``wo`` is upward. There is no
 # flow through the coasts in the north and in the south, nor through the surface and the bottom.
 
-lon, lat, depth = np.arange(0, 360, 7.5), np.linspace(-60, 60, 25), np.linspace(0, 4000, 13)
+lon, lat, depth = (
+    np.arange(0, 360, 7.5),
+    np.linspace(-60, 60, 25),
+    np.linspace(0, 4000, 13),
+)
 time = np.arange("2021-01-01", "2021-03-12", 10, dtype="datetime64[D]")
 DAY, LON, LAT, DEPTH = np.meshgrid(
     (time - time[0]).astype(float), np.radians(lon), np.radians(lat), depth, indexing="ij"
@@ -63,7 +67,9 @@ run = lv.ensemble(
     x=field.states_of(places),
 )
 found = run.to_xarray()
-print(f"{found.time.values[-1]:}, {float(field.divergence):.1e} of the velocity taken off")
+print(
+    f"{found.time.values[-1]:}, {float(field.divergence):.1e} of the velocity taken off"
+)
 
 # %%
 # Their ways on the map, and how deep they are.

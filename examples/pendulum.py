@@ -32,7 +32,9 @@ runs[2]
 fig, ax = plt.subplots()
 for stages, solution in runs.items():
     drift = solution.invariant_drift("energy")
-    ax.semilogy(solution.t[1:], drift[1:], ".", ms=2, label=f"s = {stages}, order {2 * stages}")
+    ax.semilogy(
+        solution.t[1:], drift[1:], ".", ms=2, label=f"s = {stages}, order {2 * stages}"
+    )
 ax.set(xlabel="time", ylabel="relative error of the energy", ylim=(1e-16, 1))
 fig.legend(markerscale=5, ncols=4, loc="outside upper left")
 plt.show()

@@ -14,20 +14,28 @@ from liouville import plot
 
 plt.style.use(plot.STYLE)
 
-work = lv.table([-0.12, -0.10, -0.08, -0.06, 0.0, 0.1], [900.0, 500.0, 120.0, 0.0, 0.0, 0.0])
+work = lv.table(
+    [-0.12, -0.10, -0.08, -0.06, 0.0, 0.1], [900.0, 500.0, 120.0, 0.0, 0.0, 0.0]
+)
 
 
 def press(**motor):
     """Draw the press with its crank to the right, and a motor in joint A."""
     m = lv.bodies.Assembly(gravity=(0, -9.81, 0))
     m.planar_body("crank", mass=2.0, inertia=0.01, at=(0.05, 0))
-    m.planar_body("rod", mass=1.5, inertia=0.02, at=(0.05, -0.2), angle=np.arctan2(-0.4, -0.1))
+    m.planar_body(
+        "rod", mass=1.5, inertia=0.02, at=(0.05, -0.2), angle=np.arctan2(-0.4, -0.1)
+    )
     m.point_mass("ram", mass=8.0, at=(0, -0.4, 0))
     m.revolute("A", "ground", "crank", at=(0, 0, 0), axis=(0, 0, 1), **motor)
     m.revolute("B", "crank", "rod", at=(0.1, 0, 0), axis=(0, 0, 1))
     m.spherical("C", "rod", "ram", at=(0, -0.4, 0))
     m.prismatic(
-        "D", "ground", "ram", axis=(0, 1, 0), force=lambda t, slide, rate, params: work(slide)
+        "D",
+        "ground",
+        "ram",
+        axis=(0, 1, 0),
+        force=lambda t, slide, rate, params: work(slide),
     )
     return m
 

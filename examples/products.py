@@ -40,7 +40,9 @@ def measure(system, psi):
     """Return products and errors of each method, for tolerances of one to nine digits."""
     low, high = system.bounds
     span = (0.0, 2 * THETA / (high - low))
-    psi = psi * np.exp(1j) / np.linalg.norm(psi)  # not a real state, which would be a special case
+    psi = (
+        psi * np.exp(1j) / np.linalg.norm(psi)
+    )  # not a real state, which would be a special case
     exact = lv.integrate(system, lv.Chebyshev(tol=1e-11), t=span, psi=psi).psi[-1]
     runs = {}
     for code, method in METHODS.items():

@@ -73,8 +73,14 @@ found.t[-1], about_the_axis
 
 fig, ax = plt.subplots()
 for k in range(3):
-    ax.plot(found.stage_t.ravel(), found.stage_controls["torque"][:, :, k].ravel(), label="xyz"[k])
-ax.set(xlabel="time / s", ylabel="torque / Nm", title="torques about the satellite's axes")
+    ax.plot(
+        found.stage_t.ravel(),
+        found.stage_controls["torque"][:, :, k].ravel(),
+        label="xyz"[k],
+    )
+ax.set(
+    xlabel="time / s", ylabel="torque / Nm", title="torques about the satellite's axes"
+)
 fig.legend(ncols=3, loc="outside upper right")
 plt.show()
 

@@ -43,7 +43,13 @@ solution
 fig, axes = plt.subplots(1, 3, figsize=(6.4, 3.8), sharey=True)
 for ax, (delta, profile) in zip(axes, profiles.items(), strict=True):
     shown = ax.pcolormesh(
-        np.arange(LENGTH), times, profile, vmin=-0.5, vmax=0.5, cmap="RdBu_r", shading="nearest"
+        np.arange(LENGTH),
+        times,
+        profile,
+        vmin=-0.5,
+        vmax=0.5,
+        cmap="RdBu_r",
+        shading="nearest",
     )
     ax.set(title=rf"$\Delta = {delta:g}$", xlabel="spin")
     ax.grid(visible=False)

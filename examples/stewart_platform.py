@@ -24,7 +24,9 @@ plt.style.use(plot.STYLE)
 def ring(radius, height, *degrees):
     """Return points on a circle."""
     turn = np.radians(degrees)
-    return np.stack([radius * np.cos(turn), radius * np.sin(turn), np.full(6, height)], axis=1)
+    return np.stack(
+        [radius * np.cos(turn), radius * np.sin(turn), np.full(6, height)], axis=1
+    )
 
 
 feet = ring(1.0, 0.0, -20, 20, 100, 140, 220, 260)

@@ -28,7 +28,9 @@ friction = lv.bodies.Stribeck(
     v_stribeck=0.1,
     v_s=2e-3,
 )
-m.prismatic("drive", m.ground, "belt", axis=(1, 0, 0), motion=lambda t, params: params.speed * t)
+m.prismatic(
+    "drive", m.ground, "belt", axis=(1, 0, 0), motion=lambda t, params: params.speed * t
+)
 m.prismatic("contact", "belt", "block", at=(0, 0, 0), axis=(1, 0, 0), friction=friction)
 m.spring("spring", m.ground, "block", at=((-0.5, -0.1, 0), (0, 0.1, 0)), stiffness=100.0)
 

@@ -90,7 +90,9 @@ plt.show()
 fig, ax = plt.subplots(figsize=(7, 2.6))
 for k in range(0, 41, 2):
     cart, x1, y1, x2, y2 = found.q[k] + 0.35 * k * np.array([1, 1, 0, 1, 0])
-    ax.plot([cart - 0.1, x1, x2, cart + 0.1], [0, y1, y2, 0], color=plt.cm.viridis(k / 44))
+    ax.plot(
+        [cart - 0.1, x1, x2, cart + 0.1], [0, y1, y2, 0], color=plt.cm.viridis(k / 44)
+    )
     ax.plot([cart - 0.1, cart + 0.1], [0, 0], color="0.2", lw=3)
 ax.set(aspect="equal", xticks=[], ylabel="y / m")
 plt.show()

@@ -25,7 +25,9 @@ t, inertia, mass, crank, rod, gas = dynamicsymbols._t, *sympy.symbols("I m r l F
 energy = (inertia * turn.diff(t) ** 2 + mass * way.diff(t) ** 2) / 2
 length = (way - crank * sympy.cos(turn)) ** 2 + (crank * sympy.sin(turn)) ** 2 - rod**2
 frame = ReferenceFrame("N")
-engine = LagrangesMethod(energy - gas * way, [turn, way], hol_coneqs=[length], frame=frame)
+engine = LagrangesMethod(
+    energy - gas * way, [turn, way], hol_coneqs=[length], frame=frame
+)
 
 numbers = {"I": 0.02, "m": 0.5, "r": 0.05, "l": 0.15, "F": 40.0}
 system = lv.from_sympy(engine, params=numbers)

@@ -32,7 +32,9 @@ zero, one = np.eye(3, dtype=complex)[:2]
 
 def transmon(pulse):
     samples = np.pad(np.reshape(pulse, (2, -1)), ((0, 0), (1, 1)))
-    return lv.Schrodinger(energies, drive=list(zip(samples, drives, strict=True)), times=times)
+    return lv.Schrodinger(
+        energies, drive=list(zip(samples, drives, strict=True)), times=times
+    )
 
 
 # %%
@@ -42,7 +44,9 @@ def transmon(pulse):
 
 def infidelity(pulse, tol=1e-8):
     by = ["drive[0]", "drive[1]"]
-    solution, pullback = lv.vjp(transmon(pulse), lv.Chebyshev(tol), wrt=by, t=(0, 6), psi=zero)
+    solution, pullback = lv.vjp(
+        transmon(pulse), lv.Chebyshev(tol), wrt=by, t=(0, 6), psi=zero
+    )
     psi = solution.psi[-1]
     norm, others = np.vdot(psi, psi).real, psi * [1, 0, 1]
     missing = np.vdot(others, others).real / norm
@@ -71,7 +75,9 @@ found = minimize(
     bounds=[(-1.5, 1.5)] * first.size,
     options={"maxiter": 200, "ftol": 0, "gtol": 1e-9},
 )
-print(f"infidelity: {found.fun:.1e} after {found.nit} iterations and {found.nfev} gradients")
+print(
+    f"infidelity: {found.fun:.1e} after {found.nit} iterations and {found.nfev} gradients"
+)
 
 # %%
 # An infidelity is worth no more than its run. Of a run without derivatives it is known beforehand

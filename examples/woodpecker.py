@@ -20,8 +20,17 @@ from liouville.bodies import Assembly, Plane, Sphere
 
 plt.style.use(plot.STYLE)
 
-POLE, INNER, HALF = 0.0025, 0.0031, 0.0058  # radii of pole and sleeve, half the sleeve's height
-HINGE, BIRD, BEAK, HIGH = 0.010, 0.015, 0.0201, 0.02  # to the hinge, on to the bird, to its beak
+POLE, INNER, HALF = (
+    0.0025,
+    0.0031,
+    0.0058,
+)  # radii of pole and sleeve, half the sleeve's height
+HINGE, BIRD, BEAK, HIGH = (
+    0.010,
+    0.015,
+    0.0201,
+    0.02,
+)  # to the hinge, on to the bird, to its beak
 
 toy = Assembly(gravity=(0, -9.81, 0))
 sleeve = toy.planar_body("sleeve", mass=0.3e-3, inertia=5e-9)

@@ -61,7 +61,7 @@ PACKAGE_FLOORS = (
     ("_runs",),
     ("analysis",),
     ("_studies",),
-    ("_bridges", "plot", "problems"),
+    ("_bridges", "plot", "problems", "results"),
     ("_cli",),
     ("__main__",),
 )

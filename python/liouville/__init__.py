@@ -53,6 +53,7 @@ if _typing.TYPE_CHECKING:
     from liouville import bodies as bodies
     from liouville import plot as plot
     from liouville import problems as problems
+    from liouville import results as results
     from liouville._bridges import casadi as casadi
     from liouville._bridges import fem as fem
     from liouville._bridges import jax as jax
@@ -166,6 +167,7 @@ _ROOMS = {
     "jax": "_bridges.jax",
     "plot": "plot",
     "problems": "problems",
+    "results": "results",
     "torch": "_bridges.torch",
 }
 

@@ -189,8 +189,8 @@ class Assembly(Acting):
         Returns
         -------
         Mechanism
-            A Lagrangian whose solutions have :meth:`~liouville._solution.motions.Motions.joint`
-            and :meth:`~liouville._solution.motions.Motions.body`.
+            A Lagrangian whose solutions have :meth:`~liouville.Solution.joint`
+            and :meth:`~liouville.Solution.body`.
 
         Raises
         ------
