@@ -176,9 +176,9 @@ def vjp(
         steps and the numbers of terms are held.
     wrt : sequence of str
         What gradients are by: states of the system such as ``"q"`` and ``"v"``, ``"params.name"``,
-        and ``"t0"`` and ``"t1"`` where steps are equal. Parameters of a field are those of its
-        coefficients. Of a Schrödinger equation ``"psi"``, parameters of its drive and of the
-        potential of a grid, and ``"drive[k]"``, the samples of a drive.
+        and ``"t0"`` and ``"t1"`` where steps are equal, without contacts. Parameters of a field are
+        those of its coefficients. Of a Schrödinger equation ``"psi"``, parameters of its drive and
+        of the potential of a grid, and ``"drive[k]"``, the samples of a drive.
     threads : int, optional
         At most and by default as many as this process has processors. They take the members of an
         ensemble in turn, or the rows of a large wave function. The result does not depend on them.
@@ -225,6 +225,14 @@ def vjp(
         events=events, params=params, start=given, has_pullback=True, threads=threads,
         is_ensemble=members.are_given(system, given, params),
     )  # fmt: skip
+    if isinstance(system, Mechanics) and system.contacts is not None:
+        # imported here: few systems have contacts
+        from liouville._runs import contacts
+
+        solution, own = contacts.vjp(system, method, request, wrt, progress)
+        if solution.status != "done":
+            raise IntegrationError(solution.message, solution=solution)
+        return solution, Pullback(own, solution)
     adjoint = runner_of(system, method, request).adjoint(request, wrt)
     solution = execute(adjoint.runner, progress, adjoint.checkpoints)
     if solution.status != "done":

@@ -150,7 +150,7 @@ def check_gradient(
     )  # fmt: skip
     # what bends is to be seen by differences, and not refused
     adjoint.refuses_kinks = False
-    moving = finished(execute(runner_of(system, method, request), run.get("progress")))
+    moving = finished(_moving(system, method, request, run.get("progress")))
     found = moving.tangents
     parts = {x: _part(solution, tangent) for x, tangent in found.items()}
     directions = {
@@ -177,6 +177,16 @@ def check_gradient(
     sums = sum(float(np.abs(x * solution.states[name]).sum()) for name, x in states.items())
     unit = max(unit, LEAST * sums, sys.float_info.min)
     return GradientCheck(dot=abs(back - forward) / unit, differences=abs(slope - forward) / unit)
+
+
+def _moving(system: Any, method: Method | str, request: Request, progress: Any) -> Solution:
+    """Return a run with its tangents, whatever they are."""
+    if isinstance(system, Mechanics) and system.contacts is not None:
+        # imported here: few systems have contacts
+        from liouville._runs import contacts
+
+        return contacts.integrate(system, method, request, progress)
+    return execute(runner_of(system, method, request), progress)
 
 
 def _values(solution: Solution, name: str, shape: tuple[int, ...], span: float) -> np.ndarray:

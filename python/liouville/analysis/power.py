@@ -210,7 +210,7 @@ def _powers_of_contacts(
     for k in np.unique(which):
         own, at = runs[k], which == k
         there = own(times[at]).states
-        forces = forces_of(system.contacts, own.system, there["lam"])
+        forces = forces_of(system.contacts.laws(values), own.system, there["lam"])
         states = times[at], *(there[name] for name in system.states)
         for name, x in system.contacts.powers(states, *forces, values).items():
             found[name][at] = x

@@ -230,7 +230,7 @@ def touch_of(
         hint = "a line of planar bodies has a normal such as (0, 1, 0)"
         raise ValueError(hinted(f"the plane of {of} is none across theirs", hint))
     touch = Touch(name, a, b, (first, second), laws, UP if is_flat else across)
-    if touch.across is None and Contact(max, slip=max, **laws).largest > 0:
+    if touch.across is None and Contact(max, slip=max, **laws).is_rough:
         sentence = f"friction= of {of}: slips in space have two directions, which are not followed"
         hint = "of what moves in a plane give its normal, across=(0, 1, 0), or take planar bodies"
         raise ValueError(hinted(sentence, hint))

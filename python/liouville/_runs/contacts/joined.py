@@ -14,12 +14,13 @@ from liouville._runs.contacts.margin import Shared
 from liouville._runs.contacts.mode import ModeSystem
 from liouville._runs.contacts.switching import AT_REST, Switching
 from liouville._runs.contacts.tangent import summed
-from liouville._runs.contacts.traced import Contacts
+from liouville._runs.contacts.traced import Laws
 from liouville._solution.contacts import ContactRecord
 from liouville._solution.parts import GROUPS
 from liouville._solution.points import Points
 
 if TYPE_CHECKING:
+    from liouville._runs.adjoint import Adjoint
     from liouville._runs.runner import Request
     from liouville._solution.solution import Solution
 
@@ -64,6 +65,28 @@ class Stretch:
 
 
 @dataclass(frozen=True)
+class Link:
+    """How a stretch began and ended, for a pullback.
+
+    Attributes
+    ----------
+    adjoint : Adjoint
+        Its transposed derivative.
+    ended : str or None
+        The event that ended it, if one of the mode did.
+    impacts : list of tuple
+        What the change at its start did to velocities, as :class:`Switching` has it.
+    before : tuple of (float, ndarray, ndarray)
+        Time and state before that.
+    """
+
+    adjoint: Adjoint
+    ended: str | None
+    impacts: list[Any]
+    before: tuple[float, Array, Array]
+
+
+@dataclass(frozen=True)
 class Columns:
     """Records of all stretches: times, groups of a solution, modes and forces of contacts."""
 
@@ -84,7 +107,8 @@ def joined(
     contacts, every = switching.contacts, request.every
     last = stretches[-1].whole.run
     uses = [x.used for x in stretches[:-1]] + [stretches[-1].whole.count]
-    found = _columns(contacts, [x.whole for x in stretches], uses)
+    laws = switching.laws
+    found = _columns(laws, [x.whole for x in stretches], uses)
     gap, slip = _gaps(switching, accelerated, found)
     stats, h = _stats(stretches), switching.h
     if "h_next" in stats:  # of controlled steps
@@ -98,7 +122,7 @@ def joined(
         ends = [x.whole.run.t[0] for x in stretches[1:]]
         counts = [int(np.sum(x.run.t[: x.count] < t)) for x, t in zip(given, ends, strict=False)]
         uses = [*counts, given[-1].count]
-        found = _columns(contacts, given, uses)
+        found = _columns(laws, given, uses)
         gap, slip = _gaps(switching, accelerated, found)
         kept = np.ones(len(found.t), dtype=bool)
     _balanced(found, stretches, uses)
@@ -133,7 +157,7 @@ def joined(
     )
 
 
-def _columns(contacts: Contacts, parts: Sequence[Part], uses: Sequence[int]) -> Columns:
+def _columns(laws: Laws, parts: Sequence[Part], uses: Sequence[int]) -> Columns:
     """Return the first records of parts one after another, so many of each."""
     groups: dict[str, dict[str, list[Array]]] = {group: {} for group in (*GROUPS, "tangents")}
     forces: list[tuple[Array, Array]] = []
@@ -146,7 +170,7 @@ def _columns(contacts: Contacts, parts: Sequence[Part], uses: Sequence[int]) -> 
                     groups[group].setdefault(name, []).append(own)
         for name, values in summed(part.run, system).items():
             groups["tangents"].setdefault(name, []).append(values[:used])
-        forces.append(_forces(contacts, part, used))
+        forces.append(_forces(laws, part, used))
     modes = [
         np.tile(np.array(part.system.modes, dtype=object), (used, 1))
         for part, used in zip(parts, uses, strict=True)
@@ -216,23 +240,23 @@ def _gaps(switching: Switching, accelerated: float, found: Columns) -> tuple[Arr
     return switching.contacts.records(found.t, y, z, *own)[:2]
 
 
-def _forces(contacts: Contacts, part: Part, used: int) -> tuple[Array, Array]:
+def _forces(laws: Laws, part: Part, used: int) -> tuple[Array, Array]:
     """Return normal forces and friction at the first records of a part."""
     system = part.system
     if not system.is_shared:
-        return forces_of(contacts, system, part.run.states["lam"][:used])
+        return forces_of(laws, system, part.run.states["lam"][:used])
     normal, friction = np.zeros((used, len(system.modes))), np.zeros((used, len(system.modes)))
     for k, own in enumerate(part.shared[:used]):
         normal[k], friction[k] = own.normal, own.friction
     return normal, friction
 
 
-def forces_of(contacts: Contacts, system: ModeSystem, lam: Array) -> tuple[Array, Array]:
+def forces_of(laws: Laws, system: ModeSystem, lam: Array) -> tuple[Array, Array]:
     """Return normal forces and friction of multipliers of a mode, those of its rows alone."""
     normal, friction = np.zeros((2, len(lam), len(system.modes)))
     for k, place in system.normals.items():
         normal[:, k] = -lam[:, place]
-        friction[:, k] = -system.modes[k].sign * contacts.friction[k] * normal[:, k]
+        friction[:, k] = -system.modes[k].sign * laws.friction[k] * normal[:, k]
     for k, place in system.tangents.items():
         friction[:, k] = -lam[:, place]
     return normal, friction

@@ -16,7 +16,7 @@ Impulses obey the same problem with rates in the place of accelerations.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -38,13 +38,15 @@ UNBOUNDED = 1e9
 class Forces:
     """Normal forces and friction of all contacts, and what they lead to.
 
-    ``across`` and ``along`` are accelerations of gaps and slips, or rates after an impact.
+    ``across`` and ``along`` are accelerations of gaps and slips, or rates after an impact, whose
+    ``phases`` are its compression and its expansion.
     """
 
     normal: Array
     friction: Array
     across: Array
     along: Array
+    phases: tuple[Forces, ...] = ()
 
 
 def solve(
@@ -254,10 +256,12 @@ def impact(
         if found is None:
             return None
         after = A @ np.concatenate([found.normal, found.friction]) + before
-        return Forces(found.normal, found.friction, after[:c], after[c:])
+        return Forces(found.normal, found.friction, after[:c], after[c:], (found,))
     pressed = solve(A, before, hit, free, mu)
-    if pressed is None or not (restitution * pressed.normal).any():
-        return pressed
+    if pressed is None:
+        return None
+    if not (restitution * pressed.normal).any():
+        return replace(pressed, phases=(pressed,))
     middle = np.concatenate([pressed.across, pressed.along])
     middle[np.abs(middle) <= STOPPED * np.abs(before).max()] = 0.0
     rest = solve(A, middle, hit, free, mu, borne=restitution * pressed.normal)
@@ -265,4 +269,4 @@ def impact(
         return None
     normal, friction = pressed.normal + rest.normal, pressed.friction + rest.friction
     after = A @ np.concatenate([normal, friction]) + before
-    return Forces(normal, friction, after[:c], after[c:])
+    return Forces(normal, friction, after[:c], after[c:], (pressed, rest))

@@ -18,7 +18,7 @@ from liouville._runs.contacts.complementarity import Array
 from liouville._systems.mechanics.contact import Mode
 
 if TYPE_CHECKING:
-    from liouville._runs.contacts.traced import Contacts, Matrices
+    from liouville._runs.contacts.traced import Matrices
 
 #: Forces below this part of those that would move the system so are none.
 NONE, ROUNDED = 1e-9, 1e-14
@@ -39,14 +39,14 @@ class Shared:
     friction: Array
 
 
-def shared(contacts: Contacts, at: Matrices, modes: tuple[Mode, ...]) -> Shared:
+def shared(at: Matrices, modes: tuple[Mode, ...]) -> Shared:
     """Return how contacts share a load: forces that give the accelerations of a mode."""
     c = len(modes)
     closed = [k for k, mode in enumerate(modes) if mode is not Mode.OPEN]
     sticks = [k for k, mode in enumerate(modes) if mode is Mode.STICK]
     columns = np.zeros((2 * c, len(closed) + len(sticks)))
     for j, k in enumerate(closed):
-        columns[:, j] = at.A[:, k] - at.A[:, c + k] * contacts.friction[k] * modes[k].sign
+        columns[:, j] = at.A[:, k] - at.A[:, c + k] * at.laws.friction[k] * modes[k].sign
     for j, k in enumerate(sticks):
         columns[:, len(closed) + j] = at.A[:, c + k]
     active = [*closed, *(c + k for k in sticks)]
@@ -59,7 +59,7 @@ def shared(contacts: Contacts, at: Matrices, modes: tuple[Mode, ...]) -> Shared:
     bounds = [np.eye(len(closed), columns.shape[1])]
     for j, k in enumerate(sticks):
         rows = np.zeros((2, columns.shape[1]))
-        rows[:, closed.index(k)], rows[:, len(closed) + j] = contacts.static[k], (1.0, -1.0)
+        rows[:, closed.index(k)], rows[:, len(closed) + j] = at.laws.static[k], (1.0, -1.0)
         bounds.append(rows)
     limits = np.concatenate(bounds)
     some, ways = vt[:rank].T @ (sides / scale), vt[rank:].T
@@ -68,7 +68,7 @@ def shared(contacts: Contacts, at: Matrices, modes: tuple[Mode, ...]) -> Shared:
     normal, friction = np.zeros(c), np.zeros(c)
     normal[closed] = x[: len(closed)]
     for k in closed:
-        friction[k] = -contacts.friction[k] * modes[k].sign * normal[k]
+        friction[k] = -at.laws.friction[k] * modes[k].sign * normal[k]
     friction[sticks] = x[len(closed) :]
     return Shared(scale * margin < -ROUNDED * weight, normal, friction)
 

@@ -65,7 +65,7 @@ class ModeSystem(Mechanics):
         nu = ca.SX.sym("nu", own.nu.numel() + len(slips))
         r = ca.substitute(model.r, model.lam, lam[:m]) if m else model.r
         for place, k in enumerate(gaps):
-            friction = contacts.friction[k] * modes[k].sign
+            friction = its["friction"][k] * modes[k].sign
             across = its["across"][k, :].T
             r += (-across + friction * its["along"][k, :].T) * lam[m + place]
         count = own.nu.numel()
@@ -87,7 +87,7 @@ class ModeSystem(Mechanics):
             power = ca.substitute(power, model.lam, lam[:m]) if m else power
             drives = contacts.drives
             for place, k in enumerate(gaps):
-                friction = contacts.friction[k] * modes[k].sign
+                friction = its["friction"][k] * modes[k].sign
                 power += lam[m + place] * (friction * drives[len(modes) + k] - drives[k])
         super().__init__(
             s,
@@ -136,7 +136,10 @@ class ModeSystem(Mechanics):
             normal = -multipliers[self.normals[k]]
             found[f"{name}: leave"] = k, "leave", normal
             if mode is Mode.STICK:
-                tangent, most = -multipliers[self.tangents[k]], contacts.static[k] * normal
+                tangent, most = (
+                    -multipliers[self.tangents[k]],
+                    contacts.columns["static"][k] * normal,
+                )
                 found[f"{name}: tear up"] = k, "tear", most - tangent
                 found[f"{name}: tear down"] = k, "tear", most + tangent
         inputs = self._symbols.inputs(z=self._symbols.z, lam=multipliers)
@@ -149,10 +152,10 @@ class ModeSystem(Mechanics):
     def _add_resets(self, contacts: Contacts) -> None:
         """Let hits of contacts without friction be events with an impact."""
         for name, (k, _) in self.own_events.items():
-            if contacts.restitution[k] and not contacts.static[k]:
+            if contacts.bounces[k] and not contacts.is_rough[k]:
                 self.bounces[name] = k
-                gap = contacts.columns["phi"][k]
-                impact = Impact(float(contacts.restitution[k]))
+                gap, restitution = contacts.columns["phi"][k], contacts.columns["restitution"][k]
+                impact = Impact(lambda *_, e=restitution: e)
                 self._resets[name] = Event(lambda *_, gap=gap: gap, "down", reset=impact)
 
     def resets(self) -> dict[str, Event]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -11,11 +10,11 @@ import numpy as np
 from liouville._basics.errors import IntegrationError, hinted, quoted
 from liouville._runs.contacts.bouncing import LEAST, MOST_HITS, WINDOW, bounced
 from liouville._runs.contacts.complementarity import Array
-from liouville._runs.contacts.joined import PENETRATES, Part, Stretch, check, joined
+from liouville._runs.contacts.joined import PENETRATES, Link, Part, Stretch, check, joined
 from liouville._runs.contacts.margin import Shared, shared
 from liouville._runs.contacts.mode import ModeSystem, of_own
 from liouville._runs.contacts.switching import EPS, Switching
-from liouville._runs.contacts.tangent import Moving, at_end, moving, through
+from liouville._runs.contacts.tangent import Moving, at_end, ended_by, moving, through
 from liouville._runs.contacts.traced import Contacts, Matrices
 from liouville._runs.watch import given
 from liouville._systems.events import Event, named
@@ -23,14 +22,9 @@ from liouville._systems.mechanics.contact import Mode
 
 if TYPE_CHECKING:
     from liouville._methods.control import Steps
+    from liouville._runs.contacts.single import Maker
     from liouville._runs.runner import Request
     from liouville._solution.solution import Solution
-    from liouville._systems import Mechanics
-
-    #: Makes a stretch: of a system, from a time to another, with a step, events, a start, and
-    #: perhaps the times of its records; the step is the first of controlled ones, None where the
-    #: method chooses it.
-    Make = Callable[..., Solution]
 
 TINY = float(np.finfo(float).tiny)
 
@@ -55,37 +49,6 @@ def _recorded(*args: Any) -> Any:
 ENDING = Event(_recorded, "down", terminal=True)
 
 
-def integrate(
-    system: Mechanics, request: Request, steps: Steps, make: Make, without: str | None
-) -> Solution:
-    """Integrate a system with contacts from a checked request, with these steps.
-
-    A method `without` nonholonomic constraints, of this name, goes on after no reset.
-    """
-    assert system.contacts is not None
-    course = Course(system.contacts, make, request, steps, without)
-    y, z = system.start(request.start)
-    system.check(course.now.t, y, z, course.now.params)
-    course.check(y, z)
-    try:
-        y, z = course.settle(y, z, set())
-        while True:
-            y, z, stopped = course.advance(y, z)
-            if course.is_over:
-                course.finish(y, z, stopped)
-                return course.solution()
-            y, z = course.settle(y, z, stopped)
-    except IntegrationError as error:
-        course.status, course.ending = "failed", str(error)
-        error.solution = course.solution() if course.stretches else None
-        raise
-    except KeyboardInterrupt:  # between stretches, which answer it themselves
-        if not course.stretches:
-            raise
-        course.status, course.ending = "interrupted", f"interrupted at t = {course.now.t:g}"
-        return course.solution()
-
-
 class Course:
     """A run with contacts as it goes on.
 
@@ -93,8 +56,8 @@ class Course:
     ----------
     contacts : Contacts
         The contacts of the system.
-    make : callable
-        ``make(system, t, h, events, start)``, which makes a stretch to the end or to an event.
+    make : Maker
+        What makes a stretch, to the end or to an event.
     request : Request
         What is asked for.
     steps : Steps
@@ -104,10 +67,14 @@ class Course:
     """
 
     def __init__(
-        self, contacts: Contacts, make: Make, request: Request, steps: Steps, without: str | None
+        self, contacts: Contacts, make: Maker, request: Request, steps: Steps, without: str | None
     ) -> None:
         self.contacts, self.make, self.request = contacts, make, request
-        self.without, self.may_reset = without, without is None and request.tangents is None
+        #: Whether the run is differentiated, by directions or by a pullback.
+        self.has_derivative = request.tangents is not None or request.has_pullback
+        self.without, self.may_reset = without, without is None and not self.has_derivative
+        #: How each stretch began and ended, of a run with a pullback.
+        self.links: list[Link] = []
         #: The directions that the run is differentiated in, as they have come to the present time.
         self.moving: Moving | None = None
         if request.tangents is not None:
@@ -154,6 +121,7 @@ class Course:
 
     def settle(self, y: Array, z: Array, stopped: set[int]) -> tuple[Array, Array]:
         """Make impacts, and choose the mode that goes on; directions go through them too."""
+        self._before = self.now.t, y, z
         found = self.now.settle(y, z, stopped)
         if self.moving is not None:
             self.moving = through(self.now, self.moving, y, z)
@@ -173,7 +141,7 @@ class Course:
         asked = self._asked(system, (now.t, until), h, start, bounces=bounces)
         names = None if self.moving is None else self.moving.directions(system)
         try:
-            run = self.make(*asked, tangents=names)
+            run = self.make(*asked, None, names)
         except IntegrationError as error:
             if bounces:  # of a part that may not count
                 self.window = 0
@@ -202,17 +170,17 @@ class Course:
         forces = self._shared(run, system)
         if len(forces) > 1 and forces[-1].gives_way:
             count, now.t, (y, z) = self._torn(run, len(forces) - 1)
-            if self.moving is not None:
+            if self.has_derivative:
                 sentence = f"contacts that share a load give way at t = {now.t:g}"
-                hint = "tangents do not go through that"
+                hint = "derivatives do not go through that"
                 raise IntegrationError(hinted(sentence, hint), t=now.t)
         if end is not None:
             now.t, y, z = end
         self._keep(Part(run, system, count, forces, now.t), asked)
         for k, change in changes:
             now.add_hit(k, change)
-        if self.moving is not None:
-            self.moving = at_end(run, system, now, self.moving)
+        if self.has_derivative:
+            self._differentiate(run, system)
         self._go_on(run, begin, h)
         return y, z, self._ended(run, system)
 
@@ -238,7 +206,7 @@ class Course:
         own = last.system.own_events.items()
         hits = [name for name, (_, kind) in own if kind == "hit"]
         is_hit = any(now.t in last.run.events[name].t[-1:] for name in hits)
-        if not is_hit or self.status != "done" or self.moving is not None:
+        if not is_hit or self.status != "done" or self.has_derivative:
             return
         y, z = self.settle(y, z, stopped)
         at = now.at(now.t, y, z)
@@ -291,6 +259,8 @@ class Course:
         """Whether the next stretch goes through hits that the core answers."""
         if self.is_controlled or not self.may_reset or until < self.end or not system.bounces:
             return False
+        if not all(self.now.laws.restitution[k] for k in system.bounces.values()):
+            return False  # what does not bounce stays
         if self.window:
             return True
         self.window = LEAST  # once by the laws of contacts
@@ -304,16 +274,18 @@ class Course:
         system = whole.system
         names = None if self.moving is None else self.moving.directions(system)
         own = self.times[(asked[1][0] <= self.times) & (self.times <= self.now.t)]
-        kept = whole.run
+        kept, times = whole.run, own
+        if self.request.has_pullback:  # whose next stretch begins at its end
+            times = np.union1d(own, [whole.run.t[-1]])
         if own.size:
             try:
-                kept = self.make(*asked, own, names)
+                kept = self.make(*asked, times, names)
             except IntegrationError as error:  # as the run itself
                 if error.solution is None:
                     raise
                 kept = error.solution
         shares = self._shared(kept, system, is_whole=False) if own.size else ()
-        count = len(kept.t) if own.size else 0
+        count = min(len(kept.t), own.size)
         self.stretches.append(Stretch(whole, Part(kept, system, count, shares)))
 
     def solution(self) -> Solution:
@@ -347,6 +319,14 @@ class Course:
         until = self.end if self.is_controlled else min(self.end, now.t + 2 * shortest)
         return until, min(shortest / PARTS, until - now.t)
 
+    def _differentiate(self, run: Solution, system: ModeSystem) -> None:
+        """Take the directions to the end of a stretch, or keep what its pullback needs."""
+        ended = ended_by(run, system, self.now)
+        if self.moving is not None:
+            self.moving = at_end(run, system, ended, self.moving)
+        if self.request.has_pullback:
+            self.links.append(Link(self.make.adjoint, ended, self.now.impacts, self._before))
+
     def _go_on(self, run: Solution, begin: float, h: float | None) -> None:
         """Take the step to go on with, and end where the time does not go on."""
         now = self.now
@@ -370,7 +350,7 @@ class Course:
         found: list[Shared] = []
         states = zip(run.t, run.states[first], run.states[second], strict=True)
         for k, (t, y, z) in enumerate(states if system.is_shared else ()):
-            found.append(shared(self.contacts, self.now.at(float(t), y, z), system.modes))
+            found.append(shared(self.now.at(float(t), y, z), system.modes))
             if is_whole and k and found[-1].gives_way:
                 break
         return found
@@ -386,7 +366,7 @@ class Course:
         low, high = float(run.t[k - 1]), float(run.t[k])
         while low < (middle := low + (high - low) / 2) < high:
             here = self.now.at(middle, *at(middle))
-            if shared(self.contacts, here, self.now.modes).gives_way:
+            if shared(here, self.now.modes).gives_way:
                 high = middle
             else:
                 low = middle

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from liouville._basics.arguments import count
+from liouville._basics.errors import IntegrationError
 from liouville._basics.progress import Progress, reported
 from liouville._methods.control import CONTROLS, LEAST_TOLERANCE, Takes
 from liouville._runs.choice import named as method_of
 from liouville._runs.choice import runner_of
-from liouville._runs.contacts.run import integrate as stretches
-from liouville._runs.execute import checked
+from liouville._runs.contacts.run import Course
+from liouville._runs.execute import checked, execute
 from liouville._runs.runner import Request
-from liouville._runs.tangents import ALPHA
+from liouville._runs.tangents import ALPHA, PARAMS
 from liouville._solution.solution import Solution
 from liouville._systems.events import named
 
@@ -26,10 +28,75 @@ if TYPE_CHECKING:
 WITHOUT = {"is_stored": False}
 
 
+class Maker:
+    """A maker of the stretches of a run, each a run of the system of a mode.
+
+    Parameters
+    ----------
+    method : Method
+        The method.
+    request : Request
+        What is asked of the whole run.
+    report : callable, optional
+        It is called with how far a stretch has come.
+
+    Attributes
+    ----------
+    adjoint : Adjoint
+        The transposed derivative of the last stretch, of a run with a pullback.
+    """
+
+    def __init__(self, method: Any, request: Request, report: Callable[[float], None]) -> None:
+        self._method, self._request, self._report = method, request, report
+        self.adjoint: Any = None
+
+    def __call__(
+        self,
+        own: Mechanics,
+        t: tuple[float, float],
+        h: float | None,
+        events: Any,
+        start: Any,
+        *more: Any,
+    ) -> Solution:
+        """Make a stretch of a system from a time to another, with a step, events and a start.
+
+        The step is the first of controlled ones, None where the method chooses it. `more` are the
+        times of its records, and directions, where they are given.
+        """
+        request, (times, tangents) = self._request, (*more, None, None)[:2]
+        control = request.control
+        if control is not None and control.h_min is not None:
+            least = min(control.h_min, t[1] - t[0] if h is None else h)
+            control = replace(control, h_min=least)
+        asked = Request(
+            t=t, h=h, rtol=request.rtol, atol=request.atol, control=control, events=events,
+            observe=request.observe, params=request.params, start=start, t_eval=times,
+            tangents=tangents, has_pullback=request.has_pullback,
+        )  # fmt: skip
+        runner = runner_of(own, self._method, asked)
+        if request.has_pullback:
+            names = [f"{PARAMS}{name}" for name in own.params]
+            self.adjoint = runner.adjoint(asked, [*own.states, "t0", *names])
+            found = execute(self.adjoint.runner, None, self.adjoint.checkpoints)
+        else:
+            found = checked(runner, asked, None)
+        if len(found.t):
+            self._report(float(found.t[-1]))
+        return found
+
+
 def integrate(
     system: Mechanics, method: Method | Plan | str, request: Request, progress: Progress
 ) -> Solution:
     """Integrate a system with contacts, the stretch of one mode after another."""
+    return course(system, method, request, progress).solution()
+
+
+def course(
+    system: Mechanics, method: Method | Plan | str, request: Request, progress: Progress
+) -> Course:
+    """Run a system with contacts, the stretch of one mode after another."""
     for name, default in WITHOUT.items():
         if getattr(request, name) is not default:
             what = "store" if name == "is_stored" else name
@@ -47,25 +114,36 @@ def integrate(
     # the alpha family counts work from each start, and holds nothing that sticks
     used = method_of(system, method, request.rtol)
     without = type(used).__name__ if isinstance(used, ALPHA) else None
-
     with reported(progress, "of time") as report:
 
-        def stretch(
-            own: Any, t: Any, h: float | None, events: Any, start: Any, times: Any = None,
-            tangents: Any = None,
-        ) -> Solution:  # fmt: skip
-            control = request.control
-            if control is not None and control.h_min is not None:
-                least = min(control.h_min, t[1] - t[0] if h is None else h)
-                control = replace(control, h_min=least)
-            more = Request(
-                t=t, h=h, rtol=request.rtol, atol=request.atol, control=control, events=events,
-                observe=request.observe, params=request.params, start=start, t_eval=times,
-                tangents=tangents,
-            )  # fmt: skip
-            found = checked(runner_of(own, method, more), more, None)
-            if report is not None and len(found.t):
-                report(found.t[-1] - steps.t0, steps.t1 - steps.t0)
-            return found
+        def come(t: float) -> None:
+            if report is not None:
+                report(t - steps.t0, steps.t1 - steps.t0)
 
-        return stretches(system, request, steps, stretch, without)
+        assert system.contacts is not None
+        maker = Maker(method, request, come)
+        return _run(system, Course(system.contacts, maker, request, steps, without))
+
+
+def _run(system: Mechanics, course: Course) -> Course:
+    """Run to the end, or to what fails."""
+    y, z = system.start(course.request.start)
+    system.check(course.now.t, y, z, course.now.params)
+    course.check(y, z)
+    try:
+        y, z = course.settle(y, z, set())
+        while True:
+            y, z, stopped = course.advance(y, z)
+            if course.is_over:
+                course.finish(y, z, stopped)
+                break
+            y, z = course.settle(y, z, stopped)
+    except IntegrationError as error:
+        course.status, course.ending = "failed", str(error)
+        error.solution = course.solution() if course.stretches else None
+        raise
+    except KeyboardInterrupt:  # between stretches, which answer it themselves
+        if not course.stretches:
+            raise
+        course.status, course.ending = "interrupted", f"interrupted at t = {course.now.t:g}"
+    return course

@@ -10,6 +10,7 @@ import numpy as np
 from liouville._basics.errors import IntegrationError, hinted, quoted
 from liouville._runs.contacts import law
 from liouville._runs.contacts.complementarity import Array
+from liouville._runs.contacts.impulses import impulses, roles
 from liouville._runs.contacts.margin import contradicting
 from liouville._runs.contacts.streak import Streak, refuse_endless
 from liouville._runs.contacts.traced import Contacts, Matrices
@@ -31,8 +32,6 @@ ZERO, ZERO_AHEAD = 1e-9, 1e-12
 AHEAD, NEAR = 1e-6, 1e-3
 #: A contact that bounces closes where its next flight is as low as so many roundings of the gap.
 LOW = 64
-#: An impulse is none below this part of the largest, and friction at its bound within it.
-EDGE = 1e-6
 #: An impact gains energy where it is more than this part of the work of its impulses.
 GAINED = 1e-9
 #: Impacts at one time, after which contacts are said to hit one another without end.
@@ -59,14 +58,16 @@ class Switching:
     def __init__(self, contacts: Contacts, t: float, h: float, params: Array) -> None:
         self.contacts, self.t, self.h, self.params = contacts, t, h, params
         self.c = len(contacts.names)
+        self.laws = contacts.laws(params)
+        self.laws.check(contacts.names)
         self.modes: tuple[Mode, ...] = (Mode.OPEN,) * self.c
         self.changes: list[list[Change]] = [[] for _ in range(self.c)]
         self._streaks = [Streak() for _ in range(self.c)]
         self.lifts: Array = np.zeros(self.c)
         self.messages: list[str] = []
-        #: What the last change did to velocities: which contacts took part, their restitutions and
-        #: which were at which edge of the laws; of one that was brought to rest its number.
-        self.impacts: list[tuple[Any, Array, Array]] = []
+        #: What the last change did to velocities: which contacts took part, which of them bounced
+        #: and what was found; of one brought to rest its number.
+        self.impacts: list[tuple[Any, Array, law.Forces | None]] = []
         self._last: tuple[Any, Matrices] | None = None
 
     def at(self, t: float, y: Array, z: Array) -> Matrices:
@@ -91,7 +92,7 @@ class Switching:
                 continue
             low = self._low(at, touching, still, closing)
             if low is not None:
-                self.impacts.append((low, np.zeros(0), np.zeros(0)))
+                self.impacts.append((low, np.zeros(0), None))
                 z, stopped = self._held(at, z, low), set()
                 continue
             closed = touching & (np.abs(at.rate) <= still)
@@ -116,15 +117,15 @@ class Switching:
         restitution = self._restitution(at, touching, sizes, closing)
         before, found = self._struck(at, touching, restitution, sizes)
         if found is None:
-            restitution = 0 * own.restitution
-            found = law.impact(at.A, before, touching, restitution, own.static, "poisson")
+            restitution = 0 * at.laws.restitution
+            found = law.impact(at.A, before, touching, restitution, at.laws.static, "poisson")
             names = quoted([own.names[k] for k in np.flatnonzero(touching)])
             if found is None:
                 self._refuse_contradictions(at, at.rate, touching)
                 sentence = f"at t = {self.t:g} the impact of contacts {names} has no solution"
                 raise IntegrationError(sentence, t=self.t)
             self.messages.append(f"the impact of {names} at t = {self.t:g} was made plastic")
-        self.impacts.append((touching, restitution, self._edges(found)))
+        self.impacts.append((touching, restitution != 0, found))
         impulses = np.concatenate([found.normal, found.friction])
         rates = np.concatenate([found.across, found.along])
         gained = float(impulses @ (before + rates)) / 2
@@ -150,7 +151,7 @@ class Switching:
         found = None
         for before in (law.without_contradictions(at.A, rates, touching), rates.copy()):
             before[np.abs(before) <= ROUNDED * sizes] = 0.0
-            found = law.impact(at.A, before, touching, restitution, own.static, own.law)
+            found = law.impact(at.A, before, touching, restitution, at.laws.static, own.law)
             if found is None or found.normal.any():
                 break  # else nearly dependent rows contradict each other by more than roundoff
         return before, found
@@ -161,35 +162,50 @@ class Switching:
         after: Array = z + at.moves[:, low] * (-at.rate[low] / at.A[low, low])
         return after
 
-    def _edges(self, found: law.Forces) -> Array:
-        """Return which contacts press in an impact, and which of them slip which way."""
-        pressed = found.normal > EDGE * found.normal.max(initial=0.0)
-        most = self.contacts.static * found.normal
-        slips = pressed & (np.abs(found.friction) >= (1 - EDGE) * most) & (most > 0)
-        return np.stack([pressed, np.where(slips, np.sign(found.friction), 0)])
+    def held(self, y: Array, z: Array) -> list[Any]:
+        """Return the roles of contacts in the last change, from a state before it.
 
-    def replayed(self, t: float, y: Array, z: Array, params: Array) -> Array:
-        """Return z behind the last change, from another state before it."""
-        for what, restitution, edges in self.impacts:
-            at = self.contacts.at(t, y, z, params, self.h)
-            if isinstance(what, int):
-                z = self._held(at, z, what)
+        Raises
+        ------
+        IntegrationError
+            It has no derivative.
+        """
+        each: list[Any] = []
+        for what, bounces, found in self.impacts:
+            if found is None:
+                each.append((what, None, None))
                 continue
-            sizes = np.abs(at.rows[-2 * self.c :]).sum(axis=1) * at.speed
-            _, found = self._struck(at, what, restitution, sizes)
-            if found is None or (self._edges(found) != edges).any():
+            at = self.contacts.at(self.t, y, z, self.params, self.h)
+            rates, laws = np.concatenate([at.rate, at.slip]), at.laws
+            own = roles(found, rates, laws.static, bounces * laws.restitution)
+            if own is None:
                 names = quoted([self.contacts.names[k] for k in np.flatnonzero(what)])
                 sentence = f"the impact of {names} at t = {self.t:g} has no derivative"
-                hint = "a contact just begins to take part in it, to slip or to stick"
+                hint = "a contact just begins to slip or to stick in it"
                 raise IntegrationError(hinted(sentence, hint), t=self.t)
+            each.append((what, bounces, own))
             z = z + at.moves @ np.concatenate([found.normal, found.friction])
+        return each
+
+    def replayed(self, held: list[Any], t: float, y: Array, z: Array, params: Array) -> Array:
+        """Return z behind the last change, from another state before it."""
+        for what, bounces, own in held:
+            at = self.contacts.at(t, y, z, params, self.h)
+            if own is None:
+                z = self._held(at, z, what)
+                continue
+            rates, laws = np.concatenate([at.rate, at.slip]), at.laws
+            restitution = bounces * laws.restitution
+            z = z + at.moves @ impulses(
+                at.A, rates, own, laws.static, restitution, self.contacts.law
+            )
         return z
 
     def _restitution(
         self, at: Matrices, touching: Array, sizes: Array, closing: dict[int, float | None]
     ) -> Array:
         """Return the restitutions of an impact: none where the flight after it would be low."""
-        found, still = self.contacts.restitution.copy(), AT_REST * sizes[: self.c]
+        found, still = at.laws.restitution.copy(), AT_REST * sizes[: self.c]
         rates = -found * at.rate
         near = touching & (rates > 0) & (rates**2 < self._low_square(at, np.abs(at.b[: self.c])))
         if not near.any():
@@ -210,7 +226,6 @@ class Switching:
         self, at: Matrices, touching: Array, still: Array, closing: dict[int, float | None]
     ) -> int | None:
         """Return a contact that would fly no higher than roundoff of its gap."""
-        own = self.contacts
         for k in np.flatnonzero(touching & (at.rate > still)):
             if k in closing:
                 continue
@@ -219,8 +234,8 @@ class Switching:
             if fall < 0 and at.rate[k] ** 2 < self._low_square(at, -fall)[k]:
                 closing[int(k)] = None
                 has_hit = bool(self.changes[k]) and self.changes[k][-1].t == self.t
-                if has_hit and 0 < own.restitution[k] < 1:
-                    closing[int(k)] = self.t + 2 * at.rate[k] / -fall / (1 - own.restitution[k])
+                if has_hit and 0 < at.laws.restitution[k] < 1:
+                    closing[int(k)] = self.t + 2 * at.rate[k] / -fall / (1 - at.laws.restitution[k])
                 return int(k)
         return None
 
@@ -228,8 +243,7 @@ class Switching:
         self, at: Matrices, y: Array, z: Array, closed: Array, stopped: set[int], sizes: Array
     ) -> tuple[Mode, ...]:
         """Return the mode of each contact, given which contacts may bear a force."""
-        own = self.contacts
-        moves = closed & (own.static > 0) & (np.abs(at.slip) > AT_REST * sizes)
+        moves = closed & (at.laws.static > 0) & (np.abs(at.slip) > AT_REST * sizes)
         moves[list(stopped)] = False
         slip = np.where(moves, np.sign(at.slip), 0).astype(int)
         found = self._forces(at, closed, slip)
@@ -272,15 +286,15 @@ class Switching:
 
     def _forces(self, at: Matrices, closed: Array, slip: Array) -> law.Forces:
         """Return the forces; what begins to slip has the friction of what slips."""
-        own = self.contacts
-        mu = np.where(slip == 0, own.static, own.friction)
+        own, laws = self.contacts, at.laws
+        mu = np.where(slip == 0, laws.static, laws.friction)
         found = law.solve(at.A, at.b, closed, slip, mu)
-        if found is not None and (own.static > own.friction).any():
+        if found is not None and (laws.static > laws.friction).any():
             size = ZERO * np.abs(np.concatenate([found.along, at.b])).max()
             torn = (slip == 0) & closed & (np.abs(found.along) > size)
             if torn.any():
                 turned = np.where(torn, np.sign(found.along), slip).astype(int)
-                mu = np.where(turned == 0, own.static, own.friction)
+                mu = np.where(turned == 0, laws.static, laws.friction)
                 found = law.solve(at.A, at.b, closed, turned, mu)
         if found is None:
             self._refuse_contradictions(at, at.b, closed)
@@ -292,7 +306,7 @@ class Switching:
 
     def _refuse_contradictions(self, at: Matrices, rates: Array, closed: Array) -> None:
         """Refuse closed contacts that no motion obeys together, by their names."""
-        static = self.contacts.static
+        static = at.laws.static
         for mu, how in ((0 * static, ""), (static, ", wedged in by their friction")):
             found = contradicting(at, rates, np.flatnonzero(closed), mu)
             if found.size:
@@ -305,7 +319,6 @@ class Switching:
         self, at: Matrices, found: law.Forces, closed: Array, slip: Array, zero: float
     ) -> list[Mode | None]:
         """Return the modes that forces mean, None where they are on an edge."""
-        own = self.contacts
         fast = zero * max(np.abs(at.b).max(), np.abs(found.across).max(), np.abs(found.along).max())
         diagonal = np.abs(np.diag(at.A))
         strong = zero * (
@@ -320,12 +333,12 @@ class Switching:
                 mode = Mode.OPEN
             elif not pressed and zero == ZERO:
                 mode = None
-            elif not own.static[k]:
+            elif not at.laws.static[k]:
                 mode = Mode.CLOSED
             elif slip[k]:
                 mode = Mode.SLIP_UP if slip[k] > 0 else Mode.SLIP_DOWN
             else:
-                left = own.static[k] * found.normal[k] - abs(found.friction[k])
+                left = at.laws.static[k] * found.normal[k] - abs(found.friction[k])
                 turns = abs(found.along[k]) > fast
                 if not turns and left <= strong and zero == ZERO:
                     mode = None

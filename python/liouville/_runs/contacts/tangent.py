@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from liouville._systems import Mechanics
 
 #: The step of differences, as a part of the sizes of what changes.
-DIFFERENCE = 1e-4
+DIFFERENCE = 1e-3
 TINY = 1e-300
 #: A contact is grazed by a rate below this part of the sizes of its terms, ...
 GRAZED = 1e-6
@@ -108,22 +108,29 @@ def summed(run: Solution, system: ModeSystem) -> dict[str, Array]:
     return found
 
 
-def at_end(run: Solution, system: ModeSystem, now: Switching, before: Moving) -> Moving:
-    """Return the directions at the end of a stretch, of the event that ended it, if one did."""
+def ended_by(run: Solution, system: ModeSystem, now: Switching) -> str | None:
+    """Return the event of the mode that ended a stretch, if one did and has a derivative."""
     _check_passed(run, system, now)
-    first, second = system.states
     ended = [name for name in system.own_events if run.t[-1] in run.events[name].t]
     if len(ended) > 1:
         sentence = f"events {quoted(ended)} are at one time, t = {run.t[-1]:g}"
         hint = "which is first depends on the direction: the run has no derivative there"
         raise IntegrationError(hinted(sentence, hint), t=float(run.t[-1]))
     if not ended:
-        states = summed(run, system)
-        return replace(before, t=0 * before.t, y=states[first][-1], z=states[second][-1])
+        return None
     k, kind = system.own_events[ended[0]]
     if kind == "hit" and _is_grazed(run, now, k):
         raise _grazed(now.contacts.names[k], now.t)
-    points = [tangent.events[ended[0]] for tangent in run.tangents.values()]
+    return ended[0]
+
+
+def at_end(run: Solution, system: ModeSystem, ended: str | None, before: Moving) -> Moving:
+    """Return the directions at the end of a stretch, of the event that ended it, if one did."""
+    first, second = system.states
+    if ended is None:
+        states = summed(run, system)
+        return replace(before, t=0 * before.t, y=states[first][-1], z=states[second][-1])
+    points = [tangent.events[ended] for tangent in run.tangents.values()]
     t, y, z = (
         np.asarray(sum(part[-1] for part in own))
         for own in (
@@ -198,28 +205,52 @@ def through(now: Switching, before: Moving, y: Array, z: Array) -> Moving:
     """Return the directions behind the impacts of a change, from a state before it."""
     if not now.impacts:
         return before
-    found = np.empty_like(before.z)
-    at = now.at(now.t, y, z)
-    sizes = max(at.way, TINY), max(np.abs(z).max(), TINY)
-    own = max(np.abs(now.params).max(initial=0.0), TINY)
-    for k, (t, dy, dz, dp) in enumerate(
-        zip(before.t, before.y, before.z, before.params, strict=True)
-    ):
-        parts = (abs(t) / now.h, np.abs(dy).max() / sizes[0], np.abs(dz).max() / sizes[1])
-        size = max(*parts, np.abs(dp).max(initial=0.0) / own)
-        if not size:
-            found[k] = 0.0
-            continue
-        step = DIFFERENCE / size
-        found[k] = sum(
-            weight
-            * now.replayed(
-                now.t + place * step * t,
-                y + place * step * dy,
-                z + place * step * dz,
-                now.params + place * step * dp,
-            )
-            for place, weight in STENCIL
+    change = Differences(now, y, z)
+    rows = np.column_stack([before.t, before.y, before.z, before.params])
+    return replace(before, z=np.stack([change.along(row) for row in rows]))
+
+
+class Differences:
+    """Central differences of fourth order of what impacts make of velocities.
+
+    Parameters
+    ----------
+    now : Switching
+        What has changed last.
+    y, z : ndarray
+        The state before.
+    """
+
+    def __init__(self, now: Switching, y: Array, z: Array) -> None:
+        self._now, self._held = now, now.held(y, z)
+        at = now.at(now.t, y, z)
+        self._at = np.concatenate([[now.t], y, z, now.params])
+        self._cuts = np.cumsum([1, len(y), len(z)])
+        sizes = max(at.way, TINY), max(np.abs(z).max(), TINY)
+        own = np.where(now.params == 0, 1.0, np.abs(now.params))
+        #: The sizes of time, state and parameters.
+        self.sizes = np.concatenate(
+            [[now.h], np.full(len(y), sizes[0]), np.full(len(z), sizes[1]), own]
         )
-        found[k] /= step
-    return replace(before, z=found)
+
+    def along(self, row: Array) -> Array:
+        """Return how velocities behind the impacts change along a row of (t, y, z, params)."""
+        size = float(np.abs(row / self.sizes).max())
+        if not size:
+            return np.zeros(len(np.split(self._at, self._cuts)[2]))
+        step = DIFFERENCE / size
+        moved = ((weight, self._at + place * step * row) for place, weight in STENCIL)
+        parts = [weight * self._behind(own) for weight, own in moved]
+        found: Array = np.sum(parts, axis=0) / step
+        return found
+
+    def pulled(self, of_z: Array) -> Array:
+        """Return cotangents of (t, y, z, params) from those of the velocities behind."""
+        rows = np.diag(self.sizes)
+        found: Array = np.array([of_z @ self.along(row) for row in rows]) / self.sizes
+        return found
+
+    def _behind(self, at: Array) -> Array:
+        t, y, z, params = np.split(at, self._cuts)
+        found: Array = self._now.replayed(self._held, float(t[0]), y, z, params)
+        return found

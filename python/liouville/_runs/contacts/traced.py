@@ -15,7 +15,7 @@ from liouville._basics import casadi as ca
 from liouville._basics.errors import hinted
 from liouville._runs.contacts.complementarity import Array
 from liouville._runs.contacts.mode import ModeSystem
-from liouville._systems.mechanics.contact import Contact, Mode
+from liouville._systems.mechanics.contact import Coefficient, Contact, Mode
 from liouville._systems.mechanics.form import total_derivative
 from liouville._systems.mechanics.general import Mechanics
 from liouville._systems.tape import record
@@ -23,8 +23,31 @@ from liouville._systems.tracing import trace as _trace
 from liouville._systems.tracing.expressions import Expressions
 from liouville._systems.tracing.sparse import entries, jacobian
 
+#: Coefficients of laws, among the columns.
+COEFFICIENTS = ("restitution", "friction", "static")
 #: Rows are independent of others where so much of their length is left.
 INDEPENDENT = 1e-9
+
+
+@dataclass(frozen=True)
+class Laws:
+    """Coefficients of contacts at some parameters: restitution, sliding and static friction."""
+
+    restitution: Array
+    friction: Array
+    static: Array
+
+    def check(self, names: tuple[str, ...]) -> None:
+        """Refuse what functions of the parameters must not give."""
+        for k, name in enumerate(names):
+            what = f"of contact '{name}' must be"
+            if not 0 <= self.restitution[k] <= 1:
+                raise ValueError(f"restitution {what} from 0 to 1, not {self.restitution[k]:g}")
+            if not 0 <= self.friction[k] < np.inf:
+                raise ValueError(f"friction {what} zero or positive, not {self.friction[k]:g}")
+            if not self.friction[k] <= self.static[k] < np.inf:
+                least = f"at least friction = {self.friction[k]:g}"
+                raise ValueError(f"static_friction {what} {least}, not {self.static[k]:g}")
 
 
 @dataclass(frozen=True)
@@ -53,6 +76,8 @@ class Matrices:
         z' without contact forces, and y'.
     rows : ndarray, shape (2 c + b, n)
         Derivatives of all rates, those of the bilateral constraints first, by z.
+    laws : Laws
+        The coefficients.
     """
 
     gap: Array
@@ -67,6 +92,7 @@ class Matrices:
     free: Array
     v: Array
     rows: Array
+    laws: Laws
 
 
 class Contacts:
@@ -89,10 +115,9 @@ class Contacts:
             if not isinstance(contact, Contact):
                 raise TypeError(f"contact '{name}' must be a Contact, not {contact!r}")
         self.system, self.law, self.names = system, law, tuple(given)
-        self.restitution = np.array([x.restitution for x in given.values()], dtype=float)
-        #: The coefficients of sliding friction, and of static friction.
-        self.friction = np.array([x.friction for x in given.values()], dtype=float)
-        self.static = np.array([x.largest for x in given.values()], dtype=float)
+        #: Whether contacts have friction, and bounce.
+        self.is_rough = tuple(x.is_rough for x in given.values())
+        self.bounces = tuple(callable(x.restitution) or x.restitution > 0 for x in given.values())
         self._systems: dict[tuple[tuple[Mode, ...], tuple[int, ...], bool], ModeSystem] = {}
         s, model = system._symbols, system._model
         slopes = ca.vertcat(entries(jacobian(model.p, s.z)), entries(jacobian(model.v, s.z)))
@@ -125,7 +150,7 @@ class Contacts:
                     raise ValueError(f"the slip of {what} is the same for all velocities")
             slips.append(slip)
         phi, slip_of_u = ca.vertcat(*gaps), ca.vertcat(*slips)
-        columns = {
+        columns = self._coefficients(given) | {
             "phi": phi,
             "across": ca.densify(jacobian(phi, s.y)),  # G
             "along": ca.densify(jacobian(slip_of_u, u)),  # D
@@ -133,6 +158,22 @@ class Contacts:
             "rates": total_derivative(phi, s, model.v),
         }
         self._expressions = Expressions(s, columns)
+
+    def _coefficients(self, given: Mapping[str, Contact]) -> dict[str, ca.SX]:
+        """Return coefficients as expressions of the parameters."""
+        params = {"params": self.system._symbols.params}
+
+        def of(name: str, what: str, value: Coefficient) -> ca.SX:
+            which = f"{what} of contact '{name}'"
+            return _trace.scalar(which, value, params) if callable(value) else ca.SX(float(value))
+
+        return {
+            "restitution": ca.vertcat(
+                *(of(x, "restitution", y.restitution) for x, y in given.items())
+            ),
+            "friction": ca.vertcat(*(of(x, "friction", y.friction) for x, y in given.items())),
+            "static": ca.vertcat(*(of(x, "static_friction", y.largest) for x, y in given.items())),
+        }
 
     def __getstate__(self) -> dict[str, Any]:
         """Leave out the system, whose part this is, and the systems of modes."""
@@ -164,6 +205,7 @@ class Contacts:
             "C": jacobian(rates, s.z),
             "C_t": total_derivative(rates, s, model.v),
             "F": ca.horzcat(columns["across"].T, columns["along"].T),
+            "laws": ca.horzcat(*(columns[name] for name in COEFFICIENTS)),
         }
         flat = [ca.densify(ca.vec(x)) for x in parts.values()]
         ends = np.cumsum([0, *(x.numel() for x in flat)]).tolist()
@@ -176,7 +218,7 @@ class Contacts:
         tape, places = self._tape
         flat = tape.map(params, [np.array([[t]]), y[None].copy(), z[None].copy()])[0]
         parts = [flat[cut].reshape(shape, order="F") for cut, shape in places]
-        gap, slopes, rates, p_z, v, B, B_t, fR, C, C_t, F = parts
+        gap, slopes, rates, p_z, v, B, B_t, fR, C, C_t, F, laws = parts
         c, m = len(self.names), fR.shape[1]
         solved = np.linalg.solve(p_z, np.concatenate([fR, F], axis=1))
         free, R, F = solved[:, 0], solved[:, 1:m], solved[:, m:]
@@ -189,8 +231,21 @@ class Contacts:
         size = slopes[:, 0] * way + np.abs(gap[:, 0])
         return Matrices(
             gap[:, 0], rates[:c, 0], rates[c:, 0], size, float(way), float(speed), C @ F,
-            C @ free + C_t[:, 0], F, free, v[:, 0], np.concatenate([B, C]),
+            C @ free + C_t[:, 0], F, free, v[:, 0], np.concatenate([B, C]), Laws(*laws.T),
         )  # fmt: skip
+
+    @cached_property
+    def _laws_tape(self) -> _core.Tape:
+        return record("laws of contacts", self.system._symbols.inputs(), *self._laws)
+
+    @property
+    def _laws(self) -> list[ca.SX]:
+        return [self.columns[name] for name in COEFFICIENTS]
+
+    def laws(self, params: Array) -> Laws:
+        """Return the coefficients at some parameters."""
+        y = np.zeros((1, self.system._symbols.y.numel()))
+        return Laws(*self._laws_tape.map(params, [np.zeros((1, 1)), y]).reshape(3, -1))
 
     @property
     def drives(self) -> ca.SX:

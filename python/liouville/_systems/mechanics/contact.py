@@ -9,6 +9,9 @@ from typing import Any
 
 from liouville._basics.errors import hinted
 
+#: A coefficient of a law, or a function of the parameters.
+Coefficient = float | Callable[[Any], Any]
+
 
 class Mode(IntEnum):
     """Mode of a contact: it is open, closed, slips one way or the other, or sticks."""
@@ -43,11 +46,11 @@ class Contact:
     ----------
     gap : callable
         ``gap(t, q, params)``, a scalar: the distance, negative where bodies would overlap.
-    restitution : float, default 0
-        From 0 (no rebound) to 1.
-    friction : float, default 0
+    restitution : float or callable, default 0
+        From 0 (no rebound) to 1; this and the next may be functions of the parameters.
+    friction : float or callable, default 0
         The coefficient :math:`\mu` of sliding friction.
-    static_friction : float, optional
+    static_friction : float or callable, optional
         The coefficient :math:`\mu_s` of what sticks, at least `friction`; `friction` by default.
     slip : callable, optional
         ``slip(t, q, v, params)``, the velocity along the contact, affine in v: a scalar. Friction
@@ -83,9 +86,9 @@ class Contact:
     """
 
     gap: Callable[..., Any]
-    restitution: float = 0.0
-    friction: float = 0.0
-    static_friction: float | None = None
+    restitution: Coefficient = 0.0
+    friction: Coefficient = 0.0
+    static_friction: Coefficient | None = None
     slip: Callable[..., Any] | None = None
 
     def __post_init__(self) -> None:
@@ -95,23 +98,25 @@ class Contact:
                 raise TypeError(f"{what} must be a function, not {function!r}")
         for what in ("restitution", "friction", "static_friction"):
             value = getattr(self, what)
-            if value is None:
-                continue
-            check_number(what, value)
+            if value is not None and not callable(value):
+                check_number(what, value)
         check_restitution(self.restitution)
-        if self.static_friction is not None and self.static_friction < self.friction:
-            raise ValueError(
-                f"static_friction must be at least friction = {self.friction:g}, "
-                f"not {self.static_friction!r}"
-            )
-        if self.largest and self.slip is None:
+        least, most = self.friction, self.largest
+        if not (callable(least) or callable(most) or least <= most):
+            raise ValueError(f"static_friction must be at least friction = {least:g}, not {most!r}")
+        if self.is_rough and self.slip is None:
             sentence = "a contact with friction needs slip=, the velocity along it"
             raise TypeError(hinted(sentence, "slip=lambda t, q, v, params: v[0] of a block on x"))
 
     @property
-    def largest(self) -> float:
+    def largest(self) -> Coefficient:
         """The coefficient of friction where the contact sticks."""
-        return self.friction if self.static_friction is None else float(self.static_friction)
+        return self.friction if self.static_friction is None else self.static_friction
+
+    @property
+    def is_rough(self) -> bool:
+        """Whether there is friction, as far as numbers say."""
+        return callable(self.largest) or self.largest > 0
 
 
 def check_number(what: str, value: Any) -> None:
@@ -123,7 +128,9 @@ def check_number(what: str, value: Any) -> None:
 
 
 def check_restitution(value: Any) -> None:
-    """Refuse what is no restitution."""
+    """Refuse what is no restitution; functions of the parameters pass."""
+    if callable(value):
+        return
     check_number("restitution", value)
     if value > 1:
         raise ValueError(f"restitution must be from 0 to 1, not {value!r}")

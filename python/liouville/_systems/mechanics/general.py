@@ -122,7 +122,9 @@ class Mechanics(TracedSystem):
         self.switch_tapes = {name: record(f"switch '{name}'", at, x) for name, x in found}
         self._tapes, self._patterns, self.problem = compiled(symbols, model)
 
-    def check_smooth(self, what: str, hint: str = "lv.integrate and lv.ensemble take them") -> None:
+    def check_smooth(
+        self, what: str, hint: str = "lv.integrate, lv.ensemble, lv.vjp and lv.fit take them"
+    ) -> None:
         """Refuse contacts where what is asked for knows of none."""
         if self.contacts is not None:
             names = quoted(self.contacts.names)

@@ -1,0 +1,180 @@
+"""Pullbacks of runs with contacts: of their stretches, joined by the transposed changes.
+
+From the last stretch to the first, cotangents of its records and of its end become those of its
+start, of the time of this and of the parameters. The end is that of the event that ended it, whose
+time is that of the next start. What impacts make of velocities is transposed by differences, as
+:mod:`~liouville._runs.contacts.tangent` takes them forwards.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from liouville._basics.progress import Progress
+from liouville._methods.control import CONTROLS, LEAST_TOLERANCE, Takes
+from liouville._runs.adjoint import EVENTS, INVARIANTS, Adjoint, Gradients
+from liouville._runs.contacts.complementarity import Array
+from liouville._runs.contacts.joined import Link
+from liouville._runs.contacts.run import Course
+from liouville._runs.contacts.single import course, integrate
+from liouville._runs.contacts.tangent import Differences
+from liouville._runs.execute import finished
+from liouville._runs.tangents import ENDS, PARAMS, check_wrt, shapes_of
+from liouville._solution.solution import Solution
+
+if TYPE_CHECKING:
+    from liouville._methods import Method
+    from liouville._methods.planner import Plan
+    from liouville._runs.contacts.joined import Part
+    from liouville._runs.runner import Request
+    from liouville._systems import Mechanics
+
+
+def vjp(
+    system: Mechanics, method: Method | Plan | str, request: Request, wrt: Any, progress: Progress
+) -> tuple[Solution, Adjoint]:
+    """Integrate a system with contacts, and return the transposed derivative of its run."""
+    if request.is_ensemble:
+        raise TypeError("pullbacks of ensembles are not for systems with contacts: give one start")
+    adjoint = ContactsAdjoint(system, method, request, wrt)
+    return adjoint.run(progress), adjoint
+
+
+class ContactsAdjoint(Adjoint):
+    """The transposed derivative of a run with contacts; see :class:`Adjoint`."""
+
+    _course: Course
+
+    def __init__(
+        self, system: Mechanics, method: Method | Plan | str, request: Request, wrt: Any
+    ) -> None:
+        steps = request.steps_of(system, Takes(repr(method), CONTROLS, LEAST_TOLERANCE / 100))
+        names = check_wrt(system, wrt, steps)
+        if steps.control is not None:
+            raise TypeError("pullbacks of runs with contacts want equal steps: give h or steps")
+        if any(name in ENDS for name in names):
+            raise TypeError("pullbacks of runs with contacts go without 't0' and 't1'")
+        self.directions = {x: (shape, False) for x, shape in shapes_of(system, names).items()}
+        self._system, self._method, self._request = system, method, request
+
+    def run(self, progress: Progress) -> Solution:
+        """Make the run."""
+        self._course = course(self._system, self._method, self._request, progress)
+        return self._course.solution()
+
+    def shapes(self, solution: Solution) -> dict[str, tuple[int, ...]]:
+        """Return the shapes of what has cotangents, by the names of the states."""
+        names = [*self._system.states]
+        parts = zip(self._course.links, self._parts(), strict=True)
+        if all("lam" in link.adjoint.shapes(part.run) for link, (part, _) in parts):
+            names.append("lam")
+        found = {name: solution.states[name].shape for name in names}
+        for name, x in solution.invariants.items():
+            found[f"{INVARIANTS}{name}"] = x.shape
+        for event, points in solution.events.items():
+            found[f"{EVENTS}{event}.t"] = points.t.shape
+            found |= {f"{EVENTS}{event}.{x}": points.states[x].shape for x in names}
+        return found
+
+    def pulled(self, solution: Solution, cotangents: Mapping[str, Array]) -> Gradients:
+        """Return gradients from cotangents of all states; see :class:`Adjoint`."""
+        own, (first, second) = self._course, self._system.states
+        of_t, of_y, of_z = 0.0, *np.zeros((2, len(self._system.coordinates)))
+        of_params = np.zeros(own.now.params.size)
+        given = list(self._given(cotangents))
+        for link, (part, _), of_records in zip(
+            own.links[::-1], self._parts()[::-1], given[::-1], strict=True
+        ):
+            if link.ended is None:
+                of_records[first][-1] += of_y
+                of_records[second][-1] += of_z
+            else:
+                event = f"{EVENTS}{link.ended}."
+                for what, x in (("t", of_t), (first, of_y), (second, of_z)):
+                    of_records[event + what][-1] += x
+            found = link.adjoint.pulled(part.run, of_records)
+            of_t, of_y, of_z = found["t0"], found[first], found[second]
+            names = [PARAMS + name for name in self._system.params]
+            of_params += np.concatenate([np.zeros(0), *(np.ravel(found[x]) for x in names)])
+            if link.impacts:
+                moved = self._behind(link, of_z)
+                of_t, of_y, of_z = of_t + moved[0][0], of_y + moved[1], moved[2]
+                of_params += moved[3]
+        return self._named(of_y, of_z, of_params)
+
+    def _behind(self, link: Link, of_z: Array) -> list[Array]:
+        """Return cotangents of (t, y, z, params) before the impacts at the start of a stretch."""
+        now, (t, y, z) = self._course.now, link.before
+        now.t, now.impacts = t, link.impacts
+        return np.split(Differences(now, y, z).pulled(of_z), np.cumsum([1, len(y), len(z)]))
+
+    def _named(self, of_y: Array, of_z: Array, of_params: Array) -> Gradients:
+        found: Gradients = dict(zip(self._system.states, (of_y, of_z), strict=True))
+        place = 0
+        for name, value in self._system.params.items():
+            own = of_params[place : place + np.size(value)].reshape(np.shape(value))
+            place += np.size(value)
+            found[PARAMS + name] = own if own.ndim else float(own)
+        return {name: found[name] for name in self.wrt}
+
+    def _parts(self) -> list[tuple[Part, Array]]:
+        """Return the runs that records are of, and which of their records were kept."""
+        stretches, every = self._course.stretches, self._course.request.every
+        last, found = len(stretches) - 1, []
+        for k, x in enumerate(stretches):
+            if x.given is None:
+                own = np.arange(0, x.whole.count if k == last else x.used, every)
+                if k == last:
+                    own = np.union1d(own, [x.whole.count - 1])
+                found.append((x.whole, own))
+                continue
+            t = x.given.run.t[: x.given.count]
+            if k < last:
+                t = t[t < stretches[k + 1].whole.run.t[0]]
+            found.append((x.given, np.arange(len(t))))
+        return found
+
+    def _given(self, cotangents: Mapping[str, Array]) -> Iterator[dict[str, Array]]:
+        """Give the cotangents of one stretch after another, from those of the whole run."""
+        place, met = 0, dict.fromkeys(self._course.events, 0)
+        for link, (part, rows) in zip(self._course.links, self._parts(), strict=True):
+            found = {name: np.zeros(x) for name, x in link.adjoint.shapes(part.run).items()}
+            for name, x in cotangents.items():
+                own = x[place : place + len(rows)]
+                if not name.startswith(EVENTS):
+                    _fill(found[name], rows, own, part.system.own if name == "lam" else None)
+            place += len(rows)
+            for event, points in part.run.events.items():
+                if event not in met:
+                    continue
+                count = int(np.sum(points.t <= part.until))
+                there = slice(met[event], met[event] + count)
+                met[event] += count
+                for name, x in cotangents.items():
+                    if name.startswith(f"{EVENTS}{event}."):
+                        which = part.system.own if name.endswith(".lam") else None
+                        _fill(found[name], np.arange(count), x[there], which)
+            yield found
+
+    def moved(self, directions: Mapping[str, Array], size: float) -> Mapping[str, Array]:
+        """Return the states of the run, moved by so much of all directions."""
+        system, request = self._system, self._request
+        values: dict[str, Any] = {**system.params, **(request.params or {})}
+        start = dict(request.start)
+        for name, x in directions.items():
+            own, key = (values if name.startswith(PARAMS) else start), name.removeprefix(PARAMS)
+            own[key] = np.asarray(own[key]) + size * x
+        again = replace(request, params=values, start=start, has_pullback=False)
+        return finished(integrate(system, self._method, again, None)).states
+
+
+def _fill(into: Array, rows: Array, values: Array, columns: Array | None) -> None:
+    """Put values at rows, and at these columns."""
+    if columns is None:
+        into[rows] = values
+    else:
+        into[np.ix_(rows, columns)] = values
