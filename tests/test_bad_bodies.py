@@ -329,7 +329,7 @@ NO_VALUE = {
 
 @pytest.mark.parametrize("sentence", NO_VALUE)
 def test_starts_refuse_what_has_no_value_as_drawn(sentence):
-    """A motion by the root of the time was an exception of LAPACK."""
+    """A motion by the root of the time has no rate at its start."""
     m = base()
     NO_VALUE[sentence](m)
     m.system(params={"x": 1.0})

@@ -857,7 +857,7 @@ ELSEWHERE = {
 
 @pytest.mark.parametrize("name", ELSEWHERE)
 def test_arguments_by_the_name_of_another_are_refused(name):
-    """They were taken by their places, as damping of a Hamiltonian by v, which was that by p."""
+    """Taken by their places, damping of a Hamiltonian by v would be damping by p."""
     call, sentence = ELSEWHERE[name]
     with pytest.raises(TypeError, match=sentence):
         call()

@@ -135,7 +135,7 @@ def test_torch_func_has_gradients_and_one_ensemble_of_mapped_ones(torch, monkeyp
 
 
 def test_torch_differentiates_derivatives_by_what_they_are_linear_in_alone(torch):
-    """Second derivatives by the inputs, and tangents by way of the pullback, were zero."""
+    """Second derivatives by the inputs are refused: they are not zero."""
     solve = lv.torch.solver(SYSTEM, METHOD, **CALL)
     q, v, length, t1 = (torch.tensor(x) for x in POINT)
 

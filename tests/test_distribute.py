@@ -151,7 +151,7 @@ COUNTED = {
 
 @pytest.mark.parametrize("name", COUNTED)
 def test_numbers_of_an_ensemble_are_those_of_its_members_whatever_computes_them(name):
-    """Blocks in lock-step were counted as one member, or with their empty places."""
+    """A block in lock-step counts as its members, without its empty places."""
     system, call, method = COUNTED[name]
     alone = []
     for k in range(18):

@@ -319,7 +319,7 @@ def test_members_that_do_not_fit_in_memory_together_are_run_again(monkeypatch):
 
 
 def test_arrays_may_be_changed_between_a_run_and_its_pullback():
-    """Members are run again: their gradients were those of what the arrays had become."""
+    """Members are run again, from the arrays as they were given."""
     system = lv.Lagrangian(
         lambda t, q, v, params: (v[0] ** 2 - params.k * q[0] ** 2) / 2, q=("x",), params={"k": 1.0}
     )

@@ -129,7 +129,7 @@ def test_what_cannot_be_extrapolated_is_refused():
 
 
 def test_methods_are_named_and_options_of_other_runs_refused():
-    """Events were passed on to runs that cannot be combined, and ignored."""
+    """Runs that events end cannot be combined."""
     call = {"t": (0, 1), "h": 0.1, "q": [1.0], "v": [0.0]}
     for name, method in (("hht", lv.HHT()), ("auto", lv.Spark(3))):
         found = lv.analysis.extrapolate(SPRING, name, **call)

@@ -387,7 +387,7 @@ def test_friction_that_a_force_across_the_plane_presses_is_refused(kind):
 
 
 def test_steps_to_a_loose_tolerance_stick_and_slip_on_a_belt():
-    """Steps that only continuation would solve are shortened; they took minutes each."""
+    """Steps that only continuation would solve, in minutes each, are shortened."""
     m = lv.bodies.Assembly(gravity=(0, 0, -g))
     m.body("b", mass=1, inertia=(0.1,) * 3, at=(0, 0, 0))
     m.body("belt", mass=5, inertia=(1,) * 3, at=(0, 0, -0.5))
@@ -482,7 +482,7 @@ def driven(kinds, planar, **motions):
     ],
 )
 def test_inverse_dynamics_presses_friction_by_the_efforts_that_it_finds(kinds, planar):
-    """Normal forces were those without efforts: torques of two hinges were off by up to 0.25."""
+    """Normal forces without efforts would leave the torques of two hinges off by up to 0.25."""
     ways = {"J0": lambda t, p: ca.sin(3 * t) / 4, "J1": lambda t, p: ca.cos(4 * t) / 8}
     m = driven(kinds, planar, **ways)
     motion = lv.integrate(m.system(), lv.Spark(3), t=(0, 1), h=0.02, **m.start())

@@ -170,7 +170,7 @@ def test_a_channel_flows_by_islands_and_over_hills(where):
 
 @pytest.mark.parametrize("periodic", [(), ("x",)])
 def test_starts_on_walls_beside_joined_land_stay_there(periodic):
-    """No velocity through a wall, not even a rounding error, which grew until a tracer was out."""
+    """No velocity through a wall, not even a rounding error that grows until a tracer is out."""
     n = 12
     x, y, z = (
         np.linspace(0, 1, n + 1)[: n + (not periodic)],

@@ -363,7 +363,7 @@ CAR = {
 
 @pytest.mark.parametrize("value", [0.0, 3.0])
 def test_a_constant_cost_asks_for_any_motion_between_the_ends(value):
-    """Its gradient has no entries, where IPOPT took what was in memory for numbers."""
+    """Its gradient has no entries, and IPOPT is given zeros."""
     found = lv.optimal_control(
         method=lv.Spark(2), cost=lambda t, q, v, params: value, steps=4, **CAR
     )
@@ -373,7 +373,7 @@ def test_a_constant_cost_asks_for_any_motion_between_the_ends(value):
 
 
 def test_a_whole_final_state_on_moving_constraints_is_that_of_one_time():
-    """With a free end, IPOPT came to another place and was said to need more of the state."""
+    """With a free end the state is on the constraints of no one time, and is refused."""
     moving = lv.Lagrangian(
         lambda t, q, v, params: ca.dot(v, v) / 2 - q[1],
         lambda t, q, params: {"rod": (q[0] - 0.3 * ca.sin(t)) ** 2 + q[1] ** 2 - 1},
@@ -529,7 +529,7 @@ def test_ctrl_c_interrupts_ipopt(monkeypatch, pressing):
 
 @pytest.mark.parametrize("scale", [lambda t: 1.0, lambda t: t, lambda t: 1 / t], ids="1th")
 def test_a_final_position_is_held_as_near_whatever_time_does_to_the_size_of_its_constraint(scale):
-    """Gradients were those at t = 0, by which the opposite point of the circle was near enough."""
+    """By gradients at t = 0 the opposite point of the circle would be near enough."""
     bead = lv.Lagrangian(
         lambda t, q, v, params: ca.dot(v, v) / 2,
         lambda t, q, params: {"rod": scale(t) * (ca.dot(q, q) - 1)},

@@ -164,7 +164,7 @@ def squeezed(restitution, **steps):
 
 @pytest.mark.parametrize(("restitution", "steps"), [(0.9, {"h": 0.05}), (1.0, {"rtol": 1e-8})])
 def test_a_ball_between_walls_that_close_in_ends_by_their_names(restitution, steps):
-    """It went on without end, or fell through a wall in silence."""
+    """It neither goes on without end nor falls through a wall."""
     words = "the hits of 'low' and 'high' come ever sooner and ever harder, without end until t = "
     with pytest.raises(lv.IntegrationError, match=words) as caught:
         squeezed(restitution, **steps)

@@ -156,7 +156,7 @@ def test_a_member_without_a_solution_fails_alone():
 
 
 def test_steps_that_pass_a_vortex_are_refused_where_no_mixed_derivative_shows_it():
-    """On an axis it is zero, and a member that ended far off its circle was done."""
+    """On an axis it is zero, and a member would end far off its circle."""
     vortex = lv.PotentialField(lambda t, x, params: ca.log(ca.dot(x, x)) / 2, x=("x", "y"))
     run = {"t": (0, 1), "h": 0.01}
     for start in ([0, 1e-3], [1e-3, 0], [0, 0.05]):

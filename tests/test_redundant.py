@@ -149,7 +149,7 @@ def test_orders_are_those_of_independent_constraints(s, order):
 
 
 def test_bricards_start_is_that_of_a_cube_to_the_bit():
-    """Velocities were off by 2e-13, and both by roundings that differ by processor."""
+    """Roundings of it, which differ by processor, would differ in runs."""
     for values in bricard.start.values():
         assert set(np.abs(values)) <= {0.0, 0.5, 1.0, 1.5, 3.0}
     moved = bricard.system.consistent(**bricard.start)

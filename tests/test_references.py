@@ -202,7 +202,7 @@ def test_of_nothing_else(): assert np.pi
 
 
 def test_one_file_alone_solves_ordinary_differential_equations():
-    """It does so near roundoff; those that others called were as wrong as the tests' tolerances."""
+    """It does so near roundoff, ten times better than any tolerance of a test."""
     solver = re.compile(r"\b(solve_ivp|odeint)\(|\bintegrate\.(ode|RK|DOP|LSODA|BDF|Radau)")
     files = Path(__file__).parent.glob("*.py")
     assert {x.name for x in files if solver.search(x.read_text("utf-8"))} == {"ordinary.py"}

@@ -194,7 +194,7 @@ LONG = {
 @pytest.mark.parametrize("threads", [1, 2])
 @pytest.mark.parametrize("name", LONG)
 def test_ctrl_c_is_answered_in_the_middle_of_a_step_of_an_ensemble(name, threads, pressing):
-    """It waited for the end of the step, 40 s and more, whichever thread made it."""
+    """The end of such a step is 40 s away, whichever thread makes it."""
     method, is_driven = LONG[name]
     drive = [(lambda t, params: ca.sin(t), np.arange(40_000) / 4e4)] if is_driven else []
     system = lv.Schrodinger(lv.Lattice((200, 200)), drive=drive)

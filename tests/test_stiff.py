@@ -395,7 +395,7 @@ def hanging(v=0.0):
 
 @pytest.mark.parametrize("method", [lv.Spark(2), lv.Spark(3), lv.HHT(), lv.LobattoPair()], ids=repr)
 def test_roundings_of_what_rests_get_no_word_and_a_slow_drift_gets_one(method, tmp_path):
-    """Energies of 1e-35 J of a pendulum at rest had changed by more than their size."""
+    """Energies of 1e-35 J of a pendulum at rest change by more than their size."""
     system, rest = hanging()
     call = {"t": (0, 10), "h": 0.01}
     for more in ({}, {"states": False}, {"store": tmp_path / "run.zarr"}):

@@ -103,7 +103,30 @@ class Floquet:
     error: float
 
     def after(self, psi: ArrayLike, periods: ArrayLike) -> Array:
-        """Return a state after whole numbers of periods, shape (N,), or (k, N) of k numbers."""
+        r"""Return a state after whole numbers of periods.
+
+        The sum :math:`\sum_j e^{-i \epsilon_j n T / \hbar} \langle j | \psi \rangle | j \rangle` of
+        modes j with their quasienergies.
+
+        Parameters
+        ----------
+        psi : array_like, shape (N,)
+            The state at the beginning of a period.
+        periods : array_like of int, shape () or (k,)
+            How many periods later, negative ones too.
+
+        Returns
+        -------
+        ndarray of complex, shape (N,) or (k, N)
+            The states.
+
+        Raises
+        ------
+        TypeError
+            Periods are not whole numbers.
+        ValueError
+            psi has another shape.
+        """
         state, count = np.asarray(psi, complex), np.asarray(periods)
         if state.shape != (len(self.modes),):
             raise misshapen("psi", state.shape, f"({len(self.modes)},)")

@@ -65,12 +65,44 @@ class ThermalState:
         return {"psi": self.psi}
 
     def mean(self, values: ArrayLike) -> NDArray[Any]:
-        """Return the thermal average of values, whose last axis is the state."""
+        """Return the thermal average of values.
+
+        Parameters
+        ----------
+        values : array_like, shape (..., P)
+            An expectation of each of the P states, such as ``run.observed["m"]``.
+
+        Returns
+        -------
+        ndarray, shape (...)
+            The weighted means, real for real values.
+
+        Raises
+        ------
+        ValueError
+            The last axis is not one of P states.
+        """
         found: NDArray[Any] = np.asarray(values) @ self.weights
         return found
 
     def error(self, values: ArrayLike) -> Array:
-        """Return the standard error of this average, an estimate from the spread of the states."""
+        """Return the standard error of :meth:`mean`, from the spread of the states.
+
+        Parameters
+        ----------
+        values : array_like, shape (..., P)
+            As for :meth:`mean`.
+
+        Returns
+        -------
+        ndarray, shape (...)
+            The errors, in the unit of the values.
+
+        Raises
+        ------
+        ValueError
+            The last axis is not one of P states.
+        """
         return _standard_error(np.asarray(values), self.weights)
 
     def __repr__(self) -> str:

@@ -243,9 +243,31 @@ class Assembly(Acting):
         t: float = 0.0,
         params: Mapping[str, ArrayLike] | None = None,
     ) -> dict[str, Any]:
-        """Assemble the mechanism: start values with some coordinates and rates of joints given.
+        """Return start values with some coordinates and rates of joints given.
 
-        See :meth:`Mechanism.assemble` of the system last made.
+        What is not given is as drawn, or as small as it can be. It is :meth:`Mechanism.assemble`
+        of the system last made.
+
+        Parameters
+        ----------
+        values, rates : mapping of str to float or sequence, optional
+            Coordinates of joints, in radians or the unit of length, and their rates, by the
+            joints' names; of several coordinates a sequence, with None for what is not given.
+        t : float
+            Time of the start.
+        params : mapping of str to array_like, optional
+            Parameters in the place of those of the system.
+
+        Returns
+        -------
+        dict of str to ndarray
+            ``q`` and ``v``, shape (n,), for ``**m.start()`` of a call.
+
+        Raises
+        ------
+        ValueError
+            A loop cannot be closed, values contradict one another, nothing is free to move, or
+            there is no such joint.
         """
         system = self._system or self.system(self._params)
         return system.assemble(values, rates, t=t, params=params)

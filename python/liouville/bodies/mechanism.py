@@ -169,6 +169,21 @@ class Mechanism(Lagrangian):
         """Return the rate of a coordinate of a joint, as :meth:`coordinate` returns its value.
 
         Ball joints have rates alone: ``system.rate("A.spin_x")`` about the world's axes.
+
+        Parameters
+        ----------
+        name : str
+            A joint, with its coordinate where it has several: ``"A"``, ``"hip.reach"``.
+
+        Returns
+        -------
+        callable
+            A function of (t, q, v, params), in radians or units of length a unit of time.
+
+        Raises
+        ------
+        TypeError, ValueError
+            The name is none of a joint's coordinate.
         """
         return self._measured("rates", name)
 

@@ -75,13 +75,19 @@ class Plan(ABC):
         return ["why", *(f"  {reason}" for reason in self.reasons)]
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the plan to a JSON file, for :meth:`load`: all digits, and a checksum."""
+        """Write the plan to a JSON file, for :meth:`load`: all digits, and a checksum.
+
+        Raises
+        ------
+        OSError
+            The file cannot be written.
+        """
         found = {"form": self.form, **_encoded(asdict(self)), "method": written(self.method)}
         Path(path).write_text(checksum.signed(found), encoding="utf-8")
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Self:
-        """Read a plan that :meth:`save` wrote.
+        """Return a plan that :meth:`save` wrote.
 
         Raises
         ------

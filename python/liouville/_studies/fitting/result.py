@@ -35,9 +35,9 @@ class Fitted:
     params : dict
         All parameters of the trial.
     start : dict of str to ndarray
-        Its start, on its constraints.
-    residuals : ndarray
-        Its part of the residuals of the fit.
+        Its start, on its constraints; each of shape (n,).
+    residuals : ndarray, shape (w,)
+        Its part of the residuals of the fit, in units of their deviations.
     solution : Solution
         Its run, at the times of its measurements.
     """

@@ -48,7 +48,13 @@ class Field(Pickled, ABC):
 
     @abstractmethod
     def with_params(self, params: Mapping[str, ArrayLike] | np.ndarray | None) -> Self:
-        """Return the field with other numbers, by name or as :meth:`values` gives them."""
+        """Return the field with other numbers, by name or as :meth:`values` gives them.
+
+        Raises
+        ------
+        ValueError
+            There is no such parameter, or its value has another shape or is not finite.
+        """
 
     @property
     def params(self) -> dict[str, Any]:
@@ -66,7 +72,18 @@ class Field(Pickled, ABC):
         return self._observer.names
 
     def values(self, params: Mapping[str, ArrayLike] | None) -> np.ndarray:
-        """Return the parameter vector with changes; ValueError names an unknown one."""
+        """Return the parameters as one vector, shape (w,), in the order of their declaration.
+
+        Parameters
+        ----------
+        params : mapping of str to array_like, or None
+            Values in the place of the defaults, by name.
+
+        Raises
+        ------
+        TypeError, ValueError
+            params is no mapping, or a value has no parameter, another shape or is not finite.
+        """
         return self._symbols.params.values(params)
 
     def numbers(self, params: Mapping[str, ArrayLike] | np.ndarray | None) -> np.ndarray:

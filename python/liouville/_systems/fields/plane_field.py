@@ -92,13 +92,24 @@ class PlaneField(Field):
         These are rates of states in unit time. Of a grid on a sphere of radius a these are
         dlon/dt = u / (a cos lat), in radians, and dmu/dt = v cos(lat) / a; of one on a cylinder
         dq/dt = R v_R and dphi/dt = v_phi / R. The time may be a date, where the field has dates.
+
+        Raises
+        ------
+        ValueError
+            x has another shape.
         """
         return self._sampled(x, t)[1]
 
     def potential(self, x: ArrayLike, t: float = 0.0) -> np.ndarray:
         """Return the potential at states x: of a plane the stream function, shape (...), else A.
 
-        The mean flow of a grid has none on a periodic axis, and is not in it.
+        A vector potential has the shape (..., 3). The mean flow of a grid has none on a periodic
+        axis, and is not in it.
+
+        Raises
+        ------
+        ValueError
+            x has another shape.
         """
         return self._sampled(x, t)[0]
 

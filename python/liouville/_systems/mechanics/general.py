@@ -346,10 +346,34 @@ class Mechanics(TracedSystem):
         params: Mapping[str, ArrayLike] | None = None,
         z: np.ndarray | None = None,
     ) -> np.ndarray:
-        r"""Return the generalised reaction forces r(t, y, lam), shape (k, n), at k points.
+        r"""Return the generalised reaction forces :math:`r(t, y, \lambda)` at k points.
 
-        Those of nonholonomic constraints, whose multipliers come last in `lam`, are among them;
-        they want `z` too.
+        Those of nonholonomic constraints are among them.
+
+        Parameters
+        ----------
+        t : ndarray, shape (k,)
+            Times.
+        y : ndarray, shape (k, n)
+            Positions.
+        lam : ndarray, shape (k, m)
+            Multipliers, those of nonholonomic constraints last.
+        params : mapping of str to array_like, optional
+            Parameters in the place of the defaults.
+        z : ndarray, shape (k, n), optional
+            Velocities or momenta, which reactions of nonholonomic constraints depend on.
+
+        Returns
+        -------
+        ndarray, shape (k, n)
+            The forces on the coordinates.
+
+        Raises
+        ------
+        TypeError
+            There are nonholonomic constraints, and z is missing.
+        ValueError
+            There is no such parameter.
         """
         values, m, own = self.values(params), len(self._holonomic), len(self.nonholonomic)
         lam = np.reshape(lam, (np.size(t), m + own))

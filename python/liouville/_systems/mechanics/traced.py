@@ -174,7 +174,18 @@ class TracedSystem(Pickled, ABC):
         return Program(f"{name}, of {place}", tape, inputs, outputs, wanted)
 
     def values(self, params: Mapping[str, ArrayLike] | None) -> np.ndarray:
-        """Return the parameter vector with changes; ValueError names an unknown one."""
+        """Return the parameters as one vector, shape (w,), in the order of their declaration.
+
+        Parameters
+        ----------
+        params : mapping of str to array_like, or None
+            Values in the place of the defaults, by name.
+
+        Raises
+        ------
+        TypeError, ValueError
+            params is no mapping, or a value has no parameter, another shape or is not finite.
+        """
         return self._symbols.params.values(params)
 
     def observer(

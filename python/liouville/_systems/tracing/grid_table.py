@@ -40,8 +40,8 @@ class GridTable:
     Attributes
     ----------
     axes : tuple of ndarray
-        The nodes along each axis.
-    values : ndarray
+        The nodes along each axis, shapes (n1,), (n2,) and so on.
+    values : ndarray, shape (n1, n2, ...)
         The values at the nodes.
     ends : tuple of str
         What holds at the ends of each axis.

@@ -379,7 +379,13 @@ class Bounded(Pickled):
         return self._closer if is_wide and is_free else found
 
     def bounds_at(self, t: float) -> Bounds:
-        r"""Bound the eigenvalues of :math:`H / \hbar` at a time."""
+        r"""Return (least, largest), bounds of the eigenvalues of :math:`H / \hbar` at a time.
+
+        Raises
+        ------
+        ValueError
+            A drive or a potential is not finite at this time.
+        """
         low, high = self.bounds_over(np.array([t]))[0].tolist()
         return low, high
 

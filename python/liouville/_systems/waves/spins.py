@@ -121,14 +121,25 @@ class SpinChain:
         return {name: x for name, x in self.__dict__.items() if name != "basis"}
 
     def index(self, state: int) -> int:
-        """Return the place of a basis state; ValueError if it is in another sector."""
+        """Return the place of a basis state, from 0.
+
+        Parameters
+        ----------
+        state : int
+            Bit i is 1 where spin i is down.
+
+        Raises
+        ------
+        ValueError
+            The state is in another sector.
+        """
         place = states_of(self.length, self.up).place(state)
         if place is None:
             raise ValueError(f"state {state} is not among the {self.size} of this sector")
         return place
 
     def sz(self, i: int) -> np.ndarray:
-        """Return the diagonal of the z component of spin i."""
+        """Return the diagonal of the z component of spin i, shape (size,): 1/2 up, -1/2 down."""
         return 0.5 - (self.basis >> i & 1)
 
     @property

@@ -420,6 +420,11 @@ class GriddedField(PlaneField):
 
         Longitudes of a region may be a turn off. Heights and depths are in the unit of the data
         set, and those of states in the velocity's unit of length.
+
+        Parameters
+        ----------
+        points : array_like, shape (..., n)
+            Degrees of longitude and latitude, and levels; R, phi and Z of a cylinder; else x.
         """
         axis = self._axes[0]
         span = None if axis.is_periodic else (axis.edges[0], axis.edges[-1])
@@ -448,5 +453,11 @@ class GriddedField(PlaneField):
         return self._kind.lengths(x)
 
     def points_of(self, x: ArrayLike) -> Array:
-        """Return points in the user's coordinates of states x, shape (..., n)."""
+        """Return points in the user's coordinates, shape (..., n): :meth:`states_of` undone.
+
+        Parameters
+        ----------
+        x : array_like, shape (..., n)
+            States of the field, such as ``solution.x``.
+        """
         return self._kind.outward(np.asarray(x))

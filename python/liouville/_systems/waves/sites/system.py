@@ -89,7 +89,12 @@ class SiteSystem:
         return self._basis.states
 
     def index(self, state: int | Sequence[int] | NDArray[np.integer[Any]]) -> int:
-        """Return the place of a basis state: an integer, or the digit of each site.
+        """Return the place of a basis state, from 0.
+
+        Parameters
+        ----------
+        state : int, or sequence of int of shape (sites,)
+            Its digits as one number, or the digit of each site.
 
         Raises
         ------
