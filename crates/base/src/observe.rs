@@ -14,6 +14,14 @@ pub trait Observe<State>: Checkpoint {
     /// # Errors
     /// A quantity that is not finite, or multipliers that cannot be solved for.
     fn observe(&mut self, t: f64, state: &State, row: &mut Vec<f64>) -> Result<(), StepError>;
+
+    /// Whether it sees every step, by [`Observe::follow`] where it does not observe.
+    fn is_following(&self) -> bool {
+        false
+    }
+
+    /// Goes on to the state of a step that is not recorded.
+    fn follow(&mut self, _t: f64, _state: &State) {}
 }
 
 /// A finding about a motion: its kind, and its numbers.

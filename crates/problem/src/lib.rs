@@ -36,6 +36,7 @@ mod separable;
 mod step_map;
 mod tangent_sizes;
 mod tangents;
+mod turns;
 mod watch;
 
 pub use acceleration::Acceleration;
@@ -74,6 +75,7 @@ pub use tangents::{
     TangentRestart, TangentState, TangentView,
 };
 
+pub use turns::Turning;
 pub use watch::{StepWatch, Watched};
 
 use liouville_base::linalg::{BlockPlan, Pattern};

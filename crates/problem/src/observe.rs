@@ -1,8 +1,8 @@
 //! Records of a mechanical or semi-explicit system at an output point.
 
 use super::{
-    Acceleration, Dynamics, Mechanical, Model, State, TangentView, model::finite,
-    model::finite_state,
+    Acceleration, Dynamics, Mechanical, Model, State, TangentView, Turning, model::finite,
+    model::finite_state, turns::Turns,
 };
 use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch, Numbers};
 use liouville_base::error::{Quantity, StepError};
@@ -41,13 +41,14 @@ impl Carried for State {
 }
 
 /// Records y, z, λ and ν, and z' and a of methods that carry a (where states are wanted); then the work of
-/// such methods; then the outputs of a tape (t, y, z) → quantities.
+/// such methods; then the outputs of a tape (t, y, z) → quantities; then angles that it continues.
 #[derive(Clone, Debug)]
 pub struct Observer<M: Dynamics = Model> {
     model: M,
     states: Option<M::Solver>,
     tape: Arc<Tape>,
     registers: Registers<f64>,
+    turns: Option<Turns>,
 }
 
 impl<M: Dynamics> Observer<M> {
@@ -69,7 +70,20 @@ impl<M: Dynamics> Observer<M> {
             states,
             tape,
             registers,
+            turns: None,
         }
+    }
+
+    /// The same with angles that are continued from step to step.
+    #[must_use]
+    pub fn turning(mut self, turning: Option<&Turning>, params: &[f64]) -> Self {
+        self.turns = turning.map(|own| Turns::new(own.clone(), params, 1));
+        self
+    }
+
+    /// Whether it continues angles.
+    pub fn is_turning(&self) -> bool {
+        self.turns.is_some()
     }
 
     /// The observed model.
@@ -112,6 +126,10 @@ impl<M: Dynamics> Observer<M> {
         let values = self.tape.eval(&mut self.registers, args);
         finite(values, Quantity::Observable, t)?;
         row.extend_from_slice(values);
+        if let Some(turns) = &mut self.turns {
+            turns.follow(t, state.y(), state.z());
+            row.extend_from_slice(turns.angles(0));
+        }
         Ok(())
     }
 }
@@ -121,6 +139,9 @@ impl Observer {
     pub fn reset(&mut self) {
         if let Some(states) = &mut self.states {
             states.reset();
+        }
+        if let Some(turns) = &mut self.turns {
+            turns.reset();
         }
     }
 }
@@ -133,13 +154,24 @@ impl<S: Carried, M: Dynamics> Observe<S> for Observer<M> {
             .states
             .as_ref()
             .map_or(0, |_| n + l + m + 2 * accelerations);
-        states + usize::from(state.accelerations().is_some()) + self.tape.outputs()
+        let angles = self.turns.as_ref().map_or(0, Turns::count);
+        states + usize::from(state.accelerations().is_some()) + self.tape.outputs() + angles
     }
 
     fn observe(&mut self, t: f64, state: &S, row: &mut Vec<f64>) -> Result<(), StepError> {
         let start = row.len();
         self.append(t, state, row)
             .inspect_err(|_| row.truncate(start))
+    }
+
+    fn is_following(&self) -> bool {
+        self.is_turning()
+    }
+
+    fn follow(&mut self, t: f64, state: &S) {
+        if let Some(turns) = &mut self.turns {
+            turns.follow(t, state.y(), state.z());
+        }
     }
 }
 
@@ -148,11 +180,17 @@ impl<M: Dynamics> Checkpoint for Observer<M> {
         if let Some(states) = &self.states {
             states.save(member, out);
         }
+        if let Some(turns) = &self.turns {
+            turns.save(member, out);
+        }
     }
 
     fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
-        match &mut self.states {
-            Some(states) => states.restore(member, saved),
+        if let Some(states) = &mut self.states {
+            states.restore(member, saved)?;
+        }
+        match &mut self.turns {
+            Some(turns) => turns.restore(member, saved),
             None => Ok(()),
         }
     }
@@ -168,6 +206,8 @@ pub struct Observers<R> {
     members: usize,
     /// All members at once, unless redundant constraints share their multipliers.
     together: Option<Together<R>>,
+    /// Angles that are continued.
+    turns: Option<Turns<R>>,
     /// Observers of one member, made where that fails, and its state.
     alone: Vec<Option<Observer>>,
     single: State,
@@ -206,9 +246,23 @@ impl<R: Real> Observers<R> {
             has_states,
             members,
             together,
+            turns: None,
             alone: vec![None; members],
             single: State::zeros(problem.n),
         }
+    }
+
+    /// The same with angles that are continued from step to step.
+    #[must_use]
+    pub fn turning(mut self, turning: Option<&Turning>) -> Self {
+        self.turns = turning.map(|own| Turns::new(own.clone(), &self.params, self.members));
+        self
+    }
+
+    fn width_of_member(&self, n: usize) -> usize {
+        let states = 2 * n + self.problem.recorded_multipliers();
+        let angles = self.turns.as_ref().map_or(0, Turns::count);
+        usize::from(self.has_states) * states + self.tape.outputs() + angles
     }
 }
 
@@ -218,7 +272,7 @@ impl<R: Real> Together<R> {
         &mut self,
         tape: &Tape,
         (t, state): (f64, &State<R>),
-        members: usize,
+        (members, turns): (usize, Option<&Turns<R>>),
         row: &mut Vec<f64>,
     ) -> Result<(), StepError> {
         finite_state(&state.y, t)?;
@@ -233,6 +287,7 @@ impl<R: Real> Together<R> {
         for member in 0..members {
             let own = parts.iter().flatten().copied().chain([values]).flatten();
             row.extend(own.map(|x| x.member(member)));
+            row.extend(turns.iter().flat_map(|turns| turns.angles(member)));
         }
         Ok(())
     }
@@ -240,17 +295,18 @@ impl<R: Real> Together<R> {
 
 impl<R: Real> Observe<State<R>> for Observers<R> {
     fn width(&self, state: &State<R>) -> usize {
-        let states = 2 * state.y.len() + self.problem.recorded_multipliers();
-        self.members * (usize::from(self.has_states) * states + self.tape.outputs())
+        self.members * self.width_of_member(state.y.len())
     }
 
     fn observe(&mut self, t: f64, state: &State<R>, row: &mut Vec<f64>) -> Result<(), StepError> {
+        self.follow(t, state);
+        let start = row.len();
+        let turns = self.turns.as_ref();
         if let Some(together) = &mut self.together
-            && (together.append(&self.tape, (t, state), self.members, row)).is_ok()
+            && (together.append(&self.tape, (t, state), (self.members, turns), row)).is_ok()
         {
             return Ok(());
         }
-        let start = row.len();
         for member in 0..self.members {
             self.single.copy_member(0, state, member);
             let alone = self.alone[member].get_or_insert_with(|| {
@@ -262,16 +318,34 @@ impl<R: Real> Observe<State<R>> for Observers<R> {
                 row.truncate(start);
                 return Err(error.of_member(member));
             }
+            row.extend(turns.iter().flat_map(|turns| turns.angles(member)));
         }
         Ok(())
+    }
+
+    fn is_following(&self) -> bool {
+        self.turns.is_some()
+    }
+
+    fn follow(&mut self, t: f64, state: &State<R>) {
+        if let Some(turns) = &mut self.turns {
+            turns.follow(t, &state.y, &state.z);
+        }
     }
 }
 
 // Members in lock-step have reactions linear in λ: no solve starts from the last.
 impl<R: Real> Checkpoint for Observers<R> {
-    fn save(&self, _: usize, _: &mut dyn Numbers) {}
+    fn save(&self, member: usize, out: &mut dyn Numbers) {
+        if let Some(turns) = &self.turns {
+            turns.save(member, out);
+        }
+    }
 
-    fn restore(&mut self, _: usize, _: &mut &[f64]) -> Result<(), CheckpointMismatch> {
-        Ok(())
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
+        match &mut self.turns {
+            Some(turns) => turns.restore(member, saved),
+            None => Ok(()),
+        }
     }
 }

@@ -278,6 +278,14 @@ impl<S: Carried> Observe<S> for TangentObserver {
         self.append(t, state, row)
             .inspect_err(|_| row.truncate(start))
     }
+
+    fn is_following(&self) -> bool {
+        self.inner.is_turning()
+    }
+
+    fn follow(&mut self, t: f64, state: &S) {
+        self.inner.follow(t, state);
+    }
 }
 
 impl Checkpoint for TangentObserver {

@@ -11,9 +11,9 @@ use liouville_base::run::{Advance, EventRule, Span, StartError};
 use liouville_base::tape::Tape;
 use liouville_mechanics::events::{EventSlopes, Law};
 use liouville_mechanics::run::{
-    self, Control, Detection, EventFunction, Problem, SystemSensitivity, Tangents,
+    self, Control, Detection, EventFunction, Problem, Recorded, SystemSensitivity, Tangents,
 };
-use liouville_problem::Watched;
+use liouville_problem::{Turning, Watched};
 use numpy::{PyArrayDyn, PyArrayMethods, PyUntypedArrayMethods};
 use numpy::{PyReadonlyArray1, PyReadonlyArrayDyn};
 use pyo3::prelude::*;
@@ -217,6 +217,14 @@ fn watched((energy, left_out): &WatchedOf<'_>) -> PyResult<Watched> {
     })
 }
 
+/// Angles that are continued, by a tape of them and their rates, with their periods.
+type TurningOf<'py> = (PyRef<'py, convert::Tape>, PyReadonlyArray1<'py, f64>);
+
+fn turning((tape, periods): &TurningOf<'_>) -> PyResult<Turning> {
+    let (tape, periods) = (tape.0.clone(), periods.as_slice()?.into());
+    Ok(Turning { tape, periods })
+}
+
 /// A job, by the attributes of its dataclass; an ensemble has arrays of rows.
 #[derive(FromPyObject)]
 #[allow(clippy::struct_excessive_bools)] // the dataclass has them
@@ -230,6 +238,7 @@ struct MechanicalJob<'py> {
     watch: Option<Watch<'py>>,
     tangents: Option<TangentsOf<'py>>,
     watched: WatchedOf<'py>,
+    turning: Option<TurningOf<'py>>,
     threads: usize,
     is_ensemble: bool,
     is_reversible: bool,
@@ -272,8 +281,11 @@ impl MechanicalJob<'_> {
             detection: self.watch.as_ref().map(detection).transpose()?,
             tangents: self.tangents.as_ref().map(tangents).transpose()?,
             watched: watched(&self.watched)?,
-            observer: self.observer.0.clone(),
-            states: self.states,
+            recorded: Recorded {
+                tape: self.observer.0.clone(),
+                states: self.states,
+                turning: self.turning.as_ref().map(turning).transpose()?,
+            },
             threads: self.threads,
         })
     }

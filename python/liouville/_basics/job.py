@@ -45,6 +45,9 @@ Tangents = tuple[Sensitivity, Array, Array, Array, Array, AlphaSlopes | None]
 #: fall, and one of constraints left out with their numbers and for each member their sizes.
 WatchedSteps = tuple[tuple[_core.Tape, bool] | None, tuple[_core.Tape, list[int], Array] | None]
 
+#: A tape of angles and then of their rates, and the period of each.
+Turning = tuple[_core.Tape, Array]
+
 
 @dataclass(kw_only=True, eq=False, slots=True)
 class Job:
@@ -77,6 +80,8 @@ class Job:
         ensemble come one after another.
     watched : tuple
         What is looked at in each step of a mechanical system, as :data:`WatchedSteps` has it.
+    turning : tuple or None
+        A tape of angles and their rates that a run continues from step to step, and their periods.
     varied : list of Split
         The split fields of members, where these have parameters of their own.
     seen : tuple
@@ -105,6 +110,7 @@ class Job:
     watch: tuple[int, Array | None, list[Event]] | None = None
     tangents: Tangents | Array | None = None
     watched: WatchedSteps = (None, None)
+    turning: Turning | None = None
     varied: list[_core.Split] = field(default_factory=list)
     seen: tuple[int, Array | None] = (0, None)
     threads: int = 1

@@ -253,6 +253,7 @@ def solution_of(
         residuals={name: parts[name] for name in RESIDUALS if name in parts},
         observed=named["observed"],
         initial=runner.initial,
+        angles=named["angle"],
         balance=runner.balance(parts),
         tangents=runner.tangents(times, parts),
         names=_names(runner),
@@ -346,7 +347,7 @@ def _names(runner: Runner) -> dict[str, tuple[str, ...]]:
 
 def _named(parts: Mapping[str, np.ndarray]) -> dict[str, dict[str, np.ndarray]]:
     """Return arrays named "invariant energy" and so on, by both words."""
-    found: dict[str, dict[str, np.ndarray]] = {"invariant": {}, "observed": {}}
+    found: dict[str, dict[str, np.ndarray]] = {"invariant": {}, "observed": {}, "angle": {}}
     for name, x in parts.items():
         kind, _, own = name.partition(" ")
         if kind in found:

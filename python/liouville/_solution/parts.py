@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from liouville._solution.solution import Array, Solution
 
 #: The groups of arrays of a solution with time as their first axis, then the member, if any.
-GROUPS = ("states", "invariants", "residuals", "observed", "balance", "error")
+GROUPS = ("states", "invariants", "residuals", "observed", "angles", "balance", "error")
 
 #: What joins words, such as those of solvers.
 AND = " and "

@@ -31,7 +31,17 @@ if TYPE_CHECKING:
 Array = NDArray[Any]
 
 #: What a solution has by names, which a KeyError lists.
-NAMED = ("states", "invariants", "residuals", "observed", "names", "balance", "events", "tangents")
+NAMED = (
+    "states",
+    "invariants",
+    "residuals",
+    "observed",
+    "angles",
+    "names",
+    "balance",
+    "events",
+    "tangents",
+)
 
 #: All residuals that a solution may have, in their order.
 RESIDUALS = ("constraint", "hidden", "nonholonomic")
@@ -66,6 +76,9 @@ class Solution(States, Drifts, Motions):
     observed : dict of str to ndarray, shape (k,) or (k, j)
         The quantities of ``observe=``, by name; of a wave function also its complex
         ``autocorrelation``, :math:`\langle \psi(0) | \psi(t) \rangle`.
+    angles : dict of str to ndarray, shape (k,)
+        Of an assembly the angles of joints that no coordinate counts, as ``"A.angle"``, continuous
+        over turns since the start of the run; NaN from where a step was too long to count them.
     balance : dict of str to ndarray, shape (k,)
         Where the energy of a Lagrangian or a Structure went, if the method records it: ``work``
         and ``dissipated``, which are attributes too. Empty otherwise.
@@ -171,6 +184,7 @@ class Solution(States, Drifts, Motions):
     stats: Stats
     initial: dict[str, Any] = field(default_factory=dict)
     params: dict[str, Any] = field(default_factory=dict)
+    angles: dict[str, Array] = field(default_factory=dict)
     balance: dict[str, Array] = field(default_factory=dict)
     tolerances: dict[str, Any] = field(default_factory=dict)
     error: dict[str, Array] = field(default_factory=dict)

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from liouville import _core
 from liouville._basics import casadi as ca
 from liouville._basics.errors import Description, hinted, quoted
+from liouville._basics.job import Turning
 from liouville._systems import Lagrangian, members
 from liouville._systems.mechanics.general import Mechanics
 from liouville._systems.tape import record
@@ -87,6 +88,12 @@ class Mechanism(Lagrangian):
         )
         self._places = {place.name: place for place in model.places()}
         self.bodies, self.joints = self._body_layout.names, tuple(self._places)
+        self.turned = tuple(
+            f"{place.name}.{x}"
+            for place in self._places.values()
+            for x in place.angles
+            if x not in self.counted(place.name)
+        )
         self._springs = model.springs()
         self.looks, _ = looks(model)
         self._outputs = Expressions(self._symbols, model.outputs())
@@ -140,6 +147,27 @@ class Mechanism(Lagrangian):
             self._output_tapes[name] = record(name, s.inputs(z=s.z), self._outputs.columns[name])
         rows = [np.ascontiguousarray(np.reshape(x, (np.size(at[0]), -1)), float) for x in at]
         return self._output_tapes[name].map(params, rows)
+
+    @property
+    def turning(self) -> Turning | None:
+        """The tape of angles that a run continues and their rates, and their periods."""
+        if not self.turned:
+            return None
+        if "turning" not in self._output_tapes:
+            at = [self._column(*name.rsplit(".", 1)) for name in self.turned]
+            columns = [self._outputs.columns[what][k] for what in ("values", "rates") for k in at]
+            s = self._symbols
+            self._output_tapes["turning"] = record("turning", s.inputs(z=s.z), ca.vertcat(*columns))
+        kinds = [self._places[name.rsplit(".", 1)[0]].kind for name in self.turned]
+        return self._output_tapes["turning"], turns.periods(kinds)
+
+    def continued(self, t: Array, q: Array, v: Array, params: Array) -> dict[str, Array]:
+        """Return the angles that no coordinate counts, by name, continued along k states."""
+        if self.turning is None:
+            return {}
+        rows = [np.ascontiguousarray(x) for x in (t[:, None], q, v)]
+        found = self.turning[0].map(params, rows)
+        return dict(zip(self.turned, turns.continued(t, found, self.turning[1]).T, strict=True))
 
     def coordinate(self, name: str) -> Function:
         """Return a coordinate of a joint as a function of (t, q, v, params), such as "A.angle".
@@ -237,7 +265,7 @@ class Mechanism(Lagrangian):
             own = " or ".join(f"'{joint}.{x}'" for x in known)
             hint = f"write {own}" if known else f"it leaves no {of} free"
             raise ValueError(hinted(f"joint '{joint}' has no {of} '{coordinate}'", hint))
-        k = place.first + place.coordinates.index(coordinate)
+        k = self._column(joint, coordinate)
 
         def measured(t: ca.SX, q: ca.SX, v: ca.SX, *more: Any) -> ca.SX:
             del more  # multipliers, and parameters, which are those of the system
@@ -246,6 +274,10 @@ class Mechanism(Lagrangian):
             return found
 
         return measured
+
+    def _column(self, joint: str, coordinate: str) -> int:
+        place = self._places[joint]
+        return place.first + place.coordinates.index(coordinate)
 
     def rubs(self, params: Array, t: Array, q: Array, v: Array) -> list[Rubs] | None:
         """Return the numbers that determine normal forces at k states, or None without friction.

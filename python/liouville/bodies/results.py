@@ -16,7 +16,7 @@ from liouville._solution.parts import system_of
 from liouville._systems.mechanics.redundant import _gradients
 from liouville.bodies import rotations as rot
 from liouville.bodies.body import numbers
-from liouville.bodies.joints import ANGLES, RATES
+from liouville.bodies.joints import RATES
 from liouville.bodies.mechanism import Mechanism
 from liouville.bodies.model import Place
 
@@ -125,45 +125,38 @@ class JointMotion:
     def coordinates(self) -> dict[str, Array]:
         """Angles, continuous over turns, and slides by name, each of shape (k,).
 
-        Planar bodies, compound joints, and joints with a spring, a coupling or a torque by the
-        angle count turns. Those of others are counted from record to record, by the rates there,
-        from the value at the first: a part of a solution, as by `sel`, counts from its own first.
+        They count from their value at the start of the run, through all of its steps, whatever is
+        kept of these.
 
         Raises
         ------
         ValueError
-            Records are too far apart for that.
+            A step was too long for that, or a reset turned the joint: rates do not say how far.
         """
         system = _mechanism(self._solution, f"joint '{self.name}'")
-        counted = system.counted(self.name)
-        # both angles of a universal joint jump together, by a turn each: the attitude is the same
-        is_universal = system.place(self.name).kind == "universal"
-        period = 2 * np.pi if is_universal else 4 * np.pi
-        return {
-            key: x if key not in ANGLES or key in counted else self._continuous(key, period)
-            for key, x in self.values.items()
-        }
+        found = {key: f"{self.name}.{key}" for key in self.values}
+        angles = self._solution.angles
+        if not angles and any(name in system.turned for name in found.values()):
+            # of a file of an earlier release
+            own = self._solution
+            angles = system.continued(own.t, own.q, own.v, system.values(own.params))
+        return {key: self._counted(key, angles.get(name)) for key, name in found.items()}
 
-    def _continuous(self, name: str, period: float) -> Array:
-        """Return an angle that jumps by its period as a continuous one, by its rate."""
-        t, angle, rate = self.t, self.values[name], self.rates[name]
-        predicted = np.diff(t) * (rate[1:] + rate[:-1]) / 2
-        gaps = predicted - np.diff(angle)
-        jumps = period * np.round(gaps / period)
-        # a rate between those at both ends predicts within the first, and misses by the second
-        unknown = np.abs(np.diff(t) * np.diff(rate)) >= period
-        unknown |= np.abs(gaps - jumps) > period / 4
+    def _counted(self, key: str, angle: Array | None) -> Array:
+        """Return a coordinate, whose turns are counted where it has an angle of its own."""
+        if angle is None:
+            return self.values[key]
+        unknown = np.isnan(angle)
         if unknown.any():
             k = int(np.argmax(unknown))
+            since = f"after t = {self.t[k - 1]:.6g}" if k else f"before t = {self.t[0]:.6g}"
             sentence = (
-                f"joint '{self.name}' has no continuous {name}: its records at t = {t[k]:.6g} and "
-                f"{t[k + 1]:.6g} are too far apart to count turns"
+                f"joint '{self.name}' has no continuous {key}: {since} it turned in one step, or "
+                "by a reset, by another angle than its rates tell"
             )
-            hint = "keep more records, or take the angles as they jump from its values"
+            hint = "take smaller steps, or the angles as they jump from its values"
             raise ValueError(hinted(sentence, hint))
-        found = angle.copy()
-        found[1:] += np.cumsum(jumps)
-        return found
+        return angle
 
     @property
     def is_determined(self) -> bool:

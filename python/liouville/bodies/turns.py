@@ -21,6 +21,8 @@ from liouville.bodies.body import Body, called, inertia_matrix
 
 #: The beginning of the names of rows that keep counted angles, after the joint's.
 TURNS = ".turns"
+#: An angle is continued if it is where its rate says up to this part of its period.
+NEAR = 0.25
 
 
 def counted(
@@ -169,6 +171,30 @@ class Counter:
             first, second = joint.bodies
             found[k] = axis @ (turning[:, second] - turning[:, first])
         return found
+
+
+def periods(kinds: Sequence[str]) -> NDArray[np.float64]:
+    """Return the periods of angles of joints of these kinds by their quaternions."""
+    # both angles of a universal joint jump together, by a turn each: the attitude is the same
+    return 2 * np.pi * np.array([1 if kind == "universal" else 2 for kind in kinds], dtype=float)
+
+
+def continued(
+    t: NDArray[np.float64], found: NDArray[np.float64], period: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return angles continued along times, from rows of them and of their rates.
+
+    As in a run of the core they are no numbers from where rates do not say how they turned.
+    """
+    angles, rates = np.split(found, 2, axis=1)
+    h = np.diff(t)[:, None]
+    gaps = h * (rates[1:] + rates[:-1]) / 2 - np.diff(angles, axis=0)
+    jumps = period * np.round(gaps / period)
+    # a rate between those at both ends predicts within the first, and misses by the second
+    is_known = np.abs(h * np.diff(rates, axis=0)) < period
+    is_known &= np.abs(gaps - jumps) <= NEAR * period
+    angles[1:] += np.cumsum(np.where(is_known, jumps, np.nan), axis=0)
+    return angles
 
 
 def nearest(angle: Any, to: Any, period: float) -> Any:

@@ -39,6 +39,9 @@ pub trait EventDetector<State>: Checkpoint {
         Ok(None)
     }
 
+    /// Called at the end of each step, and behind a reset, where the records are its own and its observer follows.
+    fn follow(&mut self, _t: f64, _state: &State) {}
+
     /// Called at the end of the run; makes the records that are still due.
     fn finish(&mut self, records: &mut Records);
 

@@ -98,7 +98,9 @@ impl<State: Checkpoint> Run<State> {
             run.control.stepper_mut().synchronize(&mut run.state)?;
             events.start(run.control.time(), &run.state)?;
         }
-        if !run.is_recorded_by_events() {
+        if run.is_recorded_by_events() {
+            run.follow()?;
+        } else {
             run.record()?;
         }
         Ok(run)
@@ -154,6 +156,7 @@ impl<State: Checkpoint> Run<State> {
                 }
                 Outcome::Restart(start) => {
                     self.restart(start);
+                    self.follow()?;
                     if start.to_bits() != t.to_bits() {
                         self.replace_record(start, outcome)?;
                         // the rest of the step is still to be made
@@ -181,8 +184,22 @@ impl<State: Checkpoint> Run<State> {
         match self.end {
             Some(end) if self.records.last() == Some(end) => self.replace_record(end, outcome),
             _ if self.is_due() => self.record_after(outcome),
-            _ => Ok(()),
+            _ => self.follow(),
         }
+    }
+
+    /// Lets an observer that follows all steps see the present state.
+    fn follow(&mut self) -> Result<(), StepError> {
+        if !self.observer.is_following() {
+            return Ok(());
+        }
+        self.control.stepper_mut().synchronize(&mut self.state)?;
+        let t = self.present();
+        match &mut self.events {
+            Some(events) if events.is_recording() => events.follow(t, &self.state),
+            _ => self.observer.follow(t, &self.state),
+        }
+        Ok(())
     }
 
     /// Looks at the state that a step from `start` has led to.

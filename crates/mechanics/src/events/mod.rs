@@ -369,6 +369,10 @@ impl<State: Carried + Checkpoint + Clone, M: Dynamics> EventDetector<State>
         Ok(Some(&self.substep.state))
     }
 
+    fn follow(&mut self, t: f64, state: &State) {
+        self.observer.follow(t, state);
+    }
+
     fn finish(&mut self, _: &mut Records) {}
 
     fn take(&mut self) -> Events {

@@ -5,7 +5,7 @@ use crate::events::Law;
 use liouville_base::composition::NeedsAdjoint;
 use liouville_base::run::StartError;
 use liouville_base::tape::Tape;
-use liouville_problem::Watched;
+use liouville_problem::{Turning, Watched};
 use std::sync::Arc;
 
 impl System {
@@ -105,6 +105,7 @@ impl Job {
         self.check_control(system)?;
         self.check_tangents(system)?;
         self.check_watched(system)?;
+        self.check_turning(system)?;
         match &self.detection {
             Some(detection) => detection.check(system),
             None => Ok(()),
@@ -131,7 +132,7 @@ impl Job {
             && (2..=most).contains(&self.start.len())
             && (self.start.iter().zip([n, l, n])).all(|(x, size)| x.len() == members * size)
             && [params, members * params].contains(&self.params.len())
-            && self.observer.inputs() == [1, n, l, params];
+            && self.recorded.tape.inputs() == [1, n, l, params];
         if fits {
             return Ok(());
         }
@@ -157,7 +158,7 @@ impl Job {
             return Ok(());
         };
         let fits = tangents.fit(system, self.members.unwrap_or(1));
-        if fits && self.states && self.has_slopes() {
+        if fits && self.recorded.states && self.has_slopes() {
             return Ok(());
         }
         invalid(
@@ -179,6 +180,17 @@ impl Job {
             let law = event.reset.as_ref().map(|(law, _)| law);
             slopes.fit(law, [n, l, lam, params], 1 + n + l + lam + params)
         })
+    }
+
+    fn check_turning(&self, system: &System) -> Result<(), StartError> {
+        let ([n, l], params) = system.sizes();
+        let fits = |own: &Turning| {
+            own.tape.inputs() == [1, n, l, params] && own.tape.outputs() == 2 * own.count()
+        };
+        if self.recorded.turning.as_ref().is_none_or(fits) {
+            return Ok(());
+        }
+        invalid("angles are continued by a tape of (t, y, z, params) of the angles and their rates")
     }
 
     fn check_watched(&self, system: &System) -> Result<(), StartError> {

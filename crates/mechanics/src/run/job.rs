@@ -9,7 +9,7 @@ use liouville_base::run::{EventRule, Span};
 use liouville_base::tableau::{self, Scheme};
 use liouville_base::tape::Tape;
 use liouville_index2::semi_explicit::{SemiExplicit, SemiExplicitSensitivity};
-use liouville_problem::{Mechanical, SecondOrder, Sensitivity, Separable, Watched};
+use liouville_problem::{Mechanical, SecondOrder, Sensitivity, Separable, Turning, Watched};
 use liouville_spark::Solver;
 use std::sync::Arc;
 
@@ -148,6 +148,17 @@ pub struct Tangents {
     pub alpha: Option<AlphaSlopes>,
 }
 
+/// What is recorded of a state.
+#[derive(Clone, Debug)]
+pub struct Recorded {
+    /// A tape (t, y, z, params) → quantities.
+    pub tape: Arc<Tape>,
+    /// Whether the states are recorded too.
+    pub states: bool,
+    /// Angles that are continued from step to step and recorded too.
+    pub turning: Option<Turning>,
+}
+
 /// A run, or an ensemble of runs.
 #[derive(Clone, Debug)]
 pub struct Job {
@@ -171,10 +182,8 @@ pub struct Job {
     pub detection: Option<Detection>,
     /// Tangents, if they are wanted.
     pub tangents: Option<Tangents>,
-    /// A tape (t, y, z, params) → quantities to record.
-    pub observer: Arc<Tape>,
-    /// Whether the states are recorded too.
-    pub states: bool,
+    /// What is recorded.
+    pub recorded: Recorded,
     /// The watch of each step.
     pub watched: Watched,
     /// Threads of an ensemble.

@@ -8,11 +8,9 @@ use liouville_base::method::{Estimating, Stepper, Symmetric};
 use liouville_base::observe::{Monitor, Observe, Watch};
 use liouville_base::real::{BATCH, Lanes, Scalar};
 use liouville_base::run::{Adaptive, EventDetector, Fixed, Reversible, Run, StepControl};
-use liouville_base::tape::Tape;
 use liouville_problem::{
     Carried, Dynamics, Impulse, Model, Observer, Path, Restart, State, StepWatch, TimeScale, Traced,
 };
-use std::sync::Arc;
 
 /// A stepper of any kind for a type of state.
 pub(super) type BoxedStepper<State> = Box<dyn Stepper<State = State>>;
@@ -102,13 +100,9 @@ impl Starter {
 
     /// The observer of a member with this model.
     pub(super) fn observer<M: Dynamics>(&self, model: M, member: usize) -> Observer<M> {
-        let (tape, states) = self.observed();
-        Observer::new(model, self.params(member), tape, states)
-    }
-
-    /// The tape of what is observed, and whether the states are recorded too.
-    pub(super) fn observed(&self) -> (Arc<Tape>, bool) {
-        (self.job.observer.clone(), self.job.states)
+        let (params, own) = (self.params(member), &self.job.recorded);
+        Observer::new(model, params, own.tape.clone(), own.states)
+            .turning(own.turning.as_ref(), params)
     }
 
     /// The monitor of a mechanical member, if its steps follow one: a function of the user's, or the time scale

@@ -21,8 +21,8 @@ mod spark_pullback;
 mod tangents;
 
 pub use job::{
-    Control, Detection, EventFunction, Job, Method, Problem, SparkMethod, SystemSensitivity,
-    Tangents,
+    Control, Detection, EventFunction, Job, Method, Problem, Recorded, SparkMethod,
+    SystemSensitivity, Tangents,
 };
 pub use members_pullback::{KeptRows, MembersPullback};
 pub use parts::Part;
@@ -34,13 +34,13 @@ use liouville_alpha::Reactions;
 use liouville_base::ensemble::{Ensemble, RecordLayout};
 use liouville_base::error::StepError;
 use liouville_base::newton::Stop;
-use liouville_base::real::BATCH;
+use liouville_base::real::{BATCH, Real};
 use liouville_base::run::{Advance, StartError};
 use liouville_base::tableau;
 use liouville_index2::semi_explicit::SemiExplicit;
 use liouville_problem::{
     Mechanical, Model, Observer, Observers, SecondOrder, Separable, SeparableModel, State,
-    StepWatch,
+    StepWatch, Turning,
 };
 use liouville_spark::rattle::Rattle;
 use liouville_spark::{Spark, SparkBatch, supports_batch};
@@ -177,8 +177,10 @@ impl Starter {
         let ([n, l], _) = self.system.sizes();
         let is_alpha = usize::from(matches!(self.system, System::Alpha(..)));
         let states = n + l + self.system.multipliers() + 2 * is_alpha * n;
-        let own = usize::from(self.job.states) * states + is_alpha;
-        own + self.job.observer.outputs() + self.tangent_width()
+        let recorded = &self.job.recorded;
+        let angles = recorded.turning.as_ref().map_or(0, Turning::count);
+        let own = usize::from(recorded.states) * states + is_alpha;
+        own + recorded.tape.outputs() + angles + self.tangent_width()
     }
 
     /// A run of these members, in lock-step where there are several.
@@ -228,7 +230,7 @@ impl Starter {
         let mut stepper = SparkBatch::of(problem, filled, tableau, spark.solver)
             .to_tolerance(self.newton_tol(spark));
         let state = stepper.state(self.job.span.t0, &y, &z);
-        let observer = Box::new(Observers::new(problem, filled, self.observed()));
+        let observer = Box::new(self.observers(problem, filled));
         let watch = StepWatch::new(problem, &params, &self.job.watched, members)
             .map(|watch| Box::new(watch) as _);
         let stepper = composed(stepper, stages);
@@ -300,10 +302,18 @@ impl Starter {
         self.recorded(control, Box::new(observer), state, member)
     }
 
+    fn observers<R: Real>(&self, problem: &Arc<Mechanical>, filled: (&[R], usize)) -> Observers<R> {
+        let own = &self.job.recorded;
+        let observers = Observers::new(problem, filled, (own.tape.clone(), own.states));
+        observers.turning(own.turning.as_ref())
+    }
+
     fn pooled_observer(&self, (problem, pools, _): PooledSpark, member: usize) -> Lent<Observer> {
-        let (params, kind) = (self.params(member), self.observed());
         let make = || self.observer(self.model(member), member);
-        pools.observers.lend(problem, params, &kind, make)
+        let params = self.params(member);
+        pools
+            .observers
+            .lend(problem, params, &self.job.recorded, make)
     }
 
     fn rattle(&self, problem: &Arc<Separable>, stages: Option<&[f64]>, member: usize) -> Begun {

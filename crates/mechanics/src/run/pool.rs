@@ -2,12 +2,12 @@
 //!
 //! Making a stepper binds tapes and takes memory; of a short run that was a third of the time.
 
+use super::Recorded;
 use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch, Numbers};
 use liouville_base::error::StepError;
 use liouville_base::method::{Estimating, Stats, Stepper, Symmetric};
 use liouville_base::observe::Observe;
 use liouville_base::tableau;
-use liouville_base::tape::Tape;
 use liouville_problem::{Mechanical, Observer};
 use liouville_spark::{Solver, Spark};
 use std::ops::{Deref, DerefMut};
@@ -50,10 +50,12 @@ impl Reusable for Spark {
 }
 
 impl Reusable for Observer {
-    type Kind = (Arc<Tape>, bool);
+    type Kind = Recorded;
 
-    fn is(&self, (tape, states): &Self::Kind) -> bool {
-        Arc::ptr_eq(self.tape(), tape) && self.solved().is_some() == *states
+    fn is(&self, own: &Self::Kind) -> bool {
+        Arc::ptr_eq(self.tape(), &own.tape)
+            && self.solved().is_some() == own.states
+            && self.is_turning() == own.turning.is_some()
     }
 
     fn reset(&mut self) {
@@ -231,5 +233,13 @@ impl<S, T: Reusable + Observe<S>> Observe<S> for Lent<T> {
 
     fn observe(&mut self, t: f64, state: &S, row: &mut Vec<f64>) -> Result<(), StepError> {
         (**self).observe(t, state, row)
+    }
+
+    fn is_following(&self) -> bool {
+        (**self).is_following()
+    }
+
+    fn follow(&mut self, t: f64, state: &S) {
+        (**self).follow(t, state);
     }
 }

@@ -113,6 +113,7 @@ def joined(
     stats, h = _stats(stretches), switching.h
     if "h_next" in stats:  # of controlled steps
         h = float(found.t[-1] - found.t[0]) / max(stats["steps"], 1)
+    found.groups["angles"] = _angles(switching, found, found)
     kept = np.concatenate([np.arange(use) % every == 0 for use in uses])
     kept[-1] = True
     initial = last.initial
@@ -121,8 +122,9 @@ def joined(
         given = [x.given for x in stretches if x.given is not None]
         ends = [x.whole.run.t[0] for x in stretches[1:]]
         counts = [int(np.sum(x.run.t[: x.count] < t)) for x, t in zip(given, ends, strict=False)]
-        uses = [*counts, given[-1].count]
+        uses, whole = [*counts, given[-1].count], found
         found = _columns(laws, given, uses)
+        found.groups["angles"] = _angles(switching, whole, found)
         gap, slip = _gaps(switching, accelerated, found)
         kept = np.ones(len(found.t), dtype=bool)
     _balanced(found, stretches, uses)
@@ -186,6 +188,20 @@ def _columns(laws: Laws, parts: Sequence[Part], uses: Sequence[int]) -> Columns:
         normal,
         friction,
     )
+
+
+def _angles(switching: Switching, whole: Columns, found: Columns) -> dict[str, Array]:
+    """Return the angles at records that all steps continue, by name."""
+    system = switching.contacts.system
+    t = np.concatenate([whole.t, found.t])
+    order = np.argsort(t if t[-1] >= t[0] else -t, kind="stable")
+    y, z = (
+        np.concatenate([x.groups["states"][name] for x in (whole, found)])[order]
+        for name in system.states
+    )
+    angles = system.continued(t[order], y, z, switching.params)
+    back = np.argsort(order)[len(whole.t) :]
+    return {name: x[back] for name, x in angles.items()}
 
 
 def _balanced(found: Columns, stretches: Sequence[Stretch], uses: Sequence[int]) -> None:

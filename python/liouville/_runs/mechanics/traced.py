@@ -82,6 +82,8 @@ class TracedRunner(Runner):
         self.columns = {**self._own_columns(), **self.widths}
         self._check_sizes(request)
         self._directions: ConstrainedDirections | None = None
+        if request.states:
+            self.columns |= dict.fromkeys((f"angle {name}" for name in system.turned), 1)
         self._parts: list[tuple[float, float, int]] = []
         #: Tangents at events, by their names.
         self._moved_events: dict[str, tuple[np.ndarray, np.ndarray | None]] = {}
@@ -161,6 +163,8 @@ class TracedRunner(Runner):
             return
         # imported here: few runs have tangents
         from liouville._runs.tangents import ConstrainedDirections
+        if self._states:
+            job.turning = self.system.turning
 
         found = ConstrainedDirections(self.system, request.tangents, self.steps)
         wide = sum(x.shape[-1] for x in self._begin[:2]) + self.multipliers

@@ -104,6 +104,7 @@ def save_mat(solution: Solution, path: Path) -> None:
         **solution.states,
         "invariants": _structure(solution.invariants),
         "residuals": _structure(solution.residuals),
+        "angles": _structure(solution.angles),
         "balance": _structure(solution.balance),
         "observed": _structure(solution.observed),
         "events": _structure({name: _point(x) for name, x in solution.events.items()}),

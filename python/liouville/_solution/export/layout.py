@@ -23,6 +23,7 @@ MARK, VERSION = "liouville_solution", 3
 TABLES = {
     "invariants": ("invariant",),
     "residuals": ("residual", "constraint"),
+    "angles": ("angle",),
     "balance": ("term",),
     "reactions": ("coordinate",),
     **dict.fromkeys((f"contact_{what}" for what in COLUMNS), ("contact",)),
@@ -76,9 +77,9 @@ def laid_out(solution: Solution) -> Layout:
         for place, (name, values) in enumerate(solution.residuals.items()):
             rows[..., place, place_of(name, values, known)] = values
         found.append(("residuals", rows, {}))
-    if solution.balance:
-        columns = np.stack(list(solution.balance.values()), axis=-1)
-        found.append(("balance", columns, {}))
+    for name, each in (("angles", solution.angles), ("balance", solution.balance)):
+        if each:
+            found.append((name, np.stack(list(each.values()), axis=-1), {}))
     forces = reactions(solution)
     if forces is not None:
         found.append(("reactions", forces, unit_attribute(solution, "reaction")))
@@ -110,6 +111,7 @@ def laid_out(solution: Solution) -> Layout:
         **({"unknown": names["unknowns"]} if "unknowns" in names else {}),
         "invariant": solution.invariants,
         "residual": solution.residuals,
+        "angle": solution.angles,
         "term": solution.balance,
         **({"contact": solution.contacts} if solution.contacts else {}),
     }

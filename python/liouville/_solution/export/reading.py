@@ -112,6 +112,7 @@ def read(layout: Layout, where: str) -> Solution:
             for name, (_, x, about) in variables.items()
             if name.startswith("observed_")
         },
+        angles=columns("angles"),
         balance=columns("balance"),
         events=_events(variables, axes.is_ensemble, where),
         contacts=contacts_of(variables, names.get("contact", ()), members, where),

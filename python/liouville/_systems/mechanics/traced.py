@@ -15,7 +15,7 @@ from liouville import _core
 from liouville._basics import casadi as ca
 from liouville._basics.arguments import read_only
 from liouville._basics.errors import Description, describe, hinted
-from liouville._basics.job import Reset
+from liouville._basics.job import Reset, Turning
 from liouville._systems.events import Event, Impact
 from liouville._systems.mechanics.form import total_derivative
 from liouville._systems.mechanics.monitor import traced
@@ -70,6 +70,8 @@ class TracedSystem(Pickled, ABC):
     invariants: tuple[str, ...]
     #: Tapes of the functions at whose zeros controlled steps end, by name.
     switch_tapes: Mapping[str, _core.Tape] = MappingProxyType({})
+    #: Angles that a run continues from step to step, as no coordinate counts their turns.
+    turned: tuple[str, ...] = ()
     #: Whether `values` refuses finite parameters.
     checks_values = False
 
@@ -92,6 +94,18 @@ class TracedSystem(Pickled, ABC):
     def params(self) -> dict[str, Any]:
         """The parameters' default values, read-only; a run takes others by its ``params=``."""
         return read_only(self._symbols.params.defaults)
+
+    @property
+    def turning(self) -> Turning | None:
+        """The tape of angles that a run continues and their rates, and their periods."""
+        return None
+
+    def continued(
+        self, t: np.ndarray, y: np.ndarray, z: np.ndarray, params: np.ndarray
+    ) -> dict[str, np.ndarray]:
+        """Return the angles that no coordinate counts, by name, continued along k states."""
+        del t, y, z, params
+        return {}
 
     @property
     @abstractmethod
