@@ -653,6 +653,38 @@ def test_friction_that_sticks_is_named_with_what_takes_it(method, x):
     assert "solver='auto'" not in message
 
 
+@pytest.mark.parametrize("rtol", [1e-3, 1e-6])
+@pytest.mark.parametrize(
+    "method",
+    [lv.Spark(1), lv.Spark(2), lv.Spark(3, points="radau"), lv.LobattoPair(3), lv.HHT()],
+    ids=str,
+)
+def test_controlled_steps_that_creep_where_friction_sticks_are_given_up(method, rtol):
+    """They would be some ten million; those of before are kept."""
+    run = {"t": (0, 5), "rtol": rtol, "q": [0.2], "v": [1.0]}
+    for more in ({}, {"t_eval": [0.1, 4.0]}):
+        with pytest.raises(lv.IntegrationError) as caught:
+            lv.integrate(STICKS, method, **run, **more)
+        assert 4.07 < caught.value.t < 4.2
+        assert "jump with 'sign(v[0])' near there\nhint: friction" in str(caught.value)
+        assert caught.value.solution.t[-1] == (4.0 if more else pytest.approx(caught.value.t))
+
+
+def test_short_steps_beside_a_jump_that_does_not_matter_go_on():
+    """A fast part needs short steps behind a long one, for longer than runs are looked at."""
+    system = lv.Lagrangian(
+        lambda t, q, v, p: ca.sumsqr(v) / 2 - 1e11 * q[0] ** 2,
+        force=lambda t, q, v, p: ca.vertcat(0, -ca.sign(v[1])), q=2,
+    )  # fmt: skip
+    kick = lv.Event(lambda t, *_: t - 0.5, reset=lambda t, q, v, *_: {"v": [1.0, 0.0]})
+    start = {"q": [0, 0], "v": [0, 0]}
+    run = lv.integrate(
+        system, lv.Spark(3), t=(0, 0.6), rtol=1e-6, atol=1e-12, events={"kick": kick}, **start
+    )
+    assert run.stats["steps"] > 50000
+    assert run.stats["h_largest"] > 1e4 * run.h
+
+
 def test_a_jump_far_from_a_step_that_fails_is_not_named():
     system = lv.Lagrangian(
         lambda t, q, v, p: v[0] ** 2 / 2 - 1e6 * ca.cos(q[0]),

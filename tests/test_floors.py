@@ -88,6 +88,7 @@ ROOM_FLOORS = {
     "_runs": (
         ("edges", "energy"),
         ("runner",),
+        ("creeping",),
         ("execute", "tangents", "watch"),
         ("adjoint",),
         ("members_adjoint",),

@@ -290,6 +290,11 @@ impl Run {
         Ok(is_saved.then(|| PyArray1::from_vec(py, saved)))
     }
 
+    /// A row of the present state, as records have it, which is not kept; none where there is none of one motion.
+    fn present_row<'py>(&mut self, py: Python<'py>) -> Option<Bound<'py, PyArray1<f64>>> {
+        Some(PyArray1::from_vec(py, self.inner.present_row()?))
+    }
+
     /// Goes on where a run that was begun in the same way was saved.
     fn restore(&mut self, saved: PyReadonlyArray1<'_, f64>) -> PyResult<()> {
         self.inner

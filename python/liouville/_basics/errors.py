@@ -179,6 +179,8 @@ def _described(
             return _step_too_large(coordinates[error["index"]], error)
         case "step too small":
             return _step_too_small(error)
+        case "creeps":
+            return f"steps have shrunk to {error['h']:.1e} and get nowhere", JUMP, "step"
         case "monitor":
             return _monitor(error)
         case "singular piece":

@@ -151,8 +151,23 @@ def jump_near(found: Branches, w: np.ndarray, move: np.ndarray) -> str | None:
     """Return the function by cases with which the equations jump at a state or a move beside."""
     sizes = np.where(w != 0, np.abs(w), 1.0)
     moves = np.random.default_rng(SEED).choice([-1.0, 1.0], (4, len(w))) * sizes * ROUNDINGS
+    return _jump_among(found, w, np.concatenate([w + moves, w - moves, [w + move, w - move]]))
+
+
+def jump_along(found: Branches, w: np.ndarray, off: np.ndarray) -> str | None:
+    """Return the function by cases with which the equations jump where states are.
+
+    That is among them and as far beyond, and up to `off` beside the last, but not where it is zero.
+    """
+    beyond = w[:, None] + 2 * (w[None] - w[:, None])
+    beside = np.random.default_rng(SEED).choice([-1.0, 1.0], (8, len(off))) * off * (w[-1] != 0)
+    return _jump_among(found, w[-1], np.concatenate([*beyond, w[-1] + beside]))
+
+
+def _jump_among(found: Branches, w: np.ndarray, points: np.ndarray) -> str | None:
+    """Return the function whose side differs among points, and with it the equations at w."""
     with np.errstate(all="ignore"):
-        sides = _map(found.sides, np.concatenate([w + moves, w - moves, [w + move, w - move]]))
+        sides = _map(found.sides, points)
         changed = (sides != sides[0]) & found.may_jump
         both = sides[[0, int(np.argmax(changed.any(axis=1)))]]
         values = _map(found.values, np.array([w, w]), both)

@@ -17,6 +17,7 @@ from liouville._basics.errors import IntegrationError, hinted
 from liouville._basics.handlers import raise_of_handler
 from liouville._basics.progress import Progress, Report, reported
 from liouville._methods.control import Steps
+from liouville._runs.creeping import Creep
 from liouville._runs.runner import Request, Runner
 from liouville._solution.failure import Failure, ending_of, summary_of
 from liouville._solution.parts import steps_made
@@ -252,8 +253,8 @@ def solution_of(
         invariants=named["invariant"],
         residuals={name: parts[name] for name in RESIDUALS if name in parts},
         observed=named["observed"],
-        initial=runner.initial,
         angles=named["angle"],
+        initial=runner.initial,
         balance=runner.balance(parts),
         tangents=runner.tangents(times, parts),
         names=_names(runner),
@@ -285,7 +286,10 @@ def advance(
             if checkpoints is not None:
                 checkpoints.take(run)
                 stop = checkpoints.next
-            while (outcome := advance_slice(run, stop)) == "paused":
+            creep = None if runner.steps.control is None else Creep(run, runner)
+            while (outcome := advance_slice(run, sooner(stop, creep))) == "paused":
+                if creep is not None and (failure := creep.failure(run)):
+                    return failure
                 if checkpoints is not None:
                     checkpoints.take(run)
                     stop = checkpoints.next
@@ -298,6 +302,13 @@ def advance(
             return "interrupted"
         report_progress(report, run, runner.steps)
     return outcome
+
+
+def sooner(stop: int | None, creep: Creep | None) -> int | None:
+    """Return after how many steps a slice ends at the latest."""
+    own = None if creep is None else creep.stop
+    stops = [x for x in (stop, own) if x is not None]
+    return min(stops, default=None)
 
 
 def report_progress(report: Report | None, run: _core.Run, steps: Steps) -> None:

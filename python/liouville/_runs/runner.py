@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import os
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -236,6 +236,11 @@ class Runner(ABC):
     def add_cause(self, error: dict[str, Any], t: np.ndarray, rows: np.ndarray) -> None:
         """Add to an error its cause by the last record; by default nothing."""
         del error, t, rows
+
+    def jump_along(self, rows: Sequence[tuple[float, np.ndarray]]) -> str | None:
+        """Return the function with which the equations jump at all of these steps."""
+        del rows
+        return None
 
     def describe(self, error: dict[str, Any]) -> Description:
         """Describe an error of the core in the user's names: sentence, hint and quantity."""

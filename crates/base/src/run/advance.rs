@@ -67,6 +67,10 @@ pub trait Advance: Send + Sync {
     fn collect(&mut self) -> (Vec<f64>, Vec<f64>) {
         (Vec::new(), Vec::new())
     }
+    /// A row of the present state, as records have it, which is not kept; none where there is none of one motion.
+    fn present_row(&mut self) -> Option<Vec<f64>> {
+        None
+    }
     /// Appends all that the rest of the run depends on; the records and events collected before are not part of
     /// it. Returns whether runs of this kind can be saved.
     ///

@@ -364,6 +364,14 @@ impl<State: Checkpoint> Advance for Run<State> {
         self.records.collect()
     }
 
+    fn present_row(&mut self) -> Option<Vec<f64>> {
+        let (t, mut row) = (self.present(), Vec::new());
+        let stepper = self.control.stepper_mut();
+        stepper.synchronize(&mut self.state).ok()?;
+        self.observer.observe(t, &self.state, &mut row).ok()?;
+        Some(row)
+    }
+
     fn save(&self, out: &mut Vec<f64>) -> Result<bool, StepError> {
         let mut count = Count::default();
         self.save_all(&mut count);

@@ -56,6 +56,10 @@ impl Advance for SharedRun {
         self.lock().collect()
     }
 
+    fn present_row(&mut self) -> Option<Vec<f64>> {
+        self.lock().present_row()
+    }
+
     fn save(&self, out: &mut Vec<f64>) -> Result<bool, StepError> {
         self.lock().save(out)
     }

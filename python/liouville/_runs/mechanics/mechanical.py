@@ -266,29 +266,27 @@ class MechanicalRunner(TracedRunner):
             largest = np.abs(self._begin[0]).max(initial=0.0)
             if self._is_atol_default and atol < FINE * EPS * largest:
                 error["atol"] = atol
-        if error["kind"] in UNSOLVED and self._states and rows.ndim == 2 and len(rows):
+        is_known = self._states and rows.ndim == 2 and len(rows)
+        if error["kind"] in UNSOLVED and is_known:
             y, params = rows[-2:, : len(self.system.coordinates)], self.system.values(self.params)
             # where the last step began, and where it went
             for at, point in ((t[-1], y[-1]), (2 * t[-1] - t[-2:][0], 2 * y[-1] - y[0])):
                 if names := self._stepped.nearly_dependent(at, point, params):
                     error["dependent"] = names
                     break
-            if (found := branches(self.system)) is not None:
-                last, before = (self._point(t[k], rows[k]) for k in (-1, max(-2, -len(t))))
-                gap, h = (
-                    t[-1] - t[max(-2, -len(t))],
-                    self.steps.mean(self.steps.t1, self.steps.count),
-                )
-                part = h / gap if gap and self.steps.control is None else 1.0
-                if name := jump_near(found, last, part * (last - before)):
-                    error["jump"] = name
+        is_unsolved = error["kind"] in (*UNSOLVED, "step too small")
+        if is_unsolved and is_known and (name := self._jump(t, rows)):
+            error["jump"] = name
 
-    def _point(self, t: float, row: np.ndarray) -> np.ndarray:
-        """Return time, states, multipliers and parameters at a record."""
-        parts = np.split(row, np.cumsum([*self.columns.values()])[:-1])
-        own = dict(zip(self.columns, parts, strict=True))
-        states = [own[name] for name in (*self.system.states, "lam") if name in own]
-        return np.concatenate([[t], *states, np.atleast_2d(self._each_values)[0]])
+    def _jump(self, t: np.ndarray, rows: np.ndarray) -> str | None:
+        """Return the function with which the equations jump near the last record."""
+        if (found := branches(self.system)) is None:
+            return None
+        before = max(-2, -len(t))
+        last, other = (self._point(t[k], rows[k]) for k in (-1, before))
+        gap, h = t[-1] - t[before], self.steps.mean(self.steps.t1, self.steps.count)
+        part = h / gap if gap and self.steps.control is None else 1.0
+        return jump_near(found, last, part * (last - other))
 
     def _described(self, error: dict[str, Any]) -> Description:
         own = self.system if error.get("part") is not None else self._stepped

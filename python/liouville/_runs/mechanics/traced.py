@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, Any
 
@@ -15,10 +15,12 @@ from liouville._basics.errors import Description
 from liouville._basics.job import AlphaTransposed, Job, Sensitivity
 from liouville._methods import Composition, Method
 from liouville._methods.control import CONTROLS, LEAST_TOLERANCE, Reversible, Takes
+from liouville._runs.edges import jump_along
 from liouville._runs.runner import Request, Runner, kept
 from liouville._runs.watch import Watch, initial_of
 from liouville._solution.points import Points
 from liouville._systems import Mechanics, SemiExplicit
+from liouville._systems.mechanics.branches import branches
 from liouville._systems.mechanics.traced import HALF_TURN
 
 if TYPE_CHECKING:
@@ -80,10 +82,10 @@ class TracedRunner(Runner):
         self._states = request.states
         self._observer, self.widths = system.observer(request.observe, request.states)
         self.columns = {**self._own_columns(), **self.widths}
-        self._check_sizes(request)
-        self._directions: ConstrainedDirections | None = None
         if request.states:
             self.columns |= dict.fromkeys((f"angle {name}" for name in system.turned), 1)
+        self._check_sizes(request)
+        self._directions: ConstrainedDirections | None = None
         self._parts: list[tuple[float, float, int]] = []
         #: Tangents at events, by their names.
         self._moved_events: dict[str, tuple[np.ndarray, np.ndarray | None]] = {}
@@ -120,6 +122,24 @@ class TracedRunner(Runner):
             "changes sides: steps lose their order there, but for those of Spark with rtol="
         )
 
+    def jump_along(self, rows: Sequence[tuple[float, np.ndarray]]) -> str | None:
+        """Return the function with which the equations jump at all of these steps."""
+        if not self._states or (found := branches(self.system)) is None:
+            return None
+        w = np.array([self._point(*one) for one in rows])
+        control, states = self.steps.control, sum(x.shape[-1] for x in self._begin[:2])
+        off = np.zeros(w.shape[1])
+        if control is not None and control[0] == "error":
+            off[1 : 1 + states] = control[2][0]  # atol
+        return jump_along(found, w, off)
+
+    def _point(self, t: float, row: np.ndarray) -> np.ndarray:
+        """Return time, states, multipliers and parameters at a record."""
+        parts = np.split(row, np.cumsum([*self.columns.values()])[:-1])
+        own = dict(zip(self.columns, parts, strict=True))
+        states = [own[name] for name in (*self.system.states, "lam") if name in own]
+        return np.concatenate([[t], *states, np.atleast_2d(self._each_values)[0]])
+
     def _controls_taken(self) -> Takes:
         """Return the controls of the steps that the method takes."""
         return takes_of(self.choice, self.estimators)
@@ -143,6 +163,8 @@ class TracedRunner(Runner):
             observer=self._observer, params=self._values, states=self._states,
             control=control, watch=self._watched, is_differentiated=self._is_differentiated,
         )  # fmt: skip
+        if self._states:
+            job.turning = self.system.turning
         if self._parts:
             job.parts, job.is_ensemble, job.params = self._parts, True, self._values[None]
         return job
@@ -163,8 +185,6 @@ class TracedRunner(Runner):
             return
         # imported here: few runs have tangents
         from liouville._runs.tangents import ConstrainedDirections
-        if self._states:
-            job.turning = self.system.turning
 
         found = ConstrainedDirections(self.system, request.tangents, self.steps)
         wide = sum(x.shape[-1] for x in self._begin[:2]) + self.multipliers
