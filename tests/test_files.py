@@ -397,7 +397,9 @@ BAD = {
     "loop 'P' has no link 'leg'\nhint: links are world, foot, tower": lambda: urdf(
         ROBOT, loops={"P": ("leg", "arm", (0, 0, 0))}
     ),
-    "loop 'P' is 'arm'\nhint: write": lambda: urdf(ROBOT, loops={"P": "arm"}),
+    "loop 'P' must be two links and a point, not 'arm'\nhint: write": lambda: urdf(
+        ROBOT, loops={"P": "arm"}
+    ),
     "point of loop 'P' must be 3 finite numbers": lambda: urdf(
         ROBOT, loops={"P": ("stay", "arm", (0, 0))}
     ),
