@@ -414,7 +414,7 @@ def test_a_plane_in_metres_may_be_periodic():
         ),
         (
             lambda d: d.assign(vomecrty=d.vomecrty.isel(y=0, drop=True)),
-            "'vomecrty' is on axes time_counter, depthv, x\nhint: each component needs",
+            "'vomecrty' must have an X and a Y axis, .* not time_counter, depthv, x",
         ),
         (
             lambda d: d.assign(vozocrtx=d.vozocrtx.where(d.x != 3).expand_dims(

@@ -292,7 +292,7 @@ ROWS = [
     ("word time", lambda: run(t="01"), TypeError, "or a sequence of times, not '01'"),
     # starts
     ("x", lambda: lv.integrate(CHAIN, "auto", t=(0, 1), x=PSI), TypeError, "starts with psi=, not"),
-    ("no psi", lambda: lv.integrate(CHAIN, "auto", t=(0, 1)), TypeError, "starts with psi=, not"),
+    ("no psi", lambda: lv.integrate(CHAIN, "auto", t=(0, 1)), TypeError, "'psi' is missing"),
     ("psi long", lambda: run(psi=np.ones(11)), ValueError, r"shape \(10,\), not \(11,\)"),
     ("psi zero", lambda: run(psi=np.zeros(10)), ValueError, "psi is zero: there is no state"),
     ("psi NaN", lambda: run(psi=[NAN] * 10), ValueError, r"psi\[0\] must be finite"),

@@ -35,13 +35,22 @@ SINGLE = {
     "store": "solution.save(path) writes what it returns",
 }
 
+#: Arguments of integrate that extrapolate does not take, and why.
+HALVED = {
+    **dict.fromkeys(("rtol", "atol", "control"), "its runs take equal steps: give h or steps"),
+    **dict.fromkeys(
+        ("events", "t_eval", "tangents", "states", "store"),
+        "it combines the ends of steps of runs with h and h/2; lv.integrate makes one run",
+    ),
+}
+
 
 def check_options(names: Iterable[str], call: str) -> None:
     """Refuse names that are meant as options of a call; TypeError has their spelling."""
     for name in names:
         hint = SPELLINGS.get(name)
-        if call == "ensemble":
-            hint = SINGLE.get(name, hint)
+        if call in ("ensemble", "extrapolate"):
+            hint = {"ensemble": SINGLE, "extrapolate": HALVED}[call].get(name, hint)
         if hint is not None:
             raise TypeError(hinted(f"{call} takes no {name}=", hint))
         if call == "resume":

@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from liouville._basics.errors import hinted
-from liouville._basics.options import started
+from liouville._basics.options import check_options, started
 from liouville._methods import Method
 from liouville._runs.choice import named
 from liouville._runs.ensemble import ensemble
@@ -131,7 +131,8 @@ def extrapolate(
         raise ValueError(f"levels must be a number of runs, two or more, not {levels!r}")
     taken: Method = named(system, method)
     given = started(start, values)
-    system.start(given)  # refuses what is no start value, such as options of other runs
+    check_options(given, "extrapolate")
+    system.start(given)
     options: dict[str, Any] = {"t": t, "params": params, "observe": observe, **given}
     runs = [finished(integrate(system, taken, h=h, steps=steps, every=every, **options))]
     count = int(runs[0].stats["steps"])

@@ -24,7 +24,9 @@ def is_stepped(method: WaveMethod | WavePlan, request: Request) -> bool:
 def start_of(start: Mapping[str, Any]) -> Any:
     """Return psi of a start; TypeError where there is anything else."""
     if set(start) != {"psi"}:
-        given = ", ".join(sorted(start)) or "nothing"
+        if not start:
+            raise TypeError("start value 'psi' is missing: a Schrodinger equation takes psi=")
+        given = ", ".join(sorted(start))
         raise TypeError(f"a Schrodinger equation starts with psi=, not with {given}")
     return start["psi"]
 

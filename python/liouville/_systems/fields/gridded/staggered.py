@@ -99,9 +99,10 @@ class _Grid:
         wanted = set(dims["u"])
         for key, x in self.components.items():
             if set(dims[key]) != wanted or not {"X", "Y"} <= wanted:
-                sentence = f"'{x.name}' is on axes {', '.join(x.dims)}"
-                hint = "each component needs an X and a Y axis, and levels and times as the others"
-                raise ValueError(hinted(sentence, hint))
+                sentence = (
+                    f"'{x.name}' must have an X and a Y axis, and levels and times as the others"
+                )
+                raise ValueError(f"{sentence}, not {', '.join(x.dims)}")
 
     @cached_property
     def dims(self) -> dict[str, dict[str, str]]:
