@@ -301,8 +301,8 @@ class FieldPullback:
         self,
         saved: NDArray[np.float64],
         last: int,
-        kept: NDArray[np.int64],
-        rows: NDArray[np.float64],
+        kept: tuple[NDArray[np.int64], NDArray[np.float64]],
+        held: tuple[NDArray[np.float64], NDArray[np.float64]],
     ) -> _Error | None: ...
     def end(self, row: NDArray[np.float64]) -> NDArray[np.float64]: ...
 

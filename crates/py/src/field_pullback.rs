@@ -28,30 +28,36 @@ impl FieldPullback {
     }
 
     /// Follows the steps from a saved state up to the step `last` back; rows are cotangents of x at the ends of the steps
-    /// `kept`. Returns None, or the error.
+    /// `kept`, beside these, and at times that are held. Returns None, or the error.
     fn follow<'py>(
         &mut self,
         py: Python<'py>,
         saved: PyReadonlyArray1<'py, f64>,
         last: usize,
-        kept: PyReadonlyArray1<'py, i64>,
-        rows: PyReadonlyArray2<'py, f64>,
+        at_ends: (PyReadonlyArray1<'py, i64>, PyReadonlyArray2<'py, f64>),
+        at_times: (PyReadonlyArray1<'py, f64>, PyReadonlyArray2<'py, f64>),
     ) -> PyResult<Option<Bound<'py, PyAny>>> {
-        let inner = &mut self.0;
-        if rows.shape() != [kept.len(), inner.variables()] {
+        let ((kept, rows), (times, held)) = (at_ends, at_times);
+        let (width, inner) = (self.0.variables(), &mut self.0);
+        if rows.shape() != [kept.len(), width] || held.shape() != [times.len(), width] {
             return Err(refused("cotangents are rows of x"));
         }
         let kept = crate::convert::indices(&kept)?;
-        let (saved, rows) = (saved.as_slice()?, rows.as_slice()?);
-        inner.restore(saved).map_err(refused)?;
-        match py.detach(|| inner.follow(last, &kept, rows)) {
+        let given = run::Cotangents {
+            kept: &kept,
+            rows: rows.as_slice()?,
+            times: times.as_slice()?,
+            held: held.as_slice()?,
+        };
+        inner.restore(saved.as_slice()?).map_err(refused)?;
+        match py.detach(|| inner.follow(last, given)) {
             Ok(()) => Ok(None),
             Err(error) => Ok(Some(errors::error(py, &error)?.into_any())),
         }
     }
 
-    /// Cotangents of the variables that are stepped at the start, of all coefficients in the order of pieces, and of the step
-    /// size; `row` are those of the start as it is observed.
+    /// Cotangents of the variables that are stepped at the start, of all coefficients in the order of pieces, of the step
+    /// size, and of the time of the start; `row` are those of the start as it is observed.
     fn end<'py>(
         &mut self,
         py: Python<'py>,
@@ -60,6 +66,6 @@ impl FieldPullback {
         if row.len() != self.0.variables() {
             return Err(refused("cotangents are rows of x"));
         }
-        Ok(PyArray1::from_slice(py, self.0.end(row.as_slice()?)))
+        Ok(PyArray1::from_vec(py, self.0.end(row.as_slice()?)))
     }
 }

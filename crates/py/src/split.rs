@@ -242,7 +242,8 @@ enum RecordedOf<'py> {
 
 /// A job, by the attributes of its dataclass: `start` has rows of values, `seen` is how many variables the user has,
 /// and the matrix A of x = A y if y is what is stepped; `tangents` are directions, rows of values too, and behind these,
-/// where they are wanted, changes of all coefficients in the order of pieces, and of the step size; `varied` are the
+/// where they are wanted, changes of all coefficients in the order of pieces, of the step size, and of the time of the
+/// start; `varied` are the
 /// splits of members, where these have different parameters; `watch` has given times and events, whose functions are of (t, x, params).
 #[derive(FromPyObject)]
 struct FieldJob<'py> {
@@ -267,12 +268,15 @@ impl FieldJob<'_> {
         }
         let basis = self.seen.1.as_ref();
         let basis = basis.map(|basis| basis.as_slice().map(<[f64]>::to_vec));
-        let (mut directions, mut constants) = (Vec::new(), Vec::new());
+        let (mut directions, mut constants, mut starts) = (Vec::new(), Vec::new(), Vec::new());
         if let Some(rows) = &self.tangents {
             for row in rows.as_slice()?.chunks(rows.shape()[1].max(1)) {
                 let (own, rest) = row.split_at(n.min(row.len()));
                 directions.extend_from_slice(own);
-                constants.extend_from_slice(rest);
+                if let Some((start, rest)) = rest.split_last() {
+                    constants.extend_from_slice(rest);
+                    starts.push(*start);
+                }
             }
         }
         let (t0, t1, steps, every) = self.span;
@@ -302,6 +306,7 @@ impl FieldJob<'_> {
                 .collect(),
             directions,
             constants,
+            starts,
             threads: self.threads,
         })
     }

@@ -28,8 +28,8 @@ class Pullback:
     It is called with cotangents by the names of the states, ``q``, ``v`` and ``lam`` of a
     Lagrangian: the derivatives of some scalar by these arrays of the solution, of the same shapes.
     It returns the derivatives of that scalar by everything in `wrt`. Those by times of events and
-    by the states there are ``events={"name": {"t": ..., "q": ...}}``, those by invariants of a
-    mechanical or semi-explicit system ``invariants={"energy": ...}``.
+    by the states there are ``events={"name": {"t": ..., "q": ...}}``, ``"x"`` of fields, those by
+    invariants of a mechanical or semi-explicit system ``invariants={"energy": ...}``.
 
     Cotangents of an ensemble have the member as their second axis, as its solution has, and its
     gradients have it as their first. Those of events are rows as in ``solution.events``, of one

@@ -20,7 +20,7 @@ from liouville._methods.control import Steps
 from liouville._runs.runner import Request
 from liouville._solution.points import Points
 from liouville._solution.tangents import Tangent
-from liouville._systems import Field, Mechanics, Schrodinger, SemiExplicit
+from liouville._systems import Mechanics, Schrodinger, SemiExplicit
 from liouville._systems.derivatives import semi_explicit as _semi_explicit_sensitivity
 from liouville._systems.derivatives import sensitivity as _sensitivity
 from liouville._systems.derivatives.multipliers import SharedMultipliers
@@ -42,13 +42,6 @@ Place = tuple[int, tuple[int, ...]]
 #: The alpha family.
 ALPHA = HHT | GeneralizedAlpha | ArnoldBruls
 
-#: Arguments that derivatives go without, and why.
-WITHOUT = {
-    "events": "a field has no derivatives between its steps, where events are: leave events= out",
-    "t_eval": "a field has no derivatives between its steps: every= keeps states at their ends",
-    "store": "derivatives are kept in memory: leave store= out, and keep fewer states",
-}
-
 
 def check_covered(system: Any, method: Any, request: Request) -> None:
     """Refuse runs without tangents; the sentence names those that have them.
@@ -59,13 +52,10 @@ def check_covered(system: Any, method: Any, request: Request) -> None:
         The system, its method or an option of the run is not covered.
     """
     base = method.base if isinstance(method, Composition) else method
-    events, has_times = request.events is not None, request.t_eval is not None
-    is_field = isinstance(system, Field)
-    without = {"events": events and is_field, "t_eval": has_times and is_field}
-    without["store"] = request.is_stored
-    if given := [name for name, is_given in without.items() if is_given]:
+    if request.is_stored:
         what = "gradients" if request.has_pullback else "tangents"
-        raise TypeError(hinted(f"{what} go without {given[0]}=", WITHOUT[given[0]]))
+        hint = "derivatives are kept in memory: leave store= out, and keep fewer states"
+        raise TypeError(hinted(f"{what} go without store=", hint))
     if not request.states:
         raise ValueError("tangents are those of states: leave out states=False")
     if isinstance(system, Schrodinger):

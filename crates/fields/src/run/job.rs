@@ -39,14 +39,16 @@ pub struct Job {
     pub span: Span,
     /// Its records.
     pub recorded: Recorded,
-    /// When runs without tangents are recorded, in their order; every so many steps where this is empty.
+    /// When runs are recorded, in their order; every so many steps where this is empty.
     pub times: Vec<f64>,
-    /// Functions of (t, x, params) whose zeros are events, of runs with observables and without tangents.
+    /// Functions of (t, x, params) whose zeros are events, of runs with observables.
     pub events: Vec<(Tape, EventRule)>,
     /// Directions of tangents, row by row, which are recorded behind observables; empty without.
     pub directions: Vec<f64>,
     /// Changes along with these of the coefficients of all pieces and of the step size, row by row; empty without.
     pub constants: Vec<f64>,
+    /// Changes along with these of the time of the start, which times that are given or found do not follow.
+    pub starts: Vec<f64>,
     /// Threads: of an ensemble, or of one large state.
     pub threads: usize,
 }
@@ -68,8 +70,7 @@ impl Job {
                     == self.directions.len() / n * (count_coefficients(split) + 1))
             && (self.varied.is_empty() || self.varied.len() == members && self.members.is_some())
             && self.varied.iter().all(|split| split.n() == n)
-            && (self.times.is_empty() || self.directions.is_empty())
-            && (self.events.is_empty() || self.directions.is_empty())
+            && (self.constants.is_empty() || self.starts.len() == self.directions.len() / n)
             && match &self.recorded {
                 Recorded::Observables { tape, params, .. } => {
                     let rows = if self.varied.is_empty() { 1 } else { members };

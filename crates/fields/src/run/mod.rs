@@ -4,10 +4,13 @@ mod job;
 mod pullback;
 
 pub use job::{Job, Recorded};
-pub use pullback::Pullback;
+pub use pullback::{Cotangents, Pullback};
 
 use crate::problem::{Piece, Split};
-use crate::volume::{Determinant, Observer, Plane, Section, TangentObserver, Tangents, Volume};
+use crate::volume::{
+    Determinant, Observer, Plane, Section, State, TangentObserver, TangentRows, Tangents, Volume,
+    WithoutTangents,
+};
 use liouville_base::checkpoint::Checkpoint;
 use liouville_base::composition::Composed;
 use liouville_base::ensemble::{Ensemble, RecordLayout};
@@ -107,20 +110,47 @@ impl Starter {
         if self.job.times.is_empty() && self.job.events.is_empty() {
             return self.launch(Box::new(stepper), Box::new(observer), state, members.len());
         }
-        let variables = self.job.variables.clone();
-        let reader = Observer::of_states(volume.clone(), variables, members.len());
-        let watched = (Box::new(reader) as _, self.watched(members[0]));
-        let (span, times) = (self.job.span, self.job.times.clone());
-        let times = Some(times).filter(|times| !times.is_empty());
-        let expected = times.as_ref().map_or(span.records(), Vec::len);
-        let recorded = (Box::new(observer.clone()) as _, times);
-        let copy = Box::new(stepper.clone());
-        let events = Box::new(SubstepDetector::new(copy, &state, watched, recorded));
-        let control = Fixed::new(Box::new(stepper), span.t0, span.h(), span.steps);
-        let (control, observer) = (Box::new(control), Box::new(observer));
-        let kept = (span.every, expected);
-        let run = Run::with_events(control, observer, state, kept, Some(events))?;
-        Ok(Box::new(run))
+        let detector = self.detector(&stepper, &observer, &state, members);
+        self.launch_watched(Box::new(stepper), Box::new(observer), state, detector)
+    }
+
+    /// What looks at given times and events between the steps of these members.
+    fn detector<S: Stored>(
+        &self,
+        stepper: &Composed<Volume<S>>,
+        observer: &Observer<S>,
+        state: &State<S>,
+        members: &[usize],
+    ) -> SubstepDetector<State<S>> {
+        let (volume, variables) = (stepper.parts().clone(), self.job.variables.clone());
+        let reader = Observer::of_states(volume, variables, members.len());
+        SubstepDetector::new(
+            Box::new(stepper.clone()),
+            state,
+            (Box::new(reader), self.watched(members[0])),
+            (Box::new(observer.clone()), self.times()),
+        )
+    }
+
+    /// The times of the records, where they are given.
+    fn times(&self) -> Option<Vec<f64>> {
+        Some(self.job.times.clone()).filter(|times| !times.is_empty())
+    }
+
+    fn launch_watched<X: Checkpoint + Clone + 'static>(
+        &self,
+        stepper: Box<dyn Stepper<State = X>>,
+        observer: Box<dyn Observe<X>>,
+        state: X,
+        detector: SubstepDetector<X>,
+    ) -> Begun {
+        let span = self.job.span;
+        let expected = self.times().map_or(span.records(), |times| times.len());
+        let control = Box::new(Fixed::new(stepper, span.t0, span.h(), span.steps));
+        let (kept, events) = ((span.every, expected), Some(Box::new(detector) as _));
+        Ok(Box::new(Run::with_events(
+            control, observer, state, kept, events,
+        )?))
     }
 
     /// The functions whose zeros are events of a member.
@@ -171,8 +201,23 @@ impl Starter {
         let state = stepper.state(&self.in_lanes::<f64>(&[member]), directions);
         let plain = self.observer(stepper.volume(), &[member]);
         let variables = self.job.variables.clone();
-        let observer = TangentObserver::new(plain, variables, n, self.observed());
-        self.launch(Box::new(stepper), Box::new(observer), state, 1)
+        let rows = TangentRows { variables, n };
+        let observer = TangentObserver::new(plain, rows.clone(), self.observed());
+        if self.job.times.is_empty() && self.job.events.is_empty() {
+            return self.launch(Box::new(stepper), Box::new(observer), state, 1);
+        }
+        let span = self.job.span;
+        let (volume, variables) = (stepper.volume().clone(), rows.variables.clone());
+        let reader = Box::new(WithoutTangents(Observer::of_states(volume, variables, 1)));
+        let parts = (stepper.clone()).to_held_times((span.t0, span.h()), &self.job.starts);
+        let detector = SubstepDetector::new(
+            Box::new(parts),
+            &state,
+            (reader, self.watched(member)),
+            (Box::new(observer.clone()), self.times()),
+        )
+        .beside_hits(Box::new(rows), &state);
+        self.launch_watched(Box::new(stepper), Box::new(observer), state, detector)
     }
 
     /// How many quantities are recorded beside states and tangents.
@@ -301,11 +346,11 @@ impl Starter {
         self.launch(Box::new(stepper), observer, state, 1)
     }
 
-    fn launch<State: Checkpoint + 'static>(
+    fn launch<X: Checkpoint + 'static>(
         &self,
-        stepper: Box<dyn Stepper<State = State>>,
-        observer: Box<dyn Observe<State>>,
-        state: State,
+        stepper: Box<dyn Stepper<State = X>>,
+        observer: Box<dyn Observe<X>>,
+        state: X,
         members: usize,
     ) -> Begun {
         let span = self.job.span;

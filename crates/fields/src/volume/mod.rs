@@ -36,7 +36,7 @@ pub use determinant::{Determinant, Determined};
 pub use observe::{Observer, UserVariables};
 pub use section::{Direction, Plane, Section};
 pub use state::State;
-pub use tangents::{TangentObserver, Tangential, Tangents};
+pub use tangents::{TangentObserver, TangentRows, Tangential, Tangents, WithoutTangents};
 
 use crate::problem::Split;
 use changes::Changes;

@@ -60,6 +60,21 @@ impl Tangents {
         }
     }
 
+    /// The same for parts of steps that end at held times: along a direction the time of the start of the run changes by
+    /// `starts`, and with it and the step size that of the start of each part.
+    #[must_use]
+    pub fn to_held_times(self, (t0, h): (f64, f64), starts: &[f64]) -> PartTangents {
+        let width = self.steps.constants().len().max(1);
+        let rows = self.constants.chunks(width);
+        let stretches = rows.map(|row| row.last().map_or(0.0, |change| change / h));
+        PartTangents {
+            t0,
+            stretches: stretches.collect(),
+            starts: starts.to_vec(),
+            tangents: self,
+        }
+    }
+
     /// The same with changes of coefficients and of the step size, row by row; without, there are none.
     #[must_use]
     pub fn with_constants(mut self, scheme: &Scheme, constants: &[f64]) -> Self {
@@ -145,6 +160,44 @@ impl Tangents {
     }
 }
 
+/// Parts of steps with tangents, from ends of steps to times that are held.
+#[derive(Clone, Debug)]
+pub struct PartTangents {
+    tangents: Tangents,
+    /// The start of the run; along each direction its change, and by which part of themselves steps become longer.
+    t0: f64,
+    starts: Vec<f64>,
+    stretches: Vec<f64>,
+}
+
+impl Stepper for PartTangents {
+    type State = Tangential;
+
+    fn step(&mut self, t: f64, h: f64, state: &mut Tangential) -> Result<(), StepError> {
+        let width = self.tangents.steps.constants().len().max(1);
+        let rows = self.tangents.constants.chunks_mut(width);
+        let moves = self.starts.iter().zip(&self.stretches);
+        for (row, (start, stretch)) in rows.zip(moves) {
+            if let Some(change) = row.last_mut() {
+                *change = -(start + stretch * (t - self.t0));
+            }
+        }
+        self.tangents.step(t, h, state)
+    }
+
+    fn synchronize(&mut self, state: &mut Tangential) -> Result<(), StepError> {
+        self.tangents.synchronize(state)
+    }
+
+    fn forget(&mut self) {
+        self.tangents.forget();
+    }
+
+    fn stats(&self) -> Stats {
+        self.tangents.stats()
+    }
+}
+
 impl Stepper for Tangents {
     type State = Tangential;
 
@@ -162,6 +215,10 @@ impl Stepper for Tangents {
         self.synchronize_alone(&mut state.state)
     }
 
+    fn forget(&mut self) {
+        self.stepper.forget();
+    }
+
     fn stats(&self) -> Stats {
         self.stepper.stats()
     }
@@ -171,20 +228,55 @@ impl Stepper for Tangents {
 #[derive(Clone, Debug)]
 pub struct TangentObserver {
     plain: Observer<f64>,
-    variables: UserVariables,
-    /// The variables of the split.
-    n: usize,
+    rows: TangentRows,
     /// The quantities that the plain observer has beside states.
     observed: usize,
 }
 
+/// The tangents of a trajectory in the variables of the user.
+#[derive(Clone, Debug)]
+pub struct TangentRows {
+    /// The variables of the user, and how many a split has.
+    pub variables: UserVariables,
+    /// The variables of the split.
+    pub n: usize,
+}
+
+/// Records of a trajectory without its tangents.
+#[derive(Clone, Debug)]
+pub struct WithoutTangents(pub Observer<f64>);
+
+impl Observe<Tangential> for WithoutTangents {
+    fn width(&self, state: &Tangential) -> usize {
+        self.0.width(&state.state)
+    }
+
+    fn observe(&mut self, t: f64, state: &Tangential, row: &mut Vec<f64>) -> Result<(), StepError> {
+        self.0.observe(t, &state.state, row)
+    }
+}
+
+impl Observe<Tangential> for TangentRows {
+    fn width(&self, state: &Tangential) -> usize {
+        state.tangents.len() / self.n * self.variables.n
+    }
+
+    fn observe(&mut self, _: f64, state: &Tangential, row: &mut Vec<f64>) -> Result<(), StepError> {
+        for tangent in state.tangents.chunks(self.n) {
+            let end = row.len();
+            row.resize(end + self.variables.n, 0.0);
+            self.variables.write(tangent, &mut row[end..]);
+        }
+        Ok(())
+    }
+}
+
 impl TangentObserver {
-    /// Behind the records of `plain`, which has so many quantities beside states, and `n` variables of the split.
-    pub fn new(plain: Observer<f64>, variables: UserVariables, n: usize, observed: usize) -> Self {
+    /// Behind the records of `plain`, which has so many quantities beside states.
+    pub fn new(plain: Observer<f64>, rows: TangentRows, observed: usize) -> Self {
         Self {
             plain,
-            variables,
-            n,
+            rows,
             observed,
         }
     }
@@ -192,18 +284,14 @@ impl TangentObserver {
 
 impl Observe<Tangential> for TangentObserver {
     fn width(&self, state: &Tangential) -> usize {
-        self.plain.width(&state.state) + state.tangents.len() / self.n * self.variables.n
+        self.plain.width(&state.state) + self.rows.width(state)
     }
 
     fn observe(&mut self, t: f64, state: &Tangential, row: &mut Vec<f64>) -> Result<(), StepError> {
         let start = row.len();
         self.plain.observe(t, &state.state, row)?;
         let first = row.len();
-        for tangent in state.tangents.chunks(self.n) {
-            let end = row.len();
-            row.resize(end + self.variables.n, 0.0);
-            self.variables.write(tangent, &mut row[end..]);
-        }
+        self.rows.observe(t, state, row)?;
         let bad = row[first..].iter().position(|value| !value.is_finite());
         let Some(place) = bad else { return Ok(()) };
         row.truncate(start);
@@ -219,4 +307,10 @@ liouville_base::checkpoint!(Tangents { stepper });
 
 liouville_base::checkpoint!(Tangential { state, tangents });
 
+liouville_base::checkpoint!(PartTangents { tangents });
+
 impl Checkpoint for TangentObserver {}
+
+impl Checkpoint for TangentRows {}
+
+impl Checkpoint for WithoutTangents {}

@@ -20,11 +20,12 @@ from liouville._methods.splitting.coefficients import (
     moved_by,
     of_parameter,
 )
-from liouville._runs.adjoint import Adjoint, Gradients
+from liouville._runs.adjoint import EVENTS, Adjoint, Gradients
 from liouville._runs.execute import Checkpoints, execute, finished
 from liouville._runs.kinks import Kinks
 from liouville._runs.runner import Request
 from liouville._runs.tangents import PARAMS, Directions, Place, check_names
+from liouville._solution.points import Points
 from liouville._solution.solution import Solution
 from liouville._solution.tangents import Tangent
 from liouville._systems import Field, PolynomialField
@@ -35,6 +36,9 @@ if TYPE_CHECKING:
 
 #: The coefficient of a term that is absent.
 ABSENT = 1e-200
+
+#: A time that exceeds the end of a step by this part of it, from roundoff, is of that step.
+ROUNDOFF = 1e-9
 
 
 def places_of(system: Field) -> dict[str, Place]:
@@ -67,25 +71,57 @@ class FieldDirections(Directions):
         self.stretch = self._longer[:, 0] / (steps.t1 - steps.t0)
 
     def to_core(self, runner: FieldRunner) -> np.ndarray:
-        """Return the changes of what is stepped, and of coefficients and the step, if any are.
+        """Return the changes of what is stepped, and of coefficients, the step and t0, if any are.
 
-        The variables, of which the time may be one, come first, as the core wants them.
+        The variables, of which the time may be one, come first, as the core wants them. Where
+        there are events, the last direction is that of the time in parts of steps alone: along it
+        the start of a part moves back.
         """
         t0, params = self.tau[:, :1], self.tau[:, 1:].copy()
         held = [*runner.system.held]
         start = np.hstack([self.x, t0[:, : runner.system.is_driven], params[:, held]])
         params[:, held] = 0.0
         rows = np.ascontiguousarray(runner.split.inward(start))
-        if not (self.tau.any() or self._longer.any()):
+        has_events = runner.has_events
+        if not (self.tau.any() or self._longer.any() or has_events):
             return rows
         changes = np.zeros((self.count, coefficients(runner.split).size))
         for number in np.flatnonzero(params.any(axis=0)).tolist():
             changes += np.outer(params[:, number], by_parameter(runner, number))
-        return np.hstack([rows, changes, self._longer / runner.steps.count])
+        found = np.hstack([rows, changes, self._longer / runner.steps.count, t0])
+        if has_events:
+            found = np.vstack([found, np.zeros_like(found[:1])])
+            found[-1, -1] = -1.0
+        return found
 
-    def read(self, rows: np.ndarray) -> dict[str, Tangent]:
-        """Name the columns of tangents in records."""
-        return self.named(rows, {"x": slice(None)})
+    def read(self, t: np.ndarray, rows: np.ndarray, runner: FieldRunner) -> dict[str, Tangent]:
+        """Name the columns of tangents in records at times t, and derivatives of events.
+
+        A last record where an event has ended a run moves with that.
+        """
+        n = self.x.shape[1]
+        rows = np.array(rows[..., : self.count * n])
+        params = np.ascontiguousarray(self.tau[:, 1:])
+        moved = {name: hits.moved(name, params) for name, hits in runner.hits.items()}
+        for member, name in runner.endings.items() if runner.given_times is None else ():
+            points, own = moved[name], slice(None)
+            if "member" in points.states:
+                own = points.member == member
+            at = runner.hits[name].points.t[own]
+            place = (np.flatnonzero(t == at[-1]), *((member,) if rows.ndim > 2 else ()))
+            rows[place] = points.x[own][-1].ravel()
+        found = self.named(rows, {"x": slice(None)})
+        first = 0
+        for name, tangent in found.items():
+            shape = self._shapes[name]
+            last = first + int(np.prod(shape))
+            for event, points in moved.items():
+                of_t, of_x = points.t[:, first:last], points.x[:, first:last]
+                if not shape:
+                    of_t, of_x = of_t[:, 0], of_x[:, 0]
+                tangent.events[event] = Points(of_t, {**points.states, "x": of_x})
+            first = last
+        return found
 
 
 def differentiable(system: Field, names: Iterable[str]) -> Field:
@@ -195,6 +231,7 @@ class FieldAdjoint(Adjoint):
         names = check_names(wrt, self._places, "x")
         self.directions = {name: (self._places[name][1], False) for name in names}
         self.checkpoints = Checkpoints(runner.steps.count)
+        self._timed: FieldRunner | None = None
         # before the run: what has no derivative is refused
         n = len(runner.system.coordinates)
         self._by_number = {
@@ -214,6 +251,11 @@ class FieldAdjoint(Adjoint):
         return own
 
     def _look(self) -> None:
+        runner = self.runner
+        if runner.has_events:  # a run with tangents tells how states move at events
+            still = {"x": np.zeros(len(runner.system.coordinates))}
+            alone = replace(self._alone, tangents=still, every=runner.steps.count, t_eval=None)
+            self._timed = type(runner)(runner.system, runner.choice, alone)
         shapes = {name: shape for name, (shape, _) in self.directions.items()}
         self.kinks = Kinks.of(self.runner, self._alone, shapes)
 
@@ -232,24 +274,68 @@ class FieldAdjoint(Adjoint):
         return range(first, first + int(np.prod(shape)))
 
     def shapes(self, solution: Solution) -> dict[str, tuple[int, ...]]:
-        """Return the shape of what has cotangents."""
-        return {"x": solution.states["x"].shape}
+        """Return the shapes of what has cotangents: records, and times and states of events."""
+        found: dict[str, tuple[int, ...]] = {"x": solution.states["x"].shape}
+        for name, points in solution.events.items():
+            found |= {f"{EVENTS}{name}.t": points.t.shape, f"{EVENTS}{name}.x": points.x.shape}
+        return found
+
+    def _held(
+        self, solution: Solution, cotangents: Mapping[str, np.ndarray]
+    ) -> tuple[list[np.ndarray], list[np.ndarray], np.ndarray]:
+        """Return times with cotangents of the states there, which are held, and of parameters.
+
+        The state that an event has ended the run with is that of its last hit.
+        """
+        runner, rows = self.runner, cotangents["x"]
+        times, held = [], []
+        params = np.zeros(runner.system.values(None).size)
+        given = runner.given_times
+        if given is not None:
+            times, held = [solution.t], [rows]
+        if self._timed is None:
+            return times, held, params
+        last = runner.ending if given is None else None
+        if last is None and not any(cotangents[x].any() for x in cotangents if x != "x"):
+            return times, held, params
+        finished(execute(self._timed))
+        for name, hits in self._timed.hits.items():
+            t, x = (np.array(cotangents[f"{EVENTS}{name}.{x}"]) for x in "tx")
+            if name == last:
+                x[-1] += rows[-1]
+            x, of_params = hits.pulled(name, t, x)
+            times, held, params = [*times, hits.points.t], [*held, x], params + of_params
+        return times, held, params
 
     def pulled(self, solution: Solution, cotangents: Mapping[str, np.ndarray]) -> Gradients:
         """Return gradients from cotangents of x; see :class:`Adjoint`."""
-        runner, rows = self.runner, np.ascontiguousarray(cotangents["x"])
+        runner, rows = self.runner, cotangents["x"]
         steps, split = runner.steps.count, runner.split
+        h = runner.steps.mean(runner.steps.t1, steps)
         core = _core.FieldPullback(to_core(split), runner.choice.method, runner.job)
-        kept = np.minimum(np.arange(len(rows)) * runner.every, steps)
-        self.check(int(np.max(kept[rows.any(axis=1)], initial=0)))
-        for first, last, saved in self.checkpoints.reversed(steps):
-            own = (first < kept) & (kept <= last)
-            error = core.follow(saved, last, kept[own], np.ascontiguousarray(rows[own]))
+        parts, of_parts, of_params = self._held(solution, cotangents)
+        times, held = np.concatenate([np.empty(0), *parts]), np.vstack([rows[:0], *of_parts])
+        order = np.argsort(times / h, kind="stable")
+        times, held = times[order], held[order]
+        # the step that each time is in, as the core looks at them
+        within = np.ceil((times - runner.steps.t0) / h - ROUNDOFF).astype(int).clip(1, steps)
+        # a last record where an event has ended the run is none of a step's end
+        many = 0 if runner.given_times is not None else len(rows) - (runner.ending is not None)
+        kept, at_ends = np.minimum(np.arange(many) * runner.every, steps), rows[:many]
+        seen = kept[at_ends.any(axis=1)], within[held.any(axis=1)]
+        last_seen = int(np.max(np.concatenate(seen), initial=0))
+        self.check(last_seen)
+        for first, last, saved in self.checkpoints.reversed(max(last_seen, 1)):
+            own, inside = ((first < x) & (x <= last) for x in (kept, within))
+            error = core.follow(
+                saved, last, (kept[own], np.ascontiguousarray(at_ends[own])),
+                (times[inside], np.ascontiguousarray(held[inside])),
+            )  # fmt: skip
             if error is not None:
                 sentence, hint, quantity = runner.describe(error)
                 raise IntegrationError(hinted(sentence, hint), quantity=quantity)
-        found = core.end(rows[0])
-        start, changes, end = found[: split.n], found[split.n : -1], found[-1] / steps
+        found = core.end(np.ascontiguousarray(at_ends[0]) if many else np.zeros(rows.shape[1]))
+        start, changes, end = found[: split.n], found[split.n : -2], found[-2] / steps
         inverse = getattr(split, "inverse", None)
         if inverse is not None:
             start = np.asarray(inverse, dtype=float).T @ start
@@ -258,10 +344,11 @@ class FieldAdjoint(Adjoint):
         moving = n + system.is_driven
         whole[:moving] = start[:moving]
         whole[[n + 1 + number for number in system.held]] = start[moving:]
-        whole[n] -= end
+        whole[n] += found[-1] - end
         whole[-1] = end
         for place, by in self._by_number.items():
             whole[place] = by @ changes
+        whole[n + 1 : -1] += of_params
         gradients: Gradients = {}
         for name, (shape, _) in self.directions.items():
             part = whole[self._range(name)].reshape(shape)

@@ -17,21 +17,19 @@ from liouville._basics.job import Job
 from liouville._methods import VolumeSplitting
 from liouville._methods.control import TRIAL, Steps, Takes
 from liouville._methods.planner import FieldPlan, plan_field
-from liouville._methods.splitting import Affine, Split, described, to_core, variables_of
+from liouville._methods.splitting import Split, described, to_core, variables_of
 from liouville._runs.execute import execute, finished
+from liouville._runs.fields.parts import check_affine, check_times, have_same_basis, split_by
 from liouville._runs.fields.trial_steps import RECORDS, trial_steps
 from liouville._runs.runner import Request, Runner, kept, threads_of
 from liouville._runs.watch import Watch, initial_of
 from liouville._solution.points import Points
 from liouville._solution.tangents import Tangent
 from liouville._systems import Field, PolynomialField, members
-from liouville._systems.fields.terms import Function
 
 if TYPE_CHECKING:
     from liouville._runs.adjoint import Adjoint
-
-#: Half of the digits of an affine flow are left after so many of its own times.
-MOST_TURNS = 1e8
+    from liouville._runs.fields.hits import Hits
 
 #: Equal steps alone keep volume.
 TAKES = Takes(
@@ -47,9 +45,6 @@ PART, TRIED = 0.1, 32
 
 #: The prefix of directions that are parameters.
 PARAMS = "params."
-
-#: At so many times functions of time are looked at before a run.
-TIMES = 2001
 
 
 class FieldRunner(Runner):
@@ -69,7 +64,7 @@ class FieldRunner(Runner):
         self.steps = request.steps_of(system, TAKES)
         for each in self.systems:
             if isinstance(each, PolynomialField):
-                _check_times(each, self.steps)
+                check_times(each, self.steps)
         if self.steps.control is not None:
             self.steps, method = self._tried(method, self.steps, np.atleast_2d(x))
         self.every = kept(self.steps, request.every)
@@ -86,7 +81,8 @@ class FieldRunner(Runner):
             from liouville._runs.fields.derivative import FieldDirections
 
             self._directions = FieldDirections(system, request.tangents, self.steps)
-            self.widths = {**self.widths, "tangents": self._directions.count * x.shape[-1]}
+            rows = self._directions.count + self.has_events
+            self.widths = {**self.widths, "tangents": rows * x.shape[-1]}
         self.columns |= self.widths
         times = self._watch.times
         records = self.steps.records(self.every) if times is None else times.size
@@ -101,6 +97,14 @@ class FieldRunner(Runner):
         self.method = repr(self.choice.method)
         #: Directions as the core takes them.
         self._moves = None if self._directions is None else self._directions.to_core(self)
+        #: The derivatives of the functions of events, and the hits with theirs.
+        self._slopes = {
+            name: system.event_slopes(name, event)
+            for name, event in (self._watch.events if self._directions else {}).items()
+        }
+        self.hits: dict[str, Hits] = {}
+        #: The event that has ended the run, of an ensemble those of the members.
+        self.endings: dict[int, str] = {}
 
     def _with_params(self, system: Field, request: Request) -> tuple[list[Field], np.ndarray]:
         """Return the field with its parameters, or with rows of them that of each member; and x."""
@@ -143,11 +147,11 @@ class FieldRunner(Runner):
     def _own_plan(self, system: Field, h: float) -> tuple[FieldPlan, Split]:
         """Return the plan of all and the field of a member split by it, or its own."""
         assert isinstance(system, PolynomialField)
-        plan, split = _split_by(self.choice, system, h, self.x)
-        if not _have_same_basis(split, self.split):
+        plan, split = split_by(self.choice, system, h, self.x)
+        if not have_same_basis(split, self.split):
             sentence = "members have other shears: a parameter that is 0 leaves terms out"
             raise ValueError(hinted(sentence, "take diagonal='exponentials', or run them apart"))
-        _check_affine(split, h)
+        check_affine(split, h)
         return plan, split
 
     def _planned(self, method: VolumeSplitting | FieldPlan, h: float) -> Any:
@@ -155,13 +159,13 @@ class FieldRunner(Runner):
         fields = [each for each in self.systems if isinstance(each, PolynomialField)]
         system = max(fields, key=lambda each: len(each.terms))
         if isinstance(method, FieldPlan) and self.varied:
-            plan, parts = method, _split_by(method, system, h, self.x)[1]
+            plan, parts = method, split_by(method, system, h, self.x)[1]
         elif isinstance(method, FieldPlan):
             plan, make = method, lambda: method.split(system.terms, system.variables)
             parts = system.kept(method, make)
         else:
             plan, parts = self._chosen(system, method, h)
-        _check_affine(parts, h)
+        check_affine(parts, h)
         return plan, parts
 
     def _chosen(
@@ -228,6 +232,21 @@ class FieldRunner(Runner):
         return method, order, h
 
     @property
+    def has_events(self) -> bool:
+        """Whether events are looked for."""
+        return bool(self._watch.events)
+
+    @property
+    def given_times(self) -> np.ndarray | None:
+        """The times of the records, where they are given."""
+        return self._watch.times
+
+    @property
+    def ending(self) -> str | None:
+        """The event that has ended the run, None where it came to its end."""
+        return self.endings.get(0)
+
+    @property
     def record_times(self) -> np.ndarray:
         """The times of the records: the given ones, or those of kept steps."""
         steps = self.steps
@@ -269,7 +288,20 @@ class FieldRunner(Runner):
         if not self._watch.events:
             return {}, {}
         params = self._each_values if self.members else self._each_values[0]
-        return self._watch.events_of(run, self.system, params)[:2]
+        more = self.widths.get("tangents", 0)
+        found, said, rest = self._watch.events_of(run, self.system, params, more)
+        names = [*self._watch.events]
+        self.endings = {member: names[which] for which, _, _, member in run.events()[1]}
+        if self._directions is not None:
+            # imported here: few runs have tangents
+            from liouville._runs.fields.hits import Hits
+
+            h = self.steps.mean(self.steps.t1, self.steps.count)
+            self.hits = {
+                name: Hits.of(found[name], *own, self._slopes[name], self._each_values, h)
+                for name, own in rest.items()
+            }
+        return found, said
 
     @property
     def initial(self) -> dict[str, Any]:
@@ -295,6 +327,7 @@ class FieldRunner(Runner):
             return type(self)(changing, self._given, request).adjoint(request, wrt)
         if not self.members:
             return FieldAdjoint(self, request, wrt)
+        has_times = self.has_events or self.given_times is not None
         first = FieldAdjoint(self._member(0), request, wrt)
 
         def of_member(member: int) -> Adjoint:
@@ -302,7 +335,7 @@ class FieldRunner(Runner):
                 return FieldAdjoint(self._member(member), request, wrt)
             return first.of(self._member(member))
 
-        return MembersAdjoint(self, of_member, self.threads)
+        return MembersAdjoint(self, of_member, self.threads, has_times=has_times)
 
     def _member(self, member: int) -> FieldRunner:
         """Return the run of a member alone, split as they all are."""
@@ -318,7 +351,9 @@ class FieldRunner(Runner):
 
     def tangents(self, t: np.ndarray, parts: Mapping[str, np.ndarray]) -> dict[str, Tangent]:
         """Return the tangents in records by the names of their directions, if any were wanted."""
-        return {} if self._directions is None else self._directions.read(parts["tangents"])
+        if self._directions is None:
+            return {}
+        return self._directions.read(t, parts["tangents"], self)
 
     @property
     def control_taken(self) -> str:
@@ -362,55 +397,3 @@ class FieldRunner(Runner):
             # the coordinate that has most of what is not finite
             error["index"] = int(np.abs(outward[:, error["index"]]).argmax())
         return describe(error, names, ())
-
-
-def _split_by(
-    plan: FieldPlan, system: PolynomialField, h: float, x: np.ndarray
-) -> tuple[FieldPlan, Split]:
-    """Return a plan and a field split by it; of a field with fewer terms a plan of its own.
-
-    The method of a plan leaves nothing open: what it makes of a field depends on that field alone.
-    """
-    terms, names = system.terms, system.variables
-    try:
-        return plan, plan.split(terms, names)
-    except ValueError:
-        if terms.n != plan.n or len(terms) > plan.terms:
-            raise
-        return plan_field(terms, plan.method, h, x, 1, names=names)
-
-
-def _have_same_basis(one: Split, other: Split) -> bool:
-    """Return whether the pieces of two fields are of the same variables."""
-    if one.basis is None or other.basis is None:
-        return one.basis is other.basis
-    return np.array_equal(one.basis, other.basis)
-
-
-def _check_times(system: PolynomialField, steps: Steps) -> None:
-    """Refuse functions of time that are singular in the time of a run."""
-    times = np.linspace(steps.t0, steps.t1, TIMES) if system.is_driven else np.empty(0)
-    for function in system.terms.functions if system.is_driven else ():
-        if not isinstance(function, Function) or function.places != (len(system.coordinates),):
-            continue
-        found = function.singular(times)
-        if found is not None:
-            t0, t1 = sorted(times[list(found)].tolist())
-            where = f"at t = {t0:g}" if t0 == t1 else f"between t = {t0:g} and {t1:g}"
-            hint = "begin after it, or end before"
-            raise ValueError(hinted(f"the field contains {function.text}, singular {where}", hint))
-
-
-def _check_affine(parts: Split, h: float) -> None:
-    """Refuse a step after which the flow of an affine piece has no digits left."""
-    for piece in parts.pieces:
-        if isinstance(piece, Affine):
-            length = float(np.abs(piece.matrix.astype(float)).sum(axis=1).max()) * abs(h)
-            if length > MOST_TURNS:
-                raise ValueError(
-                    hinted(
-                        f"a step of {h:g} is {length:.1e} times as long as the affine part of the "
-                        "field takes to change: few digits of its flow would be left",
-                        "give a smaller h",
-                    )
-                )

@@ -193,6 +193,10 @@ class Field(Pickled, ABC):
             raise TypeError(hinted(sentence, hint))
         return self._observer.event(f"event '{name}'", event.function), False, None
 
+    def event_slopes(self, name: str, event: Event) -> _core.Tape:
+        """Record the derivatives of an event's function by t, x and params."""
+        return self._observer.event_slopes(f"event '{name}'", event.function)
+
     def states_at(
         self, t: np.ndarray, rows: np.ndarray, params: np.ndarray
     ) -> dict[str, np.ndarray]:

@@ -62,13 +62,23 @@ class Observer:
 
     def event(self, what: str, function: Callable[..., Any]) -> _core.Tape:
         """Return the tape of one function of t, x and params."""
+        s, value = self._expressions.symbols, self._event_value(what, function)
+        return record(what, s.inputs(), value)
+
+    def event_slopes(self, what: str, function: Callable[..., Any]) -> _core.Tape:
+        """Return the tape of its derivatives by (t, x, params)."""
+        s, value = self._expressions.symbols, self._event_value(what, function)
+        by = ca.vertcat(s.t, s.x, s.params.vector)
+        return record(f"slopes of {what}", s.inputs(), ca.densify(ca.gradient(value, by)))
+
+    def _event_value(self, what: str, function: Callable[..., Any]) -> ca.SX:
         s = self._expressions.symbols
         value = _trace.scalar(what, function, s.args)
         if not ca.depends_on(value, ca.vertcat(s.t, s.x)):
             sentence = f"{what} is the same for all states"
             hint = "return what is to change its sign, such as x[1] - params.height"
             raise ValueError(hinted(sentence, hint))
-        return record(what, s.inputs(), value)
+        return value
 
     def portable(self, observe: Mapping[str, Any] | None) -> dict[str, Any]:
         """Return functions to observe in a form that can be pickled."""

@@ -24,6 +24,8 @@ pub struct SubstepDetector<State: Checkpoint> {
     observer: Box<dyn Observe<State>>,
     times: Option<Vec<f64>>,
     next: usize,
+    /// What is kept of hits beside what functions see, and the state that makes room for it.
+    beside: Option<(Box<dyn Observe<State>>, State)>,
     interpolant: Interpolant<State>,
     functions: Vec<WatchedFunction>,
     search: Search,
@@ -79,6 +81,7 @@ impl<State: Checkpoint + Clone> SubstepDetector<State> {
             observer,
             times,
             next: 0,
+            beside: None,
             interpolant: Interpolant::new(reader, state),
             search: Search::default(),
             found: Vec::new(),
@@ -86,6 +89,13 @@ impl<State: Checkpoint + Clone> SubstepDetector<State> {
             end: None,
             functions,
         }
+    }
+
+    /// The same with rows of an observer behind those of hits, of states that are always ends of parts.
+    #[must_use]
+    pub fn beside_hits(mut self, observer: Box<dyn Observe<State>>, state: &State) -> Self {
+        self.beside = Some((observer, state.clone()));
+        self
     }
 
     /// The zeros of all functions in a step that led to `end`, perhaps that of the run, in the order of time.
@@ -210,6 +220,12 @@ impl<State: Checkpoint + Clone> SubstepDetector<State> {
         hits.times.push(t);
         hits.rows.extend_from_slice(self.interpolant.point());
         self.functions[index].count += 1;
+        if let Some((observer, kept)) = &mut self.beside {
+            kept.clone_from(&self.substep.state);
+            self.substep.advance_by(t - self.substep.t)?;
+            observer.observe(t, &self.substep.state, &mut hits.rows)?;
+            self.substep.state.clone_from(kept);
+        }
         Ok(())
     }
 
