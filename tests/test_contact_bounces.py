@@ -159,3 +159,91 @@ def test_a_pendulum_bounces_on_its_stop_through_its_constraint():
     assert run.lam.shape == (len(run.t), 1)
     reaction = run.reaction()[row]
     assert reaction @ run.q[row] < 0
+
+
+def spun(restitution, friction, static=None, law="poisson", skew=0.0, **more):
+    """Return a run of a disc with spin between three walls."""
+    walls = {"floor": (0, 1, 0.0), "right": (-1, 0, 1.5), "left": (1, 0, 1.5)}
+    contacts = {
+        name: lv.Contact(
+            lambda t, q, params, x=x, y=y, off=off: x * q[0] + y * q[1] + off - 0.1,
+            restitution=restitution,
+            friction=friction,
+            static_friction=static,
+            slip=lambda t, q, v, params, x=x, y=y: y * v[0] - x * v[1] + 0.1 * v[2],
+        )
+        for name, (x, y, off) in walls.items()
+    }
+
+    def kinetic(v):
+        return (v[0] ** 2 + v[1] ** 2 + 0.005 * v[2] ** 2) / 2 + skew * v[1] * v[2]
+
+    disc = lv.Lagrangian(
+        lambda t, q, v, params: kinetic(v) - G * q[1], q=3, contacts=contacts, impacts=law
+    )
+    call = {"t": (0, 2.5), "h": 0.05, "q": [0, 0.5, 0], "v": [1.5, 0, 20]} | more
+    return lv.integrate(disc, lv.Spark(2), **call)
+
+
+@pytest.mark.parametrize(
+    "laws",
+    [(0.8, 0.3), (1.0, 0.1), (0.6, 0.2, 0.5), (0.8, 0.3, None, "newton"), (0.7, 0.8, None)],
+)
+@pytest.mark.parametrize("skew", [0.0, 0.01])
+def test_hits_with_friction_are_those_of_the_laws(monkeypatch, laws, skew):
+    """Without skew the mass normal force and friction do not act on each other's rates."""
+    run = spun(*laws, skew=skew)
+    slow = by_laws(monkeypatch, lambda: spun(*laws, skew=skew))
+    assert run.stats["stretches"] < slow.stats["stretches"]
+    found = [
+        [
+            (c.t, n, c.kind, c.normal, c.friction)
+            for n, x in each.contacts.items()
+            for c in x.changes
+        ]
+        for each in (run, slow)
+    ]
+    mine, wanted = found
+    assert len(mine) > 4
+    assert [x[1:3] for x in mine] == [x[1:3] for x in wanted]
+    for place in (0, 3, 4):
+        np.testing.assert_allclose([x[place] for x in mine], [x[place] for x in wanted], atol=1e-12)
+    np.testing.assert_allclose(run.q[-1], slow.q[-1], atol=1e-12)
+    assert any(abs(x[4]) > 0.01 for x in mine)
+
+
+def test_a_hit_with_friction_and_a_constraint_has_its_impulses(monkeypatch):
+    """A disc that turns at the end of a rod hits a stop: the rod takes part of the impulse."""
+    stop = lv.Contact(
+        lambda t, q, params: q[0] + 0.2,
+        restitution=0.6,
+        friction=0.1,
+        slip=lambda t, q, v, params: v[1] + 0.1 * v[2],
+    )
+    bob = lv.Lagrangian(
+        lambda t, q, v, params: v[0] ** 2 + v[1] ** 2 + 0.005 * v[2] ** 2 - 2 * G * q[1],
+        lambda t, q, params: (q[0] ** 2 + q[1] ** 2 - 1) / 2,
+        q=3,
+        contacts={"stop": stop},
+    )
+    call = {"t": (0, 9), "h": 0.05, "q": [0.6, -0.8, 0.0], "v": [0.0, 0.0, 5.0]}
+    run = lv.integrate(bob, lv.Spark(3), **call)
+    slow = by_laws(monkeypatch, lambda: lv.integrate(bob, lv.Spark(3), **call))
+    assert run.stats["stretches"] < slow.stats["stretches"]
+    np.testing.assert_allclose(run.q[-1], slow.q[-1], atol=1e-11)
+    both = (x.contacts["stop"].changes for x in (run, slow))
+    mine, wanted = ([(x.t, x.normal, x.friction) for x in own] for own in both)
+    np.testing.assert_allclose(mine, wanted, atol=1e-10)
+    assert abs(mine[0][2]) > 0.01
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.2])
+def test_controlled_steps_go_through_hits_too(monkeypatch, friction):
+    call = {"h": None, "rtol": 1e-8}
+    run = spun(1.0, friction, **call)
+    slow = by_laws(monkeypatch, lambda: spun(1.0, friction, **call))
+    assert run.stats["stretches"] < slow.stats["stretches"]
+    mine, wanted = changes(run), changes(slow)
+    assert [x[1:3] for x in mine] == [x[1:3] for x in wanted]
+    np.testing.assert_allclose([x[0] for x in mine], [x[0] for x in wanted], atol=1e-11)
+    np.testing.assert_allclose(run.q[-1], slow.q[-1], atol=1e-10)

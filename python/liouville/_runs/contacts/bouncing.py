@@ -1,8 +1,8 @@
-"""Hits that the core answers by itself: each of one contact without friction, while none is closed.
+"""Hits that the core answers by itself: each of one contact, while none is closed.
 
-There a hit is an event with a reset, :class:`~liouville.Impact`, which the core makes within the
-run. Afterwards all hits are looked at, and the run counts up to the first that was not one alone,
-or whose flight is as short as a few steps; there the laws of contacts take over.
+There a hit is an event with a reset, which the core makes within the run. Afterwards all hits are
+looked at, and the run counts up to the first that was not one alone, or whose flight is as short as
+a few steps; there the laws of contacts take over.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ import numpy as np
 from liouville import _core
 from liouville._basics import casadi as ca
 from liouville._runs.contacts.complementarity import Array
+from liouville._runs.contacts.hit import has_closed_form, margin
 from liouville._runs.contacts.joined import PENETRATES
 from liouville._runs.contacts.switching import AT_REST, CLOSED, EPS, LOW, ROUNDINGS, Switching
 from liouville._solution.contacts import Change
@@ -94,7 +95,8 @@ def bounced(
     if not len(hits):
         return Bounced(run, len(run.t), None, [])
     impulses, is_bad, least = _judged(hits, now, accelerated)
-    is_bad |= _too_short(hits, now.h, least)
+    longest: Any = run.stats  # of controlled steps
+    is_bad |= _too_short(hits, longest.get("h_largest", now.h), least)
     _add_missed(is_bad, hits, run, (now, accelerated))
     if run.status == "done" and run.t[-1] < until and not _is_ended(run, system):
         is_bad[-1] = True  # the hits accumulate
@@ -104,7 +106,7 @@ def bounced(
         y, z = hits.before
         end = float(hits.t[good]), y[good].copy(), z[good].copy()
     changes = [
-        (int(k), Change(float(t), "hit", float(impulse)))
+        (int(k), Change(float(t), "hit", *map(float, impulse)))
         for t, k, impulse in zip(hits.t[:good], hits.contact[:good], impulses[:good], strict=True)
     ]
     whole = _recorded(run, system, hits.first(good), now.params, observe)
@@ -142,6 +144,8 @@ def _hits_tape(contacts: Contacts) -> tuple[_core.Tape, list[int]]:
             ca.mmax(ca.fabs(model.v)),
             model.p,
             ca.vec(columns["across"].T),
+            ca.vec(columns["along"].T),
+            _margins(contacts),
             ca.vec(ca.horzcat(jacobian(model.r, model.lam), jacobian(own.rn, own.nu))),
         ]
         dense = [ca.densify(x) for x in parts]
@@ -151,8 +155,15 @@ def _hits_tape(contacts: Contacts) -> tuple[_core.Tape, list[int]]:
     return kept(contacts.system, "hits", recorded)
 
 
+def _margins(contacts: Contacts) -> ca.SX:
+    """Return how far hits are from having several outcomes, 1 of contacts without friction."""
+    has_any = has_closed_form(contacts)
+    each = [margin(contacts, k) if x and has_any else 1 for k, x in enumerate(contacts.is_rough)]
+    return ca.vertcat(*each)
+
+
 def _judged(hits: Hits, now: Switching, accelerated: float) -> tuple[Array, Array, Array]:
-    """Return the impulses of hits, and which are not those of one contact that approaches.
+    """Return impulses (N, T) of hits, and which are not those of one contact that approaches.
 
     Then come the least times of flights that may be gone through.
     """
@@ -163,7 +174,7 @@ def _judged(hits: Hits, now: Switching, accelerated: float) -> tuple[Array, Arra
         np.split(tape.map(now.params, [*map(np.ascontiguousarray, own)]), ends, axis=1)
         for own in ((hits.t[:, None], y, z), (hits.t[:, None], *after))
     ]
-    gap, rate, slopes, rate_slopes, fast, p, across, reactions = both[0]
+    gap, rate, slopes, rate_slopes, fast, p, across, along, margins, reactions = both[0]
     speed = fast + now.h * accelerated
     size = slopes * (np.abs(y).max(axis=1, keepdims=True) + now.h * speed) + np.abs(gap)
     near = CLOSED * size + ROUNDINGS * EPS * np.abs(rate * hits.t[:, None])
@@ -171,12 +182,16 @@ def _judged(hits: Hits, now: Switching, accelerated: float) -> tuple[Array, Arra
     touching = gap <= near
     touching[own] = False
     is_bad = touching.any(axis=1) | (rate[own] >= -AT_REST * (rate_slopes * speed)[own])
+    is_bad |= (both[1][1][own] <= AT_REST * (rate_slopes * speed)[own]) | (margins[own] <= 0)
     least = 4 * HIGH * LOW * EPS * size[own] / np.abs(both[1][1][own])
     jumps, normals = both[1][5] - p, across.reshape(len(hits), -1, n)[own]
-    if not reactions.shape[1]:
-        return (jumps * normals).sum(axis=1) / (normals**2).sum(axis=1), is_bad, least
-    columns = np.concatenate([normals[:, :, None], _columns(reactions, n)], axis=2)
-    return np.einsum("kij,kj->ki", np.linalg.pinv(columns), jumps)[:, 0], is_bad, least
+    if not reactions.shape[1] and not any(contacts.is_rough):
+        found = (jumps * normals).sum(axis=1) / (normals**2).sum(axis=1)
+        return np.stack([found, 0 * found], axis=1), is_bad, least
+    slides = along.reshape(len(hits), -1, n)[own]
+    slides *= np.array(contacts.is_rough)[hits.contact][:, None]
+    columns = np.concatenate([np.stack([normals, slides], axis=2), _columns(reactions, n)], axis=2)
+    return np.einsum("kij,kj->ki", np.linalg.pinv(columns), jumps)[:, :2], is_bad, least
 
 
 def _columns(flat: Array, n: int) -> Array:

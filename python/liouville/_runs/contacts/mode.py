@@ -10,6 +10,7 @@ import numpy as np
 
 from liouville._basics import casadi as ca
 from liouville._runs.contacts.complementarity import Array
+from liouville._runs.contacts.hit import has_closed_form, struck
 from liouville._systems.events import Event, Impact
 from liouville._systems.mechanics.contact import Mode
 from liouville._systems.mechanics.form import Nonholonomic
@@ -37,8 +38,8 @@ class ModeSystem(Mechanics):
     own_events : dict of str to tuple
         The events of the mode by name: the contact, and what happens there.
     bounces : dict of str to int
-        The hits among them that the core answers by itself, and their contacts: of contacts without
-        friction that do not stay, where none is closed.
+        The hits among them that the core answers by itself, and their contacts: of those that do
+        not stay, where none is closed.
     is_redundant : bool
         Whether constraints of the system itself imply one another.
     """
@@ -150,13 +151,17 @@ class ModeSystem(Mechanics):
             self._values_of_events[name] = value
 
     def _add_resets(self, contacts: Contacts) -> None:
-        """Let hits of contacts without friction be events with an impact."""
+        """Let hits of contacts that bounce be events with an impact."""
         for name, (k, _) in self.own_events.items():
-            if contacts.bounces[k] and not contacts.is_rough[k]:
-                self.bounces[name] = k
-                gap, restitution = contacts.columns["phi"][k], contacts.columns["restitution"][k]
-                impact = Impact(lambda *_, e=restitution: e)
-                self._resets[name] = Event(lambda *_, gap=gap: gap, "down", reset=impact)
+            if not contacts.bounces[k] or (contacts.is_rough[k] and not has_closed_form(contacts)):
+                continue
+            self.bounces[name] = k
+            gap, restitution = contacts.columns["phi"][k], contacts.columns["restitution"][k]
+            law: Any = Impact(lambda *_, e=restitution: e)
+            if contacts.is_rough[k]:
+                after = struck(contacts, k)
+                law = lambda *_, after=after: after  # noqa: E731
+            self._resets[name] = Event(lambda *_, gap=gap: gap, "down", reset=law)
 
     def resets(self) -> dict[str, Event]:
         """Return the events of hits that the core answers by itself."""
