@@ -143,7 +143,9 @@ def test_members_and_pickles_absorb_alike():
 
 def test_what_grows_is_refused():
     grid = lv.Grid(LOW, HIGH, POINTS)
-    with pytest.raises(ValueError, match=r"absorber is -0.5 at x = -12, where psi grows"):
+    with pytest.raises(
+        ValueError, match=r"absorber must not be negative, where psi grows, as -0.5 at x = -12"
+    ):
         lv.Schrodinger(grid, absorber=np.where(grid.points[:, 0] < -11.9, -0.5, 0.0))
     with pytest.raises(ValueError, match="must not depend on time"):
         lv.Schrodinger(grid, absorber=lambda t, x, params: t * x**2)

@@ -466,7 +466,12 @@ ROWS = [
     ("monitor", lambda: run(monitor=abs), TypeError, r"hint: give control=lv.Reversible\(monit"),
     ("checkpoint", lambda: run(checkpoint=9), TypeError, r"hint: give lv.Store\(path, checkpoint="),
     ("many rtol", lambda: many(rtol=1e-3), TypeError, "ensemble takes no rtol=\nhint: its memb"),
-    ("many t_eval", lambda: many(t_eval=[9e9]), ValueError, "t_eval has 9e\\+09, which is outside"),
+    (
+        "many t_eval",
+        lambda: many(t_eval=[9e9]),
+        ValueError,
+        "t_eval must be within .*, not 9000000000$",
+    ),
     (
         "many events",
         lambda: many(events=[abs]),

@@ -260,7 +260,7 @@ def test_what_has_no_dense_output_says_why():
         ([], "t_eval must have one time at least"),
         ([0.5, 0.2], r"in the order of the run\nhint: np.unique"),
         ([0.5, np.nan], "t_eval must be finite"),
-        ([0.5, 1.2], r"t_eval has 1\.2, which is outside t = \(0, 1\)"),
+        ([0.5, 1.2], r"t_eval must be within t = \(0, 1\), not 1\.2"),
         ("often", "t_eval must be a sequence of numbers, not 'often'"),
         (0.5, "t_eval must be a sequence of numbers, not 0.5"),
         ([0.5], "give either every= or t_eval="),
@@ -291,7 +291,7 @@ def test_a_time_a_rounding_beyond_the_end_is_the_end(name, sign):
         np.testing.assert_allclose(values[[0, -1]], whole.states[state][[0, -1]], atol=1e-13)
     if name == "moving_wire":
         assert whole(times).t[-1] == end
-    with pytest.raises(ValueError, match="outside"):
+    with pytest.raises(ValueError, match=r"t_eval must be within t = .*, not -?0\.3000"):
         lv.integrate(problem.system, method, t_eval=times * (1 + 1e-14), **run)
     back = run | {"t": (end, 0.0)}
     if name == "abc_flow":  # which begins anywhere

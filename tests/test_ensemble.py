@@ -227,7 +227,7 @@ def test_many_starts_are_moved_onto_their_constraints_each_as_alone():
     assert lv.ensemble(breathing, lv.Spark(1), t=(0, 1), h=0.1, params={"r": r}, **found).members
     with pytest.raises(ValueError, match="member 2: no consistent start is near"):
         breathing.consistent(q=q * [[1], [1], [0], [1]], v=v)
-    with pytest.raises(ValueError, match="parameter 'r' has 3 members along its first axis, q has"):
+    with pytest.raises(ValueError, match=r"parameter 'r' must have .* members as q has, not 3"):
         breathing.consistent(q=q, v=v, params={"r": r[:3]})
 
 
@@ -320,11 +320,11 @@ WRONG = {
     "no members": ({"q": [0.6, 0, -0.8], "v": [0, 1, 0]}, {}, r"no start value and no parameter"),
     "other counts": (
         {"q": np.tile([0.6, 0, -0.8], (3, 1)), "v": np.zeros((2, 3))}, {},
-        "v has 2 members along its first axis, q has 3",
+        "v must have 3 members as q has, not 2",
     ),
     "params": (
         {"q": np.tile([0.6, 0, -0.8], (3, 1)), "v": [0, 0, 0]}, {"g": [1.0, 2.0]},
-        "parameter 'g' has 2 members along its first axis, q has 3",
+        "parameter 'g' must have 3 members as q has, not 2",
     ),
     "a parameter of one": (
         {"q": [0.6, 0, -0.8], "v": [0, 1, 0]}, {"g": [1.0, 2.0, np.inf]},

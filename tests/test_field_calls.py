@@ -193,7 +193,7 @@ ROWS = [
         "parameter of each",
         lambda: many(DRIFTING, x=[[1.0, 0.5]] * 2, params={"a": [1.0, 2.0, 3.0]}),
         ValueError,
-        "parameter 'a' has 3 members along its first axis, x has 2",
+        "parameter 'a' must have 2 members as x has, not 3",
     ),
     ("plane", lambda: cut(plane="w"), ValueError, "no coordinate 'w': the system has m1, m2, m3"),
     ("plane 2", lambda: cut(plane=[0, 1]), ValueError, r"plane must have shape \(3,\), not \(2,\)"),

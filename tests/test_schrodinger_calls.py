@@ -183,7 +183,7 @@ ROWS = [
             GRID, lv.SplitOperator(), t=(0, 1), h=0.1, psi=[WAVE] * 3, params={"a": [1.0, 2.0]}
         ),
         ValueError,
-        "parameter 'a' has 2 members along its first axis, psi has 3",
+        "parameter 'a' must have 3 members as psi has, not 2",
     ),
     (
         "parameter of one",
@@ -280,7 +280,7 @@ ROWS = [
         "exponentials",
         lambda: lv.Magnus(6, exponentials=4),
         ValueError,
-        "of order 6 are 5, not 4",
+        "exponentials must be 5 for order 6, not 4",
     ),
     ("stages", lambda: lv.StabilitySplitting(8, 2), ValueError, "no method of order 8 with 2"),
     # times

@@ -94,7 +94,7 @@ BAD_MEMBERS = {
     r"(?s)z must have shape \(P, 2\) .*, not \(2, 3\).* a number for each of tension, shift": {
         "z": np.zeros((2, 3))
     },
-    "z has 3 members along its first axis, y has 2": {"z": np.zeros((3, 2))},
+    "z must have 2 members as y has, not 3": {"z": np.zeros((3, 2))},
     "member 1: start violates the constraint 'rod'": {"y": [[1, 0, 0, 0], [1.1, 0, 0, 0]]},
     "'q' is no start value of this system, which takes y= and, as a guess": {"q": [1, 0]},
     "ensemble takes no rtol=": {"rtol": 1e-6},

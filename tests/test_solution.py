@@ -198,7 +198,7 @@ def test_reactions_of_single_constraints_add_up_to_that_of_all():
 def test_a_reaction_that_cannot_be_given_says_why(solution):
     with pytest.raises(ValueError, match=r"no constraint 'rope'\nhint: it has rod"):
         solution.reaction("rope")
-    with pytest.raises(ValueError, match=r"no constraint 1: there are 1"):
+    with pytest.raises(ValueError, match=r"constraint must be below 1, the number of them, not 1"):
         solution.reaction(1)
     for several in (["rod", "rod"], 0.5, True):
         with pytest.raises(TypeError, match=r"a name or index, not .*\nhint: reactions add up"):

@@ -325,7 +325,7 @@ class Magnus(Brief):
         known = MAGNUS[self.order]
         if self.exponentials is not None and count("exponentials", self.exponentials) not in known:
             raise ValueError(
-                f"exponentials of order {self.order} are {' or '.join(map(str, known))}, "
+                f"exponentials must be {' or '.join(map(str, known))} for order {self.order}, "
                 f"not {self.exponentials}"
             )
         _check_tolerance(self.tol)

@@ -209,5 +209,5 @@ def within(times: Any, t0: float, t1: float) -> np.ndarray:
         raise ValueError(hinted("t_eval must be finite times in the order of the run", hint))
     outside = array[(way * (array - t0) < 0) | (way * (array - t1) > 0)]
     if outside.size:
-        raise ValueError(f"t_eval has {outside[0]:g}, which is outside t = ({t0:g}, {t1:g})")
+        raise ValueError(f"t_eval must be within t = ({t0:g}, {t1:g}), not {outside[0]:.16g}")
     return array

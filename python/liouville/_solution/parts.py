@@ -334,5 +334,7 @@ def _number_of(constraint: Any, names: Sequence[str]) -> int:
         check_name(constraint, names, "constraint")
         return list(names).index(constraint)
     if not -len(names) <= constraint < len(names):
-        raise ValueError(f"the solution has no constraint {constraint}: there are {len(names)}")
+        raise ValueError(
+            f"constraint must be below {len(names)}, the number of them, not {constraint}"
+        )
     return int(constraint)

@@ -107,7 +107,7 @@ def common(counts: Mapping[str, int]) -> int:
     first, many = next(iter(counts.items()))
     for name, count in counts.items():
         if count != many:
-            raise ValueError(f"{name} has {count} members along its first axis, {first} has {many}")
+            raise ValueError(f"{name} must have {many} members as {first} has, not {count}")
     if not many:
         raise ValueError(f"{first} has no members along its first axis")
     return many
@@ -197,7 +197,9 @@ def _rows(name: str, value: Any, places: tuple[str, ...]) -> np.ndarray | None:
         lengths = {len(x): place for x, place in zip(columns, places, strict=True) if x.ndim}
         if len(lengths) > 1:
             (one, of_one), (other, of_other) = list(lengths.items())[:2]
-            raise ValueError(f"{name} of '{of_one}' has {one} members, of '{of_other}' {other}")
+            raise ValueError(
+                f"{name} of '{of_other}' must have {one} members as '{of_one}', not {other}"
+            )
         array = np.stack(np.broadcast_arrays(*columns), axis=-1)
     else:
         given = _trace.numbers(value)

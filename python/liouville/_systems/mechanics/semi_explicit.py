@@ -149,8 +149,9 @@ class SemiExplicit(TracedSystem):
         if len(self.constraints) != count:
             raise ValueError(
                 hinted(
-                    f"there are {len(self.constraints)} constraints and {count} unknowns z",
-                    "index 2 wants as many of one as of the other",
+                    f"constraints must be as many as the {count} unknowns z, not "
+                    f"{len(self.constraints)}",
+                    "each unknown is determined by the rate of change of a constraint",
                 )
             )
         if count > n:

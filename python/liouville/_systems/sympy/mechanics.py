@@ -208,8 +208,8 @@ class _Kane:
         if len(q) != len(u):
             raise ValueError(
                 hinted(
-                    f"the method has {len(q)} coordinates and {len(u)} speeds, and a system as "
-                    "many of both",
+                    f"the speeds of the method must be as many as its {len(q)} coordinates, not "
+                    f"{len(u)}",
                     "give dependent speeds and their constraints: u_dependent=, "
                     "velocity_constraints=",
                 )

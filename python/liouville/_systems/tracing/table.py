@@ -182,9 +182,9 @@ def table(x: Any, y: ArrayLike, ends: str | Sequence[str] = "natural") -> Table 
         raise ValueError(f"ends must be one of {', '.join(map(repr, FEWEST))}, not {ends!r}")
     at, values = _points("x", x), _points("y", y)
     if at.shape != values.shape:
-        raise ValueError(f"x of a table has {at.size} numbers, and y has {values.size}")
+        raise ValueError(f"x and y of a table must be as many, not {at.size} and {values.size}")
     if at.size < FEWEST[ends]:
-        sentence = f"a {ends} table has {FEWEST[ends]} points at least, not {at.size}"
+        sentence = f"a {ends} table must have {FEWEST[ends]} points or more, not {at.size}"
         raise ValueError(sentence)
     if not np.all(np.diff(at) > 0):
         k = int(np.argmin(np.diff(at) > 0))
@@ -192,7 +192,9 @@ def table(x: Any, y: ArrayLike, ends: str | Sequence[str] = "natural") -> Table 
         raise ValueError(hinted(sentence, "sort both by x, and leave repeated points out"))
     if ends == "periodic":
         if abs(values[0] - values[-1]) > SAME * np.abs(values).max():
-            sentence = f"a periodic table begins with {values[0]:g} and ends with {values[-1]:g}"
+            sentence = (
+                f"a periodic table must end as it begins, with {values[0]:g}, not {values[-1]:g}"
+            )
             raise ValueError(hinted(sentence, "its last point is the first one, a period later"))
         values = np.append(values[:-1], values[0])
         values.setflags(write=False)

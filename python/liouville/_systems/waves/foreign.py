@@ -98,7 +98,7 @@ def parted(
         moved = [part for part in hamiltonian if _is_pair(part)]
         for part in still:
             if isinstance(part, (list, tuple)) and any(map(callable, part)):
-                sentence = f"H is a list of operators and of pairs [H1, f], and has {part!r}"
+                sentence = f"the list H must have operators and pairs [H1, f], not {part!r}"
                 raise TypeError(hinted(sentence, "the operator is the first of two"))
         pairs = [(_of_list(f), matrix) for matrix, f in moved] + pairs
         matrices = [plain("H", part) for part in still]

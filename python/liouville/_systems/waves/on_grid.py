@@ -78,9 +78,8 @@ class OnGrid(Bounded):
             values = values.at(0.0, points)
         least = int(np.argmin(values))
         if values[least] < 0:
-            sentence = (
-                f"absorber is {values[least]:g} at x = {point(points[least])}, where psi grows"
-            )
+            found = f"{values[least]:g} at x = {point(points[least])}"
+            sentence = f"absorber must not be negative, where psi grows, as {found}"
             raise ValueError(hinted(sentence, "H - iW absorbs where W is positive"))
         return values if values.any() else None
 
