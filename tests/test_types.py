@@ -43,3 +43,26 @@ def test_programs_of_the_documentation_pass_mypy(tmp_path, monkeypatch):
     ]
     assert [line for line in reported if "wrong.py" not in line] == []
     assert len(reported) == 1  # a wrong argument is seen: the types are those of liouville
+
+
+def test_types_say_what_a_ground_state_is(tmp_path, monkeypatch):
+    api = pytest.importorskip("mypy.api")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("MYPYPATH", str(ROOT / "python"))
+    script = tmp_path / "ground.py"
+    script.write_text(
+        "import liouville as lv\n"
+        "grid = lv.Grid(-5, 5, 64, potential=lambda t, x, params: x**2 / 2)\n"
+        "reveal_type(lv.analysis.ground_state(lv.Schrodinger(grid, hbar=1.0)))\n"
+        "own = lv.Schrodinger(grid, nonlinearity=lambda t, rho, params: rho, params={'g': 1.0})\n"
+        "reveal_type(lv.analysis.ground_state(own))\n"
+        "def plain(system: lv.Schrodinger) -> float:\n"
+        "    return system.hbar\n",
+        encoding="utf-8",
+    )
+    found, problems, _ = api.run([*STRICT, str(script)])
+    assert not problems
+    notes = [line for line in found.splitlines() if "Revealed type" in line]
+    assert "GroundState" in notes[0]
+    assert "Condensate" in notes[1]
+    assert "error:" not in found

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,6 +13,7 @@ from liouville._basics.arguments import number
 from liouville._basics.errors import hinted
 from liouville._systems import Schrodinger
 from liouville._systems.waves.foreign import check_sampled
+from liouville._systems.waves.nonlinearity import Nonlinearity
 from liouville.analysis.condensate import Condensate, condensate
 from liouville.analysis.lowest_level import RESTARTS, Scale, lowest_level
 
@@ -71,6 +72,22 @@ class GroundState:
         return f"<GroundState: {many}energy {self.energy:.12g}, off by about {self.estimate:.1e}>"
 
 
+@overload
+def ground_state(
+    system: Schrodinger[None],
+    *,
+    t: float = 0.0,
+    params: Mapping[str, ArrayLike] | None = None,
+    tol: float = 1e-10,
+) -> GroundState: ...
+@overload
+def ground_state(
+    system: Schrodinger[Nonlinearity],
+    *,
+    t: float = 0.0,
+    params: Mapping[str, ArrayLike] | None = None,
+    tol: float = 1e-10,
+) -> Condensate: ...
 def ground_state(
     system: Schrodinger,
     *,

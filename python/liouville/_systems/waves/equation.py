@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from functools import cached_property
-from typing import Any, Self
+from typing import Any, Generic, Self, Unpack, overload
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -20,6 +20,7 @@ from liouville._systems.waves.frame import Frame
 from liouville._systems.waves.grid import Grid
 from liouville._systems.waves.lattice import Lattice
 from liouville._systems.waves.moving import MovingProduct
+from liouville._systems.waves.nonlinearity import Nonlinearity
 from liouville._systems.waves.observed import Observable
 from liouville._systems.waves.on_grid import OnGrid
 from liouville._systems.waves.products import Product
@@ -27,6 +28,7 @@ from liouville._systems.waves.sensitivity import DriveSensitivity, PotentialSens
 from liouville._systems.waves.sites.system import SiteSystem
 from liouville._systems.waves.spins import SpinChain
 from liouville._systems.waves.time_functions import TimeFunction
+from liouville._systems.waves.typed import Density, Options
 
 #: Values computed once of functions of time and their parameters, ...
 OF_FUNCTIONS = ("_spectrum", "_known", "settled", "sensitivity", "potential_sensitivity")
@@ -35,7 +37,7 @@ OF_FUNCTIONS = ("_spectrum", "_known", "settled", "sensitivity", "potential_sens
 OF_POTENTIAL = ("_static", "_closer", "_parts", "term_bounds")
 
 
-class Schrodinger(OnGrid):
+class Schrodinger(OnGrid, Generic[Density]):
     r"""The Schrödinger equation.
 
     .. math::
@@ -156,6 +158,16 @@ class Schrodinger(OnGrid):
     coordinates: tuple[str, ...] = ()
     constraints: tuple[str, ...] = ()
 
+    @overload
+    def __init__(
+        self: Schrodinger[None], hamiltonian: Any, *, nonlinearity: None = None,
+        **options: Unpack[Options],
+    ) -> None: ...  # fmt: skip
+    @overload
+    def __init__(
+        self: Schrodinger[Nonlinearity], hamiltonian: Any, *, nonlinearity: Callable[..., Any],
+        **options: Unpack[Options],
+    ) -> None: ...  # fmt: skip
     def __init__(
         self,
         hamiltonian: Any,
