@@ -337,7 +337,7 @@ class Hamiltonian:
         terms: Sequence[Operator],
         is_doubled: bool = False,
         drive: tuple[Tape, NDArray[np.float64]] | None = None,
-        potential: tuple[Tape, NDArray[np.float64], NDArray[np.float64]] | None = None,
+        potential: tuple[Tape, Tape, NDArray[np.float64], NDArray[np.float64]] | None = None,
         nonlinearity: tuple[Tape, Tape, NDArray[np.float64], float] | None = None,
         absorber: NDArray[np.float64] | None = None,
     ) -> Hamiltonian: ...

@@ -4,16 +4,18 @@
 //! into a tile that stays in the cache, also for the products between a transform and its inverse. Transforms are not
 //! normalised.
 
+mod axis;
+
+use axis::{AxisTransform, FourierTiles, LineTransform};
 use realfft::{ComplexToReal, RealFftPlanner, RealToComplex};
-use rustfft::{Fft, FftPlanner};
+use rustfft::FftPlanner;
 use std::sync::Arc;
 
 /// A complex number.
 pub type Complex = rustfft::num_complex::Complex<f64>;
 
-/// Lines in a tile: two cache lines from each place along the axis. On 512² and 1024² points 4 and 8 lines take
-/// the same time, 16 a tenth more and 32 a third.
-const LINES: usize = 8;
+/// Squares that are added up before these are, so that rounding errors stay small.
+const BLOCK: usize = 256;
 
 /// Memory of transforms.
 #[derive(Clone, Debug, Default)]
@@ -23,133 +25,6 @@ pub struct FourierScratch {
     /// A line of numbers.
     line: Vec<f64>,
     tiles: FourierTiles,
-}
-
-/// Some lines of an axis, and scratch memory of their transforms.
-#[derive(Clone, Debug, Default)]
-struct FourierTiles {
-    tile: Vec<Complex>,
-    scratch: Vec<Complex>,
-}
-
-impl FourierTiles {
-    fn scratch(&mut self, len: usize) -> &mut [Complex] {
-        if self.scratch.len() < len {
-            self.scratch.resize(len, Complex::default());
-        }
-        &mut self.scratch[..len]
-    }
-}
-
-/// Transforms of one length.
-#[derive(Clone)]
-struct LineTransform {
-    forward: Arc<dyn Fft<f64>>,
-    inverse: Arc<dyn Fft<f64>>,
-}
-
-impl LineTransform {
-    fn new(planner: &mut FftPlanner<f64>, length: usize) -> Self {
-        Self {
-            forward: planner.plan_fft_forward(length),
-            inverse: planner.plan_fft_inverse(length),
-        }
-    }
-
-    fn run(&self, is_inverse: bool, lines: &mut [Complex], tiles: &mut FourierTiles) {
-        let fft = if is_inverse {
-            &self.inverse
-        } else {
-            &self.forward
-        };
-        fft.process_with_scratch(lines, tiles.scratch(fft.get_inplace_scratch_len()));
-    }
-}
-
-/// Transforms along an axis whose neighbours lie `stride` apart.
-#[derive(Clone)]
-struct AxisTransform {
-    length: usize,
-    stride: usize,
-    line: LineTransform,
-}
-
-impl AxisTransform {
-    fn new(planner: &mut FftPlanner<f64>, length: usize, stride: usize) -> Option<Self> {
-        let line = LineTransform::new(planner, length);
-        (length > 1).then_some(Self {
-            length,
-            stride,
-            line,
-        })
-    }
-
-    /// Calls `each` with the place of the first line for one tile after another, as long as `go_on` says so; returns
-    /// whether all were made.
-    fn for_tiles<F>(
-        &self,
-        data: &mut [Complex],
-        tiles: &mut FourierTiles,
-        go_on: &mut impl FnMut() -> bool,
-        mut each: F,
-    ) -> bool
-    where
-        F: FnMut(usize, &mut [Complex], &mut FourierTiles),
-    {
-        let (length, stride) = (self.length, self.stride);
-        let mut tile = std::mem::take(&mut tiles.tile);
-        let mut is_whole = true;
-        for first in (0..stride).step_by(LINES) {
-            is_whole = go_on();
-            if !is_whole {
-                break;
-            }
-            let lines = LINES.min(stride - first);
-            tile.resize(lines * length, Complex::default());
-            for (k, row) in data.chunks_exact(stride).enumerate() {
-                for (j, value) in row[first..first + lines].iter().enumerate() {
-                    tile[j * length + k] = *value;
-                }
-            }
-            each(first, &mut tile, tiles);
-            for (k, row) in data.chunks_exact_mut(stride).enumerate() {
-                for (j, value) in row[first..first + lines].iter_mut().enumerate() {
-                    *value = tile[j * length + k];
-                }
-            }
-        }
-        tiles.tile = tile;
-        is_whole
-    }
-
-    fn run(&self, is_inverse: bool, data: &mut [Complex], tiles: &mut FourierTiles) {
-        self.for_tiles(data, tiles, &mut || true, |_, tile, tiles| {
-            self.line.run(is_inverse, tile, tiles);
-        });
-    }
-
-    /// Transforms, multiplies by `factor(place in the axis, place of the line)`, and transforms back, as long as `go_on`
-    /// says so.
-    fn multiply<T: Copy>(
-        &self,
-        data: &mut [Complex],
-        tiles: &mut FourierTiles,
-        factor: impl Fn(usize, usize) -> T,
-        go_on: &mut impl FnMut() -> bool,
-    ) -> bool
-    where
-        Complex: std::ops::Mul<T, Output = Complex>,
-    {
-        self.for_tiles(data, tiles, go_on, |first, tile, tiles| {
-            self.line.run(false, tile, tiles);
-            for (j, line) in tile.chunks_exact_mut(self.length).enumerate() {
-                for (k, value) in line.iter_mut().enumerate() {
-                    *value = *value * factor(k, first + j);
-                }
-            }
-            self.line.run(true, tile, tiles);
-        })
-    }
 }
 
 /// Number of points along each of three axes, one for an absent axis.
@@ -191,6 +66,82 @@ impl RealGrid {
         }
     }
 
+    /// Transforms lines that `read` writes, given their place, along all axes but the outermost, as long as `go_on` says so;
+    /// returns the numbers of a plane, or none.
+    fn forward(
+        &self,
+        memory: &mut FourierScratch,
+        lines: usize,
+        read: impl Fn(usize, &mut [f64]),
+        go_on: &mut impl FnMut() -> bool,
+    ) -> Option<usize> {
+        let FourierScratch {
+            spectrum,
+            line,
+            tiles,
+        } = memory;
+        let half = self.length / 2 + 1;
+        spectrum.resize(lines * half, Complex::default());
+        line.resize(self.length, 0.0);
+        for (k, row) in spectrum.chunks_exact_mut(half).enumerate() {
+            if !go_on() {
+                return None;
+            }
+            read(k, line);
+            let scratch = tiles.scratch(self.forward.get_scratch_len());
+            let done = self.forward.process_with_scratch(line, row, scratch);
+            debug_assert!(done.is_ok(), "lengths of a real transform");
+        }
+        let plane = lines / self.planes * half;
+        if let Some(middle) = &self.middle {
+            for plane in spectrum.chunks_exact_mut(plane) {
+                if !go_on() {
+                    return None;
+                }
+                middle.run(false, plane, tiles);
+            }
+        }
+        Some(plane)
+    }
+
+    /// The sum of the squares of the transform of lines that `read` writes, given their place, times `factor` of the places
+    /// along the outermost axis and in a plane; none where `go_on` says so.
+    pub fn squares(
+        &self,
+        memory: &mut FourierScratch,
+        lines: usize,
+        read: impl Fn(usize, &mut [f64]),
+        factor: impl Fn(usize, usize) -> f64,
+        mut go_on: impl FnMut() -> bool,
+    ) -> Option<f64> {
+        self.forward(memory, lines, read, &mut go_on)?;
+        let half = self.length / 2 + 1;
+        // others stand for k and −k
+        let is_single =
+            |place: usize| place == 0 || (self.length.is_multiple_of(2) && place == half - 1);
+        let (mut sum, mut block, mut count) = (0.0, 0.0, 0);
+        let mut add = |k: usize, place: usize, value: Complex| {
+            let times = if is_single(place % half) { 1.0 } else { 2.0 };
+            block += times * factor(k, place) * value.norm_sqr();
+            count += 1;
+            if count % BLOCK == 0 {
+                sum += std::mem::take(&mut block);
+            }
+        };
+        let FourierScratch {
+            spectrum, tiles, ..
+        } = memory;
+        let is_whole = match &self.outer {
+            Some(outer) => outer.look(spectrum, tiles, add, &mut go_on),
+            None => {
+                let each = spectrum.iter().enumerate();
+                each.for_each(|(place, value)| add(0, place, *value));
+                true
+            }
+        };
+        is_whole.then_some(sum + block)
+    }
+
     /// Transforms lines that `read` writes, given their place, multiplies by `factor` of the places along the outermost
     /// axis and in a plane, transforms back, and gives each line to `write`, as long as `go_on` says so; returns whether
     /// all was made.
@@ -203,32 +154,15 @@ impl RealGrid {
         mut write: impl FnMut(usize, &[f64]),
         mut go_on: impl FnMut() -> bool,
     ) -> bool {
+        let Some(plane) = self.forward(memory, lines, read, &mut go_on) else {
+            return false;
+        };
         let FourierScratch {
             spectrum,
             line,
             tiles,
         } = memory;
         let half = self.length / 2 + 1;
-        spectrum.resize(lines * half, Complex::default());
-        line.resize(self.length, 0.0);
-        let plane = lines / self.planes * half;
-        for (k, row) in spectrum.chunks_exact_mut(half).enumerate() {
-            if !go_on() {
-                return false;
-            }
-            read(k, line);
-            let scratch = tiles.scratch(self.forward.get_scratch_len());
-            let done = self.forward.process_with_scratch(line, row, scratch);
-            debug_assert!(done.is_ok(), "lengths of a real transform");
-        }
-        if let Some(middle) = &self.middle {
-            for plane in spectrum.chunks_exact_mut(plane) {
-                if !go_on() {
-                    return false;
-                }
-                middle.run(false, plane, tiles);
-            }
-        }
         match &self.outer {
             Some(outer) => {
                 if !outer.multiply(spectrum, tiles, factor, &mut go_on) {

@@ -3,7 +3,7 @@
 use crate::caught::{Caught, attending};
 use crate::errors::refused;
 use crate::operator::Hamiltonian;
-use crate::schrodinger::DrivenMethod;
+use crate::wave_method::DrivenMethod;
 use liouville_base::error::StepError;
 use liouville_waves::method::{AtNodes, Derivative, Recorder, Sweeper, Wanted};
 use numpy::{

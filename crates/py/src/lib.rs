@@ -28,6 +28,7 @@ mod semi_explicit;
 mod split;
 mod start;
 mod tableau;
+mod wave_method;
 
 use pyo3::prelude::*;
 

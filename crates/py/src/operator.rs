@@ -201,8 +201,9 @@ impl Operator {
 /// A tape of t and parameters, and the parameters.
 type Driven<'py> = (PyRef<'py, Tape>, PyReadonlyArray1<'py, f64>);
 
-/// A tape of t, x and parameters, the parameters, and the coordinates x of all points.
+/// Tapes of g(t, parameters) and of V(g, u, parameters), the parameters, and the values u of all points.
 type Moving<'py> = (
+    PyRef<'py, Tape>,
     PyRef<'py, Tape>,
     PyReadonlyArray1<'py, f64>,
     PyReadonlyArray1<'py, f64>,
@@ -226,8 +227,8 @@ pub(crate) struct Hamiltonian {
 #[pymethods]
 impl Hamiltonian {
     /// A sum of terms, with weights that depend on time if there is a `drive`, (tape of t and parameters, the
-    /// parameters), and a diagonal that does if there is a `potential`, (tape of t, x and parameters, the
-    /// parameters, the coordinates x of all points), a potential of the density if there is a `nonlinearity`, and −i times a diagonal if there is an
+    /// parameters), and a diagonal that does if there is a `potential`, (tape of t and parameters
+    /// for g, tape of g, u and parameters, the parameters, the values u of all points), a potential of the density if there is a `nonlinearity`, and −i times a diagonal if there is an
     /// `absorber`. A doubled one is [[A, -B], [B, A]] of a complex H = A + iB,
     /// and acts on (q, p).
     #[new]
@@ -266,8 +267,9 @@ impl Hamiltonian {
             let drive = Drive::new(tape.0.clone(), params.as_slice()?, weights);
             inner = inner.with_drive(drive.ok_or_else(unfit)?);
         }
-        if let Some((tape, params, points)) = potential {
-            let potential = Potential::new(tape.0.clone(), params.as_slice()?, points.as_slice()?);
+        if let Some((of_time, tape, params, points)) = potential {
+            let tapes = (of_time.0.clone(), tape.0.clone());
+            let potential = Potential::new(tapes, params.as_slice()?, points.as_slice()?);
             let potential = potential.filter(|potential| potential.size() == inner.size());
             inner = inner.with_potential(potential.ok_or_else(unfit)?);
         }

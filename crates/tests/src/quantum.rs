@@ -49,8 +49,9 @@ pub fn rotor(points: u32, a: f64) -> Hamiltonian {
 
 /// A potential on a line.
 pub fn potential(x: &[f64], v: &Expr) -> Potential {
+    let time = Arc::new(tape([1, 0], &[input(T, 0)]));
     let tape = Arc::new(tape([1, 1, 0], std::slice::from_ref(v)));
-    Potential::new(tape, &[], x).expect("one coordinate")
+    Potential::new((time, tape), &[], x).expect("one coordinate")
 }
 
 /// A smooth wave function that is neither real nor even.

@@ -333,7 +333,8 @@ fn series_in_time(sweeper: &Sweeper<f64>, bounds: TermBounds) -> DrivenSeries {
         tolerance: 1e-6,
     };
     let times = (1..=33).map(|k| 0.03 * f64::from(k)).collect();
-    DrivenSeries::new(sweeper, driven, times).expect("parts of the grid")
+    let series = DrivenSeries::new(sweeper, driven, times);
+    series.expect("parts of the grid").expect("no interruption")
 }
 
 /// Magnus' steps of a driven grid to a tolerance.

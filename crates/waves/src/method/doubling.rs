@@ -9,6 +9,8 @@ use liouville_base::method::Stepper;
 pub(super) struct Doubling {
     before: Wave<f64>,
     coarse: Wave<f64>,
+    /// The state before a step that was made as halves alone.
+    passed: Wave<f64>,
 }
 
 impl Doubling {
@@ -18,7 +20,14 @@ impl Doubling {
         Self {
             before: empty(),
             coarse: empty(),
+            passed: Wave::new(Vec::new(), Vec::new()),
         }
+    }
+
+    /// The same for steps that are made as halves alone, too.
+    pub(super) fn passing(self) -> Self {
+        let passed = self.before.clone();
+        Self { passed, ..self }
     }
 
     /// Makes a step as two halves, and returns how far a step made as one is off them.
@@ -32,11 +41,7 @@ impl Doubling {
         copy(state, &mut self.coarse);
         stepper.step(t, h, &mut self.coarse)?;
         stepper.synchronize(&mut self.coarse)?;
-        for at in [t, t + 0.5 * h] {
-            stepper.step(at, 0.5 * h, state)?;
-        }
-        stepper.synchronize(state)?;
-        state.remove_phase();
+        halves(stepper, (t, h), state)?;
         self.coarse.remove_phase();
         let pairs = [
             (&mut self.coarse.q, &state.q),
@@ -50,6 +55,22 @@ impl Doubling {
         Ok(squares(&self.coarse.q, &self.coarse.p).sqrt())
     }
 
+    /// Makes a step as two halves alone.
+    pub(super) fn pass(
+        &mut self,
+        stepper: &mut impl Stepper<State = Wave<f64>>,
+        step: (f64, f64),
+        state: &mut Wave<f64>,
+    ) -> Result<(), StepError> {
+        copy(state, &mut self.passed);
+        halves(stepper, step, state)
+    }
+
+    /// Takes back the last step that was made as halves alone, and those since then.
+    pub(super) fn put_back_passed(&self, state: &mut Wave<f64>) {
+        copy(&self.passed, state);
+    }
+
     /// The state before the last step.
     pub(super) fn before(&self) -> &Wave<f64> {
         &self.before
@@ -59,6 +80,19 @@ impl Doubling {
     pub(super) fn put_back(&self, state: &mut Wave<f64>) {
         copy(&self.before, state);
     }
+}
+
+fn halves(
+    stepper: &mut impl Stepper<State = Wave<f64>>,
+    (t, h): (f64, f64),
+    state: &mut Wave<f64>,
+) -> Result<(), StepError> {
+    for at in [t, t + 0.5 * h] {
+        stepper.step(at, 0.5 * h, state)?;
+    }
+    stepper.synchronize(state)?;
+    state.remove_phase();
+    Ok(())
 }
 
 fn copy(from: &Wave<f64>, to: &mut Wave<f64>) {

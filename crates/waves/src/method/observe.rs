@@ -128,8 +128,9 @@ impl Observer {
             if self.product.len() != x.len() {
                 resize(&mut self.product, x.len(), 0.0)?;
             }
-            sum.multiply(self.machine, x, &mut self.product, &mut self.scratch)?;
-            Ok(dot(x, &self.product))
+            let (product, scratch) = (&mut self.product, &mut self.scratch);
+            let kinetic = sum.without_kinetic(self.machine, x, product, scratch)?;
+            Ok(kinetic + dot(x, product))
         };
         if hamiltonian.size() > q.len() {
             return of(&[q, p].concat());

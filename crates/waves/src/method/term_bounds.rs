@@ -25,6 +25,10 @@ pub struct TermBounds {
     pub knots: Vec<f64>,
     /// Other times at which the f_k are looked at, as those of outputs, in order.
     pub outputs: Vec<f64>,
+    /// Densities at which a potential of the density is looked at.
+    pub densities: Vec<f64>,
+    /// Whether flows of all parts are exact, so that no period of H counts.
+    pub is_split: bool,
 }
 
 fn sum(a: Interval, b: Interval) -> Interval {

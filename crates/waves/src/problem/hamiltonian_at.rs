@@ -1,10 +1,9 @@
 //! A Hamiltonian at a time, or averaged over several.
 
 use super::Hamiltonian;
-use super::potential::AT_ONCE;
+use super::potential::{AT_ONCE, PotentialRegisters};
 use liouville_base::cancel;
 use liouville_base::error::StepError;
-use liouville_base::real::Lanes;
 use liouville_base::tape::Registers;
 
 /// The weights of the terms and the potential.
@@ -17,7 +16,7 @@ pub struct HamiltonianAt {
     /// Pairs (a, t) of the sum.
     pub(super) nodes: Vec<(f64, f64)>,
     drive: Option<Registers<f64>>,
-    points: Option<Registers<Lanes>>,
+    points: Option<PotentialRegisters>,
 }
 
 impl HamiltonianAt {

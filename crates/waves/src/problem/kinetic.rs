@@ -109,6 +109,23 @@ impl Kinetic {
         (along.collect(), within.collect())
     }
 
+    /// ⟨x|T|x⟩, by the squares of the transform.
+    ///
+    /// # Errors
+    /// It was interrupted.
+    pub(super) fn expectation(
+        &self,
+        x: &[f64],
+        memory: &mut FourierScratch,
+    ) -> Result<f64, StepError> {
+        let go_on = || x.len() < LARGE || !cancel::is_cancelled();
+        let (length, lines) = (self.shape[2], self.shape[0] * self.shape[1]);
+        let read = |k: usize, line: &mut [f64]| line.copy_from_slice(&x[k * length..][..length]);
+        let factor = |k: usize, place: usize| self.along[k] + self.within[place];
+        let found = (self.real).squares(memory, lines, read, factor, go_on);
+        found.ok_or(StepError::Interrupted)
+    }
+
     /// Updates all rows.
     ///
     /// # Errors

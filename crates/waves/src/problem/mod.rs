@@ -19,19 +19,21 @@ mod row_product;
 mod rows;
 mod sparse;
 mod spins;
+mod weighted_terms;
 
 pub use dense::Dense;
 pub use diagonals::Diagonals;
 pub use drive::Drive;
-pub use hamiltonian::{Hamiltonian, ProductScratch, WeightedTerms};
+pub use hamiltonian::Hamiltonian;
 pub use hamiltonian_at::HamiltonianAt;
 pub use kinetic::Kinetic;
 pub use nonlinearity::Nonlinearity;
-pub(crate) use potential::AT_ONCE;
 pub use potential::Potential;
+pub(crate) use potential::{AT_ONCE, PotentialRegisters};
 pub use product::Product;
 pub use sparse::Sparse;
 pub use spins::{Bond, Spins};
+pub use weighted_terms::{ProductScratch, WeightedTerms};
 
 use liouville_base::linalg::Rows;
 use liouville_base::simd::{InstructionSet, Stored};

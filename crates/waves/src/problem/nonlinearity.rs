@@ -56,6 +56,21 @@ impl Nonlinearity {
         }
     }
 
+    /// Adds W at `t` for each of these densities to `out`.
+    pub(crate) fn values(
+        &self,
+        registers: &mut Registers<Lanes>,
+        t: f64,
+        densities: &[f64],
+        out: &mut Vec<f64>,
+    ) {
+        let t = [Lanes::splat(t)];
+        out.extend(densities.iter().map(|rho| {
+            let Lanes(found) = self.potential.eval(registers, [&t, &[Lanes::splat(*rho)]])[0];
+            found[0]
+        }));
+    }
+
     /// ∫ E(t, ρ) dx
     pub(crate) fn energy(&self, t: f64, q: &[f64], p: &[f64]) -> f64 {
         let (mut registers, t) = (self.registers(&self.energy), [Lanes::splat(t)]);

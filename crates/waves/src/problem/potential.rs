@@ -1,4 +1,6 @@
 //! A potential V(t, x) on the points of a grid, which depends on time.
+//!
+//! It is F(g(t), u(x)): functions g of the time alone are evaluated once a time, and values u at each point are given.
 
 use liouville_base::real::{Lanes, Scalar, WIDTH};
 use liouville_base::tape::{Registers, Tape};
@@ -7,9 +9,10 @@ use std::sync::Arc;
 /// Points between two polls for cancellation, a multiple of eight.
 pub(crate) const AT_ONCE: usize = 1 << 14;
 
-/// The function V and the points, eight of them side by side.
+/// The functions g and F, and u at the points, eight of them side by side.
 #[derive(Clone, Debug)]
 pub struct Potential {
+    of_time: Arc<Tape>,
     tape: Arc<Tape>,
     params: Vec<f64>,
     axes: usize,
@@ -17,27 +20,42 @@ pub struct Potential {
     points: Arc<[Lanes]>,
 }
 
+/// Memory of evaluations.
+#[derive(Clone)]
+pub(crate) struct PotentialRegisters {
+    of_time: Registers<f64>,
+    points: Registers<Lanes>,
+    g: Vec<Lanes>,
+}
+
+/// Memory has no state that anyone reads.
+impl std::fmt::Debug for PotentialRegisters {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("PotentialRegisters").finish_non_exhaustive()
+    }
+}
+
 impl Potential {
-    /// A tape of (t, x, parameters) with one value, at `points`, the coordinates of one after those of another;
-    /// none where sizes do not fit.
-    pub fn new(tape: Arc<Tape>, params: &[f64], points: &[f64]) -> Option<Self> {
+    /// Tapes of (t, parameters) for g, and of (g, u, parameters) with one value for F, at `points`, the u of one after
+    /// those of another; none where sizes do not fit.
+    pub fn new(
+        (of_time, tape): (Arc<Tape>, Arc<Tape>),
+        params: &[f64],
+        points: &[f64],
+    ) -> Option<Self> {
         let axes = *tape.inputs().get(1)?;
-        let fits = tape.inputs() == [1, axes, params.len()] && tape.outputs() == 1;
+        let fits = of_time.inputs() == [1, params.len()]
+            && tape.inputs() == [of_time.outputs(), axes, params.len()]
+            && tape.outputs() == 1;
         if !fits || axes == 0 || points.is_empty() || !points.len().is_multiple_of(axes) {
             return None;
         }
         let size = points.len() / axes;
-        let firsts = (0..size).step_by(WIDTH);
-        // the last block repeats its last point
-        let at =
-            |first: usize, axis: usize, lane: usize| (first + lane).min(size - 1) * axes + axis;
-        let block = |first: usize| {
-            (0..axes)
-                .map(move |axis| Lanes(std::array::from_fn(|lane| points[at(first, axis, lane)])))
-        };
+        let value = |point: usize, axis: usize| points[point * axes + axis];
         Some(Self {
-            points: firsts.flat_map(block).collect(),
+            points: in_lanes(size, axes, value),
             params: params.to_vec(),
+            of_time,
             tape,
             axes,
             size,
@@ -49,40 +67,72 @@ impl Potential {
         self.size
     }
 
-    /// The same at some of the points only: about so many blocks of eight.
+    /// Number of functions of the time.
+    pub(crate) fn functions(&self) -> usize {
+        self.of_time.outputs()
+    }
+
+    /// The same at some of the points only.
     #[must_use]
-    pub(crate) fn thinned(&self, blocks: usize) -> Self {
-        let all = self.points.chunks_exact(self.axes);
-        let each = all.len().div_ceil(blocks).max(1);
-        let points: Arc<[Lanes]> = all.step_by(each).flatten().copied().collect();
+    pub(crate) fn at_points(&self, places: &[usize]) -> Self {
+        let value = |point: usize, axis: usize| {
+            let (block, lane) = (places[point] / WIDTH, places[point] % WIDTH);
+            self.points[block * self.axes + axis].0[lane]
+        };
         Self {
-            size: points.len() / self.axes * WIDTH,
-            points,
+            points: in_lanes(places.len(), self.axes, value),
+            size: places.len(),
             ..self.clone()
         }
     }
 
     /// Memory of evaluations.
-    pub(crate) fn bind(&self) -> Registers<Lanes> {
+    pub(crate) fn bind(&self) -> PotentialRegisters {
         let params: Vec<Lanes> = self.params.iter().map(|p| Lanes::splat(*p)).collect();
-        self.tape.bind(&params)
+        PotentialRegisters {
+            of_time: self.of_time.bind(&self.params),
+            points: self.tape.bind(&params),
+            g: vec![Lanes::splat(0.0); self.functions()],
+        }
+    }
+
+    /// The functions of the time at `t`.
+    pub(crate) fn at_time<'r>(&self, registers: &'r mut PotentialRegisters, t: f64) -> &'r [f64] {
+        self.of_time.eval(&mut registers.of_time, [&[t]])
     }
 
     /// Adds `factor` times the potential at `t`, at the points from `first` on, a multiple of eight.
     pub(crate) fn add(
         &self,
-        registers: &mut Registers<Lanes>,
+        registers: &mut PotentialRegisters,
         (factor, t): (f64, f64),
         first: usize,
         values: &mut [f64],
     ) {
-        let t = [Lanes::splat(t)];
+        let found = self.of_time.eval(&mut registers.of_time, [&[t]]);
+        for (g, found) in registers.g.iter_mut().zip(found) {
+            *g = Lanes::splat(*found);
+        }
         let points = self.points[first / WIDTH * self.axes..].chunks_exact(self.axes);
-        for (values, x) in values.chunks_mut(WIDTH).zip(points) {
-            let Lanes(found) = self.tape.eval(registers, [&t, x])[0];
+        for (values, u) in values.chunks_mut(WIDTH).zip(points) {
+            let Lanes(found) = self.tape.eval(&mut registers.points, [&registers.g, u])[0];
             for (value, found) in values.iter_mut().zip(found) {
                 *value += factor * found;
             }
         }
     }
+}
+
+/// Values on axes of so many points, eight points side by side; the last block repeats its last point.
+fn in_lanes(size: usize, axes: usize, value: impl Fn(usize, usize) -> f64) -> Arc<[Lanes]> {
+    let at = |first: usize, axis: usize| {
+        Lanes(std::array::from_fn(|lane| {
+            value((first + lane).min(size - 1), axis)
+        }))
+    };
+    let firsts = (0..size).step_by(WIDTH);
+    firsts
+        .flat_map(|first| (0..axes).map(move |axis| (first, axis)))
+        .map(|(first, axis)| at(first, axis))
+        .collect()
 }

@@ -176,7 +176,7 @@ impl Method {
             return Err(StartError::invalid("a split operator to a tolerance"));
         };
         let ([q, p], longest) = (psi, tolerance.longest);
-        let mut steps = SplitSteps::new(*phases, program, tolerance);
+        let mut steps = SplitSteps::new(*phases, program, tolerance)?;
         let (first, reached) = match steps.pilot(interval, flows, &mut Wave::new(q, p)) {
             Err(StepError::Interrupted) => return Err(StepError::Interrupted.into()),
             Err(_) => (longest, interval.0),

@@ -33,14 +33,14 @@ impl Method {
                 let phases = phases.as_ref().clone().with_cancel(cancel);
                 let program = program.clone();
                 match tolerance.clone() {
-                    Some(tolerance) => Box::new(SplitSteps::new(phases, program, tolerance)),
+                    Some(tolerance) => Box::new(SplitSteps::new(phases, program, tolerance)?),
                     None => Box::new(Composed::following(phases, program)),
                 }
             }
             Self::Driven { driven, times } => {
                 let sweeper = sweeper.with_cancel(cancel);
                 match DrivenSeries::new(&sweeper, driven.clone(), times.clone()) {
-                    Some(series) => Box::new(series),
+                    Some(series) => Box::new(series?),
                     None => unreachable!("parts that have been checked"),
                 }
             }

@@ -218,9 +218,10 @@ class Bounded(Pickled):
         if self._functions:
             more["drive"] = (self._weights, params)
         if self._moving is not None and self.grid is not None:
-            tape = self._moving.tape(1 / self.hbar)
-            points = np.tile(self.grid.points, (1 + self.frame.is_doubled, 1))
-            more["potential"] = (tape, params, points.ravel())
+            own = self._moving.parted(1 / self.hbar)
+            at = own.of_place.map(params, [np.ascontiguousarray(self.grid.points)])
+            points = np.tile(at, (1 + self.frame.is_doubled, 1))
+            more["potential"] = (own.of_time, own.both, params, points.ravel())
         return more
 
     def points_between(self, t0: float, t1: float) -> tuple[float, ...]:

@@ -17,6 +17,7 @@ from liouville._systems.tracing import trace as _trace
 from liouville._systems.tracing.expressions import Expressions, Symbols
 from liouville._systems.waves.entries import Entries
 from liouville._systems.waves.grid import Grid
+from liouville._systems.waves.parted import Parted, parted
 
 
 class TimeFunction:
@@ -55,6 +56,7 @@ class TimeFunction:
         self._expressions = self._traced(function, params)
         self.is_driven = ca.depends_on(self.expression, self.t)
         self._tapes: dict[float, _core.Tape] = {}  # of all values of the parameters
+        self._parted: dict[float, Parted] = {}
 
     def _traced(self, function: Callable[..., Any], params: _trace.Parameters) -> Expressions:
         s = Symbols(params, {self._vector: self._axes} if self._axes else {})
@@ -67,7 +69,7 @@ class TimeFunction:
     def replaced(self, samples: Callable[..., Any], params: _trace.Parameters) -> TimeFunction:
         """Return a function of other samples at the same times, which is traced when needed."""
         other = copy(self)
-        other._untraced, other._tapes = (samples, params), {}
+        other._untraced, other._tapes, other._parted = (samples, params), {}, {}
         other.__dict__.pop("_expressions", None)
         return other
 
@@ -114,6 +116,13 @@ class TimeFunction:
             expression = self.expression if factor == 1.0 else factor * self.expression
             self._tapes[factor] = record(self.what, self.inputs, expression)
         return self._tapes[factor]
+
+    def parted(self, factor: float) -> Parted:
+        """Return it times a number, as a function of such of the time and such of the place."""
+        if factor not in self._parted:
+            expression = self.expression if factor == 1.0 else factor * self.expression
+            self._parted[factor] = parted(self.what, self.inputs, expression)
+        return self._parted[factor]
 
     def at(self, t: float, points: np.ndarray) -> np.ndarray:
         """Return values at a time, one for each point; ValueError names one that is not finite."""

@@ -68,7 +68,8 @@ impl Recorder {
         t0: f64,
         times: Vec<f64>,
     ) -> Option<Result<(), StepError>> {
-        let pieces = DrivenSeries::new(sweeper, driven, times)?.pieces(t0);
+        let series = DrivenSeries::new(sweeper, driven, times)?;
+        let pieces = series.and_then(|series| series.pieces(t0));
         Some(pieces.map(|pieces| self.left().pieces = pieces))
     }
 

@@ -4,8 +4,9 @@
 //! no longer than e_n of e_0 = 1, e_{n+1} = Σ_l G_l e_{n−l}/(n + 1). H is Hermitian, so that errors of windows add.
 
 use super::fit::{Look, Sampler};
+use super::levels::bessel_terms;
 use super::polynomials::NODES;
-use crate::method::bessel::{bessel_to_the_last, degree};
+use crate::method::bessel::degree;
 use crate::method::term_bounds::Interval;
 use liouville_base::error::StepError;
 use std::cmp::Ordering;
@@ -122,6 +123,26 @@ impl Sampler {
     /// # Errors
     /// H is not finite.
     pub(super) fn window(
+        &mut self,
+        t: f64,
+        left: f64,
+        share: Share,
+        is_plain: bool,
+    ) -> Result<Choice, StepError> {
+        loop {
+            let choice = self.looked(t, left, share, is_plain)?;
+            let Window { h, degree, .. } = choice.window;
+            // as much as is left out of points that are looked at, and at a jump of the time beside it
+            let points = self.misfits((t, h), degree, 2.0 * choice.left_out)?;
+            if points.is_empty() {
+                return Ok(choice);
+            }
+            self.look_at(points);
+        }
+    }
+
+    /// The same by the points of the potential that are looked at.
+    fn looked(
         &mut self,
         t: f64,
         left: f64,
@@ -265,88 +286,6 @@ impl Choice {
         };
         factor * self.window.last as f64 / self.window.h.abs()
     }
-}
-
-/// A Hamiltonian of two levels, of polynomials of time: ± those of the diagonal, and what is beside it.
-#[derive(Clone, Debug, Default)]
-pub(super) struct TwoLevels {
-    pub(super) diagonal: Vec<f64>,
-    pub(super) beside: Vec<f64>,
-    /// Real and imaginary part of each level.
-    pub(super) start: [f64; 4],
-}
-
-impl TwoLevels {
-    /// `out += factor * H_l x`
-    pub(super) fn add_product(&self, l: usize, factor: f64, x: &[f64; 4], out: &mut [f64; 4]) {
-        let (a, b) = (factor * self.diagonal[l], factor * self.beside[l]);
-        for part in 0..2 {
-            out[part] += a * x[part] + b * x[part + 2];
-            out[part + 2] += b * x[part] - a * x[part + 2];
-        }
-    }
-}
-
-/// A state of two levels, by the real and imaginary part of each.
-type Levels = [f64; 4];
-
-/// `out += factor * x` for each part.
-fn add(out: &mut Levels, factor: f64, x: &Levels) {
-    for (out, x) in out.iter_mut().zip(x) {
-        *out += factor * x;
-    }
-}
-
-/// The last term that a series in Bessel functions takes for two levels, whose H has polynomials of time on its diagonal,
-/// of both signs, and beside it; none where terms are so large that their rounding errors are not below the tolerance, or
-/// where large ones follow small ones: what H changes by s^l is seen l terms later.
-fn bessel_terms(levels: &TwoLevels, theta: f64, beta: f64, tolerance: f64) -> Option<usize> {
-    let bessel = bessel_to_the_last(theta.abs());
-    let degree = levels.diagonal.len() - 1;
-    let mut c: [Levels; 2] = [[0.0; 4], levels.start];
-    let mut w = vec![[[0.0; 4]; 2]; degree];
-    let (mut small, mut found) = (0, None);
-    for (n, factor) in bessel.iter().enumerate() {
-        let [before, now] = c;
-        let size = now.iter().map(|x| x * x).sum::<f64>().sqrt() * factor.abs();
-        if size * ROUNDING > tolerance {
-            return None;
-        }
-        let is_small = n as f64 > theta.abs() && size <= END * tolerance;
-        small = if is_small { small + 1 } else { 0 };
-        if small == 0 && found.is_some() {
-            return None;
-        }
-        if small == 2 {
-            found = Some(n);
-        }
-        if small == degree + 2 {
-            return found;
-        }
-        let newer = 2.0 * n as f64 / theta;
-        let (this, last) = (n % 2, (n + 1) % 2);
-        let mut sum = [0.0; 4];
-        levels.add_product(0, 1.0, &now, &mut sum);
-        for (l, w) in w.iter().enumerate() {
-            levels.add_product(l + 1, newer, &w[last], &mut sum);
-        }
-        for l in (1..degree).rev() {
-            let mut next = w[l][this].map(|x| -x);
-            add(&mut next, newer, &w[l - 1][last]);
-            w[l][this] = next;
-        }
-        if let Some(lowest) = w.first_mut() {
-            let mut next = lowest[this].map(|x| -x);
-            add(&mut next, 1.0, &now);
-            lowest[this] = next;
-        }
-        let keep = if n == 1 { 2.0 } else { 1.0 };
-        let factor = 2.0 / beta;
-        let mut next = before.map(|x| keep * x);
-        add(&mut next, factor, &[sum[1], -sum[0], sum[3], -sum[2]]);
-        c = [now, next];
-    }
-    found
 }
 
 /// The term with which a series in powers has ended, where the rest is below a tolerance, and the sum of all. None where

@@ -76,7 +76,7 @@ impl Driven {
         let run = (self.clone(), span);
         let fits = |found: &Found| found.run == run;
         let make = || {
-            let windows = self.walk(sampler.with_scan()?, span)?;
+            let windows = self.walk(sampler?.with_scan()?, span)?;
             let run = run.clone();
             Ok(Found { run, windows })
         };
@@ -111,10 +111,16 @@ impl Driven {
         Ok(windows)
     }
 
-    pub(super) fn sampler(&self, hamiltonian: &Arc<Hamiltonian>) -> Option<Sampler> {
+    pub(super) fn sampler(
+        &self,
+        hamiltonian: &Arc<Hamiltonian>,
+    ) -> Option<Result<Sampler, StepError>> {
         let sampler = Sampler::new(hamiltonian.clone(), self.bounds.clone())?;
-        let sampler = sampler.with_differences(self.by_differences);
-        Some(sampler.with_breaks(&self.breaks))
+        let prepare = |sampler: Sampler| {
+            let sampler = sampler.with_differences(self.by_differences);
+            sampler.with_breaks(&self.breaks)
+        };
+        Some(sampler.map(prepare))
     }
 
     /// The cost of a run from `t` to `end`; none where the parts do not fit.

@@ -3,19 +3,16 @@
 //! Functions of time are interpolated at Chebyshev's nodes, the ends among them, and their series are cut where the rest
 //! is below a tolerance: nothing but their values is needed.
 
-use super::choice::TwoLevels;
+use super::looks::LookPoints;
 use super::polynomials::{DEGREE, NODES, chebyshev_node, coefficients, powers, settle};
 use super::scan::Scan;
-use crate::method::term_bounds::{Interval, TermBounds, range};
-use crate::problem::{Drive, Hamiltonian, Potential};
+use crate::method::term_bounds::{Interval, TermBounds};
+use crate::problem::{Drive, Hamiltonian, Nonlinearity, Potential, PotentialRegisters};
 use liouville_base::cancel;
 use liouville_base::error::StepError;
 use liouville_base::real::Lanes;
 use liouville_base::tape::Registers;
 use std::sync::Arc;
-
-/// Points at which a potential is looked at before it is fitted at all of them.
-const LOOKS: usize = 8;
 
 /// Times that are looked at between two polls for cancellation.
 const POLL: usize = 64;
@@ -40,14 +37,21 @@ pub(in crate::method) struct Sampler {
     scan: Option<Arc<Scan>>,
     apart: Vec<f64>,
     drive: Option<Registers<f64>>,
-    /// The potential at all points, and at some of them.
-    pub(super) potentials: [Option<(Potential, Registers<Lanes>)>; 2],
+    density: Option<Registers<Lanes>>,
+    /// The potential at all points, and at some of them, and which these are.
+    pub(super) potentials: [Option<(Potential, PotentialRegisters)>; 2],
+    pub(super) looked: Vec<usize>,
     weights: Vec<f64>,
     /// Values at the nodes, then coefficients of Chebyshev's polynomials.
     pub(super) samples: Vec<f64>,
     pub(super) series: Vec<f64>,
     /// The length of a row of them.
     width: usize,
+}
+
+fn bound(potential: Potential) -> (Potential, PotentialRegisters) {
+    let registers = potential.bind();
+    (potential, registers)
 }
 
 /// A window as it was looked at: the degree that it takes, and sizes.
@@ -70,10 +74,13 @@ pub(super) struct Look {
 
 impl Sampler {
     /// For terms in groups, with bounds of the eigenvalues of each; none where these do not fit.
+    ///
+    /// # Errors
+    /// It was interrupted.
     pub(in crate::method) fn new(
         hamiltonian: Arc<Hamiltonian>,
         bounds: TermBounds,
-    ) -> Option<Self> {
+    ) -> Option<Result<Self, StepError>> {
         if !bounds.is_fitting(hamiltonian.terms().len()) {
             return None;
         }
@@ -82,18 +89,17 @@ impl Sampler {
             next += count;
             next - count
         };
-        let bound = |potential: Potential| {
-            let registers = potential.bind();
-            (potential, registers)
-        };
         let potential = hamiltonian.potential();
-        Some(Self {
+        let looked = match LookPoints::of(&hamiltonian, bounds.span) {
+            Ok(looked) => looked,
+            Err(error) => return Some(Err(error)),
+        };
+        let found = Self {
             firsts: bounds.groups.iter().map(&mut first).collect(),
             drive: hamiltonian.drive().map(Drive::bind),
-            potentials: [
-                potential.cloned().map(bound),
-                potential.map(|potential| bound(potential.thinned(LOOKS))),
-            ],
+            density: hamiltonian.nonlinearity().map(Nonlinearity::bind),
+            potentials: [potential.cloned().map(bound), None],
+            looked: Vec::new(),
             weights: vec![0.0; hamiltonian.terms().len()],
             samples: Vec::new(),
             series: Vec::new(),
@@ -104,7 +110,28 @@ impl Sampler {
             apart: Vec::new(),
             bounds,
             hamiltonian,
-        })
+        };
+        Some(Ok(found.looking_at(looked)))
+    }
+
+    /// The same looking at these points of the potential, and at those before, if it has one.
+    fn looking_at(mut self, points: Vec<usize>) -> Self {
+        self.look_at(points);
+        self
+    }
+
+    /// Looks at these points of the potential, too.
+    pub(super) fn look_at(&mut self, points: Vec<usize>) {
+        self.looked.extend(points);
+        let all = self.hamiltonian.potential();
+        self.potentials[1] = all.map(|potential| bound(potential.at_points(&self.looked)));
+    }
+
+    /// Whether some points of the potential are not looked at.
+    pub(super) fn is_thinned(&self) -> bool {
+        let [all, some] = (self.potentials.each_ref())
+            .map(|each| each.as_ref().map_or(0, |(potential, _)| potential.size()));
+        some < all
     }
 
     /// The same for parts that are differences from the first, or not.
@@ -116,7 +143,7 @@ impl Sampler {
     }
 
     /// The same for an H that may jump at some times, in the order of the run.
-    pub(super) fn with_breaks(mut self, breaks: &[f64]) -> Self {
+    pub(in crate::method) fn with_breaks(mut self, breaks: &[f64]) -> Self {
         self.set_breaks(breaks);
         self
     }
@@ -154,8 +181,10 @@ impl Sampler {
     /// It was interrupted.
     pub(in crate::method) fn with_scan(self) -> Result<Self, StepError> {
         let (start, end) = self.bounds.span;
-        if self.drive.is_none() && self.potentials[1].is_none() || start.to_bits() == end.to_bits()
-        {
+        let is_driven = self.drive.is_some()
+            || self.potentials[1].is_some()
+            || !self.bounds.densities.is_empty();
+        if !is_driven || start.to_bits() == end.to_bits() {
             return Ok(self);
         }
         let scan = Some(Scan::of(&self)?);
@@ -235,7 +264,7 @@ impl Sampler {
         self.firsts.len()
     }
 
-    /// Adds a row of values at t: weights of the groups, then the potential at some points.
+    /// Adds a row of values at t: weights of the groups, then the potential at some points and that of some densities.
     fn sample(&mut self, t: f64) {
         self.weights.fill(1.0);
         if let (Some(drive), Some(registers)) = (self.hamiltonian.drive(), &mut self.drive) {
@@ -249,6 +278,12 @@ impl Sampler {
             let start = self.samples.len();
             self.samples.resize(start + potential.size(), 0.0);
             potential.add(registers, (1.0, t), 0, &mut self.samples[start..]);
+        }
+        if let (Some(nonlinearity), Some(registers)) =
+            (self.hamiltonian.nonlinearity(), &mut self.density)
+        {
+            let densities = &self.bounds.densities;
+            nonlinearity.values(registers, t, densities, &mut self.samples);
         }
     }
 
@@ -338,61 +373,5 @@ impl Sampler {
             wider,
             fit,
         })
-    }
-
-    /// How levels might change with time: energies by the ends of the first group with those of the others, where the
-    /// potential changes most, and a pair of levels at the ends of the spectrum that all changes couple.
-    pub(super) fn levels(&self, fit: &[f64], (low, high): Interval) -> Vec<TwoLevels> {
-        let (groups, middle) = (self.groups(), f64::midpoint(low, high));
-        let row_width = self.samples.len() / NODES;
-        let width = 0.5 * (high - low);
-        let changes = |place: usize| -> f64 {
-            let rows = fit.chunks(row_width).skip(1);
-            rows.map(|row| row[place].abs()).sum()
-        };
-        let most = (groups..row_width).max_by(|a, b| changes(*a).total_cmp(&changes(*b)));
-        let end = |(low, high): Interval, is_high: bool| if is_high { high } else { low };
-        let mut found = Vec::new();
-        for is_high in [true, false] {
-            for others in [true, false] {
-                let of_power = |(l, row): (usize, &[f64])| {
-                    let parts = row.iter().zip(&self.bounds.parts).enumerate();
-                    let sum: f64 = parts
-                        .map(|(k, (weight, bounds))| {
-                            weight * end(*bounds, if k == 0 { is_high } else { others })
-                        })
-                        .sum();
-                    let potential = most.map_or(0.0, |place| row[place]);
-                    match l {
-                        // closer bounds than those of the parts are those of H at the start, too
-                        0 => (sum + potential - middle).clamp(-width, width),
-                        _ => sum + potential,
-                    }
-                };
-                let diagonal: Vec<f64> = fit.chunks(row_width).enumerate().map(of_power).collect();
-                found.push(TwoLevels {
-                    beside: vec![0.0; diagonal.len()],
-                    diagonal,
-                    start: [1.0, 0.0, 0.0, 0.0],
-                });
-            }
-        }
-        let changing = fit.chunks(row_width).skip(1).map(|row| {
-            let parts = row.iter().zip(&self.bounds.parts);
-            let sum: f64 = parts.map(|(w, (low, high))| w * 0.5 * (high - low)).sum();
-            let (least, largest) = range(&row[groups..]);
-            sum + 0.5 * (largest - least)
-        });
-        let beside: Vec<f64> = std::iter::once(0.0).chain(changing).collect();
-        let mut diagonal = vec![0.0; beside.len()];
-        diagonal[0] = width;
-        for start in [[1.0, 0.0, 0.0, 0.0], [0.6, 0.0, 0.0, 0.8]] {
-            found.push(TwoLevels {
-                diagonal: diagonal.clone(),
-                beside: beside.clone(),
-                start,
-            });
-        }
-        found
     }
 }

@@ -9,6 +9,8 @@ pub(super) mod choice;
 mod cost;
 pub(super) mod factors;
 pub(super) mod fit;
+mod levels;
+mod looks;
 pub(super) mod polynomials;
 mod scan;
 pub(super) mod terms;
@@ -86,15 +88,25 @@ pub struct DrivenSeries {
 
 impl DrivenSeries {
     /// Series with outputs at these times; none where the parts do not fit the Hamiltonian.
-    pub fn new(sweeper: &Sweeper<f64>, driven: Driven, times: Vec<f64>) -> Option<Self> {
+    ///
+    /// # Errors
+    /// It was interrupted.
+    pub fn new(
+        sweeper: &Sweeper<f64>,
+        driven: Driven,
+        times: Vec<f64>,
+    ) -> Option<Result<Self, StepError>> {
         let hamiltonian = sweeper.hamiltonian();
-        let sampler = driven.sampler(hamiltonian)?;
+        let sampler = match driven.sampler(hamiltonian)? {
+            Ok(sampler) => sampler,
+            Err(error) => return Some(Err(error)),
+        };
         let size = 2 * hamiltonian.places();
         let empty = || Point {
             parts: vec![0.0; size],
             ..Point::default()
         };
-        Some(Self {
+        Some(Ok(Self {
             terms: Terms::new(sweeper, &driven.bounds.groups),
             sampler,
             fit: Fit::default(),
@@ -116,7 +128,7 @@ impl DrivenSeries {
             state: vec![0.0; size],
             found: vec![0.0; size],
             driven,
-        })
+        }))
     }
 
     /// The window that begins at `start`, as it was planned, its end, and its share of the tolerance.

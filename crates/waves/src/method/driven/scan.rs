@@ -17,7 +17,7 @@ const SHIFT: f64 = 0.618_033_988_749_894_9;
 const NUMBERS: usize = 1 << 22;
 
 /// Most numbers that are kept with H for its next plan, as of breaks that derivatives ask for.
-const KEPT: usize = 1 << 18;
+const KEPT: usize = 1 << 19;
 
 /// Rows of values: weights of the groups, then the potential at some points.
 #[derive(Clone, Debug)]
@@ -54,7 +54,7 @@ impl Scan {
         let theta = beta * (bounds.span.1 - bounds.span.0).abs();
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // of a positive number
         let count = ((EACH * theta) as usize).min(NUMBERS / width);
-        if count > TIMES {
+        if count > TIMES && !bounds.is_split {
             times = self::times(bounds, count);
             rows = sampler.rows(&times)?;
         }
@@ -143,7 +143,9 @@ impl Scan {
         apart: &mut [f64],
         is_fine: impl Fn(&[f64]) -> bool,
     ) -> bool {
-        let width = apart.len();
+        // points that are looked at since then have no rows
+        let (all, width) = (apart.len(), self.rows.len() / self.times.len());
+        let apart = &mut apart[..width];
         self.inside((t, h)).any(|k| {
             let x = (2.0 * (self.times[k] - t) / h - 1.0).clamp(-1.0, 1.0);
             let row = &self.rows[k * width..(k + 1) * width];
@@ -151,7 +153,7 @@ impl Scan {
                 *out = -value;
             }
             let (mut before, mut now) = (x, 1.0);
-            for row in series.chunks(width) {
+            for row in series.chunks(all) {
                 for (out, x) in apart.iter_mut().zip(row) {
                     *out += now * x;
                 }
@@ -162,14 +164,18 @@ impl Scan {
     }
 }
 
+/// So many times of a run, no two of which are apart by a period for long.
+pub(super) fn places((low, high): (f64, f64), count: usize) -> impl Iterator<Item = f64> {
+    (0..count).map(move |k| {
+        let shift = 0.25 + 0.5 * (k as f64 * SHIFT).fract();
+        low + (high - low) * ((k as f64 + shift) / count as f64)
+    })
+}
+
 /// The times that are looked at: some all over the run, those of samples and of outputs and the middles between them.
 fn times(bounds: &TermBounds, count: usize) -> Vec<f64> {
     let (start, end) = bounds.span;
     let (low, high) = (start.min(end), start.max(end));
-    let part = |k: usize| {
-        let shift = 0.25 + 0.5 * (k as f64 * SHIFT).fract();
-        low + (high - low) * ((k as f64 + shift) / count as f64)
-    };
     let middles = |times: &[f64]| -> Vec<f64> {
         let middle = |ends: &[f64]| f64::midpoint(ends[0], ends[1]);
         times.windows(2).map(middle).collect()
@@ -179,8 +185,7 @@ fn times(bounds: &TermBounds, count: usize) -> Vec<f64> {
         .flat_map(|times| [times.clone(), middles(times)])
         .flatten();
     let is_inside = |time: &f64| low <= *time && *time <= high;
-    let mut times: Vec<f64> = (0..count)
-        .map(part)
+    let mut times: Vec<f64> = places((low, high), count)
         .chain(besides.filter(is_inside))
         .collect();
     times.sort_by(f64::total_cmp);

@@ -3,9 +3,29 @@
 use super::choice::Window;
 use super::fit::Sampler;
 use super::polynomials::{NODES, chebyshev_node, coefficients, powers};
-use crate::problem::AT_ONCE;
+use crate::problem::{AT_ONCE, Potential, PotentialRegisters};
 use liouville_base::cancel;
 use liouville_base::error::StepError;
+use liouville_base::real::WIDTH;
+
+/// Parts of a grid in each of which a point is found that is to be looked at.
+const PARTS: usize = 16;
+
+/// Values of a potential at times, one row after another, at so many points from the first on.
+fn sampled(
+    potential: &Potential,
+    registers: &mut PotentialRegisters,
+    times: &[f64],
+    first: usize,
+    count: usize,
+    samples: &mut Vec<f64>,
+) {
+    samples.clear();
+    samples.resize(times.len() * count, 0.0);
+    for (t, values) in times.iter().zip(samples.chunks_mut(count)) {
+        potential.add(registers, (1.0, *t), first, values);
+    }
+}
 
 /// The polynomials of a window in y = s/h: coefficients of each power, one power after another.
 #[derive(Clone, Debug, Default)]
@@ -43,6 +63,58 @@ impl Sampler {
         self.fit_potential((t, h), degree, &mut fit.potential)
     }
 
+    /// Points of the potential at which polynomials of a degree leave out more than a tolerance, the worst one of each part of
+    /// the grid.
+    ///
+    /// # Errors
+    /// It was interrupted.
+    pub(super) fn misfits(
+        &mut self,
+        (t, h): (f64, f64),
+        degree: usize,
+        tolerance: f64,
+    ) -> Result<Vec<usize>, StepError> {
+        let mut found = Vec::new();
+        if !self.is_thinned() {
+            return Ok(found);
+        }
+        let times = self.nodes((t, h));
+        let Some((potential, registers)) = &mut self.potentials[0] else {
+            return Ok(found);
+        };
+        let size = potential.size();
+        let each = AT_ONCE.min(size.div_ceil(PARTS).next_multiple_of(WIDTH));
+        let (mut samples, mut series) = (Vec::new(), Vec::new());
+        for first in (0..size).step_by(each) {
+            if cancel::is_cancelled() {
+                return Err(StepError::Interrupted);
+            }
+            let count = each.min(size - first);
+            sampled(potential, registers, &times, first, count, &mut samples);
+            coefficients(&samples, count, &mut series);
+            let mut rests = vec![0.0; count];
+            for row in series.chunks(count).skip(degree + 1) {
+                for (rest, x) in rests.iter_mut().zip(row) {
+                    *rest += x.abs();
+                }
+            }
+            let worst = rests.iter().enumerate().max_by(|a, b| a.1.total_cmp(b.1));
+            // what is not finite is refused there
+            found.extend(worst.and_then(|(k, rest)| {
+                let is_fine = *rest <= tolerance;
+                (!is_fine).then_some(first + k)
+            }));
+        }
+        found.retain(|point| !self.looked.contains(point));
+        Ok(found)
+    }
+
+    /// The times of the nodes of a window.
+    fn nodes(&self, window: (f64, f64)) -> Vec<f64> {
+        let time = |node| self.within(window, chebyshev_node(node, NODES));
+        (0..NODES).map(time).collect()
+    }
+
     fn fit_potential(
         &mut self,
         (t, h): (f64, f64),
@@ -50,9 +122,7 @@ impl Sampler {
         fitted: &mut Vec<f64>,
     ) -> Result<(), StepError> {
         fitted.clear();
-        let times: Vec<f64> = (0..NODES)
-            .map(|node| self.within((t, h), chebyshev_node(node, NODES)))
-            .collect();
+        let times = self.nodes((t, h));
         let Some((potential, registers)) = &mut self.potentials[0] else {
             return Ok(());
         };
@@ -64,11 +134,7 @@ impl Sampler {
                 return Err(StepError::Interrupted);
             }
             let count = AT_ONCE.min(size - first);
-            samples.clear();
-            samples.resize(NODES * count, 0.0);
-            for (t, values) in times.iter().zip(samples.chunks_mut(count)) {
-                potential.add(registers, (1.0, *t), first, values);
-            }
+            sampled(potential, registers, &times, first, count, &mut samples);
             coefficients(&samples, count, &mut series);
             let powers = powers(&series, degree, count);
             for (own, all) in powers.chunks(count).zip(fitted.chunks_mut(size)) {

@@ -139,7 +139,8 @@ impl Chooser {
         if !bounds.is_fitting(hamiltonian.terms().len()) {
             return None;
         }
-        let scan = match Sampler::new(hamiltonian.clone(), bounds.clone())?.with_scan() {
+        let sampler = Sampler::new(hamiltonian.clone(), bounds.clone())?;
+        let scan = match sampler.and_then(Sampler::with_scan) {
             Ok(scan) => scan,
             Err(error) => return Some(Err(error)),
         };

@@ -2,6 +2,8 @@
 //!
 //! A potential W(t, ρ) of the density ρ = |ψ|² turns phases alone, so that ρ stays as it is and the flow is exact.
 
+use super::Looks;
+use crate::method::term_bounds::{TermBounds, range};
 use crate::problem::{Hamiltonian, HamiltonianAt, Nonlinearity, Operator, RowBlock, Update};
 use liouville_base::elementary;
 use liouville_base::error::StepError;
@@ -78,6 +80,30 @@ impl Kicks {
     /// Whether a part of the potential absorbs.
     pub(super) fn is_absorbing(&self) -> bool {
         !self.hamiltonian.absorber().is_empty()
+    }
+
+    /// The parts of H with bounds of those that are diagonal, for looks at functions of time over a run.
+    pub(super) fn parts(&self, looks: Looks) -> TermBounds {
+        let terms = self.hamiltonian.terms().len();
+        let mut parts = vec![(0.0, 0.0); terms];
+        for (k, diagonal) in &self.diagonals {
+            parts[*k] = range(diagonal);
+        }
+        TermBounds {
+            groups: vec![1; terms],
+            parts,
+            is_split: true,
+            span: looks.span,
+            knots: looks.knots,
+            outputs: looks.outputs,
+            densities: looks.densities,
+            ..TermBounds::default()
+        }
+    }
+
+    /// The Hamiltonian.
+    pub(super) fn hamiltonian(&self) -> &Arc<Hamiltonian> {
+        &self.hamiltonian
     }
 
     /// Prepares a flow of length s at `t`.

@@ -9,8 +9,10 @@ mod jumps;
 mod kicks;
 mod resolution;
 mod steps;
+mod tolerance;
 
-pub use steps::{SplitSteps, SplitTolerance};
+pub use steps::SplitSteps;
+pub use tolerance::{Looks, SplitTolerance};
 
 use super::{Wave, check_growth, check_norm};
 use crate::problem::{Hamiltonian, Kinetic, Operator};

@@ -2,16 +2,18 @@
 //!
 //! A step is made as two halves and as one. Their difference is 2^p − 1 times the error of the halves where steps are short
 //! against all that moves; a smaller number is taken, which longer steps bear. H is Hermitian, or damps, so that errors of
-//! steps add: each step has the share of the tolerance that its length has of the run.
+//! steps add: each step has the share of the tolerance that its length has of the run. Where H does not depend on time every
+//! second step of the same length is made as two halves alone, and again by shorter ones where the next one has a larger error.
 //!
 //! Where V jumps in time the error of a step is as long as the step, and no step has its share. The jump is then found to
 //! the last digits of its time, and a step goes up to it and another one across.
 
 use super::Phases;
 use super::jumps::JumpSearch;
+use super::tolerance::SplitTolerance;
 use crate::method::Wave;
 use crate::method::doubling::Doubling;
-use crate::method::driven::{next_break, next_time};
+use crate::method::driven::{Sampler, next_break, next_time};
 use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch, Numbers};
 use liouville_base::composition::{Composed, Flow};
 use liouville_base::error::StepError;
@@ -20,9 +22,10 @@ use liouville_base::method::{Stats, Stepper};
 /// The part of the tolerance that estimates may add up to.
 const SHARE: f64 = 0.8;
 
-/// The error of the halves is that part of the difference at least. With 1/15 and this share errors were at most 0.45 of
-/// tolerances from 1e-2 to 1e-7 in six potentials, two of them with pulses; with 1/63, as orders of 6 have it, 5.3 at 1e-2.
-const RATIO: f64 = 15.0;
+/// The error of the halves is that part of the difference at least. With 1/30 and this share errors were at most 0.1 of
+/// tolerances of 1e-4 and 1e-8 in five potentials; with 1/63, as orders of 6 have it, and no look before the run, 5.3 times one of
+/// 1e-2 in a pulse.
+const RATIO: f64 = 30.0;
 
 /// A proposed step has about this part of the length that is within the tolerance, ...
 const SAFETY: f64 = 0.9;
@@ -35,6 +38,12 @@ const ROUNDING: f64 = 8.0 * f64::EPSILON;
 /// ... and those of its transforms: the root of those of six lists of flows and of the stages of each, times this number.
 /// Steps of 1e-14 on grids of 64 to 65536 points in one and two dimensions were off by at most 0.4 of it.
 const TRANSFORMS: f64 = 2.0 * f64::EPSILON;
+
+/// A step is shortened by this factor where a polynomial at so many nodes is off, at any time that was looked at, by so many
+/// times the error that the step may have in a unit of time.
+const SHORTER: f64 = 0.3;
+const NODES: usize = 9;
+const UNSEEN: f64 = 10.0;
 
 /// Lengths that differ by so many roundings of the time are one, whose tables are there.
 const SAME: f64 = 4.0 * f64::EPSILON;
@@ -57,23 +66,6 @@ const FIRST: f64 = 0.5;
 const STEPS: usize = 4;
 const SETTLED: f64 = 1.5;
 
-/// The tolerance of a split operator, and what is known of its steps.
-#[derive(Clone, Debug, PartialEq)]
-pub struct SplitTolerance {
-    /// Order of the splitting.
-    pub order: usize,
-    /// Error allowed in a unit of time.
-    pub rate: f64,
-    /// Half the width of the spectrum.
-    pub beta: f64,
-    /// The first step; infinite where a pilot is to find it.
-    pub first: f64,
-    /// The longest step.
-    pub longest: f64,
-    /// Times at which steps end besides, in the order of the run.
-    pub breaks: Vec<f64>,
-}
-
 /// A split operator with steps as long as a tolerance allows.
 #[derive(Clone)]
 pub struct SplitSteps {
@@ -86,8 +78,14 @@ pub struct SplitSteps {
     /// Roundings of the transforms of a step.
     noise: f64,
     search: JumpSearch,
+    /// Functions of time as they were looked at over the run.
+    scan: Option<Sampler>,
     /// A jump ahead within this step of the run.
     jump: Option<Jump>,
+    /// Whether H is linear and does not depend on time: every second step of a length is looked at then.
+    is_steady: bool,
+    /// The start of a step that was not.
+    held: Option<f64>,
     /// The length below which steps are short, and how many in this step of the run were.
     short: (f64, usize),
 }
@@ -102,21 +100,40 @@ struct Jump {
 
 impl SplitSteps {
     /// Steps by a list of flows.
-    pub fn new(phases: Phases, program: Vec<Flow>, tolerance: SplitTolerance) -> Self {
+    ///
+    /// # Errors
+    /// It was interrupted.
+    pub fn new(
+        phases: Phases,
+        program: Vec<Flow>,
+        mut tolerance: SplitTolerance,
+    ) -> Result<Self, StepError> {
         let points = phases.psi.len();
         let drifts = program.iter().filter(|flow| flow.part == 0).count();
         let roundings = 6.0 * drifts as f64 * (points as f64).log2();
-        Self {
-            doubling: Doubling::new(points),
+        let kicks = &phases.kicks;
+        let is_steady = !kicks.is_driven() && !kicks.is_nonlinear();
+        let parts = kicks.parts(std::mem::take(&mut tolerance.looks));
+        let sampler = Sampler::new(kicks.hamiltonian().clone(), parts);
+        let prepare = |sampler: Sampler| sampler.with_breaks(&tolerance.breaks).with_scan();
+        Ok(Self {
+            scan: sampler.transpose()?.map(prepare).transpose()?,
+            doubling: if is_steady {
+                Doubling::new(points).passing()
+            } else {
+                Doubling::new(points)
+            },
             noise: TRANSFORMS * roundings.sqrt(),
             search: JumpSearch::default(),
             jump: None,
+            is_steady,
+            held: None,
             short: (0.0, 0),
             composed: Composed::following(phases, program),
             next: tolerance.first.min(tolerance.longest),
             last: 0.0,
             tolerance,
-        }
+        })
     }
 
     /// The first steps of a run, and as many more as a number of flows of T allows: the length that they settle at, and
@@ -152,7 +169,8 @@ impl SplitSteps {
 
     /// Begins a step of the run.
     fn begin(&mut self, h: f64) {
-        (self.jump, self.short) = (None, (SHORT * h.abs(), 0));
+        (self.jump, self.held) = (None, None);
+        self.short = (SHORT * h.abs(), 0);
     }
 
     /// The width of the energies of a state, by a short step.
@@ -184,7 +202,18 @@ impl SplitSteps {
                 Some(_) => stop - t,
                 None => self.length(t, stop - t),
             };
-            if h.to_bits() != self.last.to_bits() {
+            if crossed.is_none() && h.abs() > least && self.passes_over(t, h) {
+                self.next = SHORTER * h.abs();
+                self.look_for_jump((t, h), stop, next)?;
+                continue;
+            }
+            let goes_on = h.to_bits() == self.last.to_bits();
+            if goes_on && self.is_steady && self.held.is_none() && (stop - t).abs() > h.abs() {
+                self.held = Some(t);
+                self.doubling.pass(&mut self.composed, (t, h), state)?;
+                return Ok(next_time(t, h, stop));
+            }
+            if !goes_on {
                 self.composed.parts_mut().forget_tables();
             }
             let apart = self.doubling.step(&mut self.composed, (t, h), state)?;
@@ -198,11 +227,25 @@ impl SplitSteps {
             }
             if error <= allowed || h.abs() <= least {
                 self.count_short(h, error)?;
+                self.held = None;
                 return Ok(next_time(t, h, stop));
+            }
+            // nor was the step before seen to be short enough
+            if let Some(before) = self.held.take() {
+                self.doubling.put_back_passed(state);
+                return Ok(before);
             }
             self.doubling.put_back(state);
             self.look_for_jump((t, h), stop, next)?;
         }
+    }
+
+    /// Whether a step passes over a value of V, or of W at some densities, that was seen before the run.
+    fn passes_over(&mut self, t: f64, h: f64) -> bool {
+        let rounded = ROUNDING * self.tolerance.energy;
+        let unseen = SHARE * self.tolerance.rate * UNSEEN + rounded;
+        let nodes = (NODES, NODES);
+        (self.scan.as_mut()).is_some_and(|scan| scan.passes_over((t, h), nodes, unseen))
     }
 
     /// Looks for a jump within a step that was refused, on the way to `stop`; behind it steps are as long as before.
@@ -267,7 +310,7 @@ impl SplitSteps {
 
     /// The error of two halves that are so far off a step made as one, relative to the norm at the start.
     fn error(&self, apart: f64, h: f64, start: f64) -> f64 {
-        let noise = self.noise + ROUNDING * self.tolerance.beta * h.abs();
+        let noise = self.noise + ROUNDING * self.tolerance.energy * h.abs();
         let found = if start > 0.0 {
             apart / start.sqrt()
         } else {

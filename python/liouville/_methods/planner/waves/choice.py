@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -14,7 +15,7 @@ from liouville._methods.planner.waves.moving import plan_driven, plan_magnus
 from liouville._methods.planner.waves.plan import WavePlan
 from liouville._methods.planner.waves.settled import Settled
 from liouville._methods.planner.waves.span import Span
-from liouville._methods.planner.waves.split import cheaper_on_grid, plan_tolerance
+from liouville._methods.planner.waves.split import plan_on_grid, plan_tolerance
 from liouville._systems import Schrodinger
 from liouville._systems.waves.foreign import check_sampled
 
@@ -44,11 +45,16 @@ def plan_run(
             raise TypeError(hinted("psi is missing", hint))
         check_sampled(system.drives, times[0], times[-1])
         return plan_tolerance(system, method, times, psi)
+    is_free = method is AUTO and not is_differentiated
+    said: tuple[str, ...] = ()
+    if is_free and psi is not None:
+        found, said = plan_on_grid(system, AUTO, times, psi)
+        if found is not None:
+            return found
     plan = plan_wave(system, method, times, psi is not None and not np.any(psi.imag))
-    if method is not AUTO or is_differentiated:
-        return plan
-    plan = cheaper_by_levels(system, plan, AUTO, times)
-    return plan if psi is None else cheaper_on_grid(system, plan, AUTO.tol, times, psi)
+    if is_free:
+        plan = cheaper_by_levels(system, plan, AUTO, times)
+    return replace(plan, reasons=(*plan.reasons, *said)) if said else plan
 
 
 def plan_wave(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from weakref import WeakKeyDictionary
@@ -71,18 +72,24 @@ def _matrix(system: Schrodinger) -> np.ndarray:
     return columns if core.size == n else columns[:n] + 1j * columns[n:]
 
 
+def products_of_levels(system: Schrodinger, outputs: int) -> float:
+    """Return with how many products levels are worth finding; infinitely many where none are."""
+    n = system.size
+    if system.is_driven or n > MOST:
+        return math.inf
+    once = SMALLEST + SOLVED[system.is_real] * n**3 + PRODUCT * n
+    taken = WORTH * once + 2 * ENTRY * n**2 * outputs
+    return taken / max(PRODUCT, COMPONENT * n)
+
+
 def cheaper_by_levels(
     system: Schrodinger, plan: WavePlan, method: SchrodingerSplitting, times: Sequence[float]
 ) -> WavePlan:
     """Return the plan of a run by all levels for the same tolerance, or this one if cheaper."""
-    system = system.settled
-    n, outputs = system.size, len(times) - 1
-    if system.is_driven or n > MOST:
+    system, outputs = system.settled, len(times) - 1
+    if plan.products < products_of_levels(system, outputs):
         return plan
-    once = SMALLEST + SOLVED[system.is_real] * n**3 + PRODUCT * n
-    taken = WORTH * once + 2 * ENTRY * n**2 * outputs
-    if plan.products * max(PRODUCT, COMPONENT * n) < taken:
-        return plan
+    n = system.size
     span = Span(times[0], tuple(times[1:]), system.spectrum(float(np.abs(np.diff(times)).sum())))
     own = levels_of(system)
     whole = float(span.intervals.sum())

@@ -25,6 +25,10 @@ Parts = tuple[
     tuple[float, float, tuple[float, ...], tuple[float, ...]],
 ]
 
+#: Start and end of a run, times of samples and others, and densities, at which functions are looked
+#: at.
+Looks = tuple[float, float, tuple[float, ...], tuple[float, ...], tuple[float, ...]]
+
 
 @dataclass(frozen=True, eq=False)
 class Shears:
@@ -152,17 +156,21 @@ class Split:
 class SplitSteps:
     """The same with steps that keep to the error `rate` in a unit of time, by its `order`.
 
-    `beta` is half the width of the spectrum, `first` the first step, `longest` the longest one.
-    Steps end at `breaks` besides.
+    `beta` is half the width of the spectrum, `energy` how large energies of the state are,
+    `first` the first step, `longest` the longest one. Steps end at `breaks` besides. `looks` are
+    start and end of the run, times of samples and others, and densities, at which functions of
+    time are looked at before it.
     """
 
     scheme: str
     order: int
     rate: float
     beta: float
+    energy: float
     first: float
     longest: float
     breaks: tuple[float, ...]
+    looks: Looks
     norm_tol: float
     kind: str = field(default="split steps", init=False)
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,11 +27,15 @@ SHIFTED = 10.0
 
 @dataclass(frozen=True)
 class Span:
-    """The start of a plan, the times of the states that are kept, and the spectrum."""
+    """The start of a plan, the times of the states that are kept, and the spectrum.
+
+    `energy` says how large energies of the state are at most, where that is known.
+    """
 
     t0: float
     times: tuple[float, ...]
     spectrum: Spectrum
+    energy: float = math.inf
 
     @property
     def bounds(self) -> tuple[float, float]:
@@ -47,23 +53,28 @@ class Span:
         return 0.5 * (self.bounds[1] + self.bounds[0])
 
     @property
+    def largest(self) -> float:
+        """The size of the largest energy."""
+        low, high = self.bounds
+        return min(max(abs(low), abs(high)), self.energy)
+
+    @cached_property
     def roundoff(self) -> float:
         """The error of the phase by roundoff of the energies, for any method."""
-        low, high = self.bounds
-        return PHASE * ROUNDOFF * max(abs(low), abs(high)) * float(self.intervals.sum())
+        return PHASE * ROUNDOFF * self.largest * float(self.intervals.sum())
 
     @property
     def least(self) -> float:
         """The least tolerance that the roundoff leaves within reach."""
         return max(LEAST_TOLERANCE, 2 * self.roundoff)
 
-    @property
+    @cached_property
     def intervals(self) -> NDArray[np.float64]:
         """Lengths of the intervals between the states that are kept."""
         lengths: NDArray[np.float64] = np.abs(np.diff([self.t0, *self.times]))
         return lengths
 
-    @property
+    @cached_property
     def thetas(self) -> NDArray[np.float64]:
         """The same in units of 1/beta."""
         thetas: NDArray[np.float64] = self.beta * self.intervals

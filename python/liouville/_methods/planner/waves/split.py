@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -9,13 +10,15 @@ import numpy as np
 
 from liouville import _core
 from liouville._basics.errors import hinted
-from liouville._methods import SplitOperator
+from liouville._methods import SchrodingerSplitting, SplitOperator
+from liouville._methods.planner.waves.levels import products_of_levels
 from liouville._methods.planner.waves.plan import WavePlan, planned
-from liouville._methods.planner.waves.propagators import Split, SplitSteps
+from liouville._methods.planner.waves.propagators import Looks, Split, SplitSteps
 from liouville._methods.planner.waves.resonance import free_step
 from liouville._methods.planner.waves.span import Span
 from liouville._systems import Schrodinger
 from liouville._systems.waves.bounds import Spectrum
+from liouville._systems.waves.foreign import times_of_samples
 
 #: Splittings whose steps damp in all although they have kicks back in time, ...
 DAMPED = ("BM4", "M4s5", "RKN4s6", "BM6", "SS6s11", "SS6s13", "RKN6s11")
@@ -25,16 +28,36 @@ MOST_DAMPED = 8.0
 #: The norm may be off by so much.
 NORM = 1e-6
 
-#: A step is made as one and as two halves.
+#: Lists of flows of a step, which is made as one and as two halves.
 TWICE = 3
+#: The same without time, where every second step alone is made as one.
+EACH = 2.5
 
-#: A run over an H(t) has so many steps at least, each of which looks at it some thirty times.
-LOOKED = 32
+#: A run over an H(t) has so many steps at least, each of which looks thirty times at all points.
+LOOKED = 4
+
+#: Times of a run at which the core looks at functions of time before it.
+LOOKS = 1 << 14
+
+#: A nonlinearity that depends on time is looked at for such parts of the largest density.
+PARTS = (1.0, 0.25, 0.0625)
 
 #: The tolerance of the trial run by which another method is compared, and its least pairs.
 LOOSE, FEW = 1e-2, 100
-#: A product of another method takes about so many times as long as a pair of transforms.
-PAIR = 1.2
+#: A product of another method takes about so many times as long as a pair of transforms: 1.2 to 2.3
+#: on lines of 128 to 1024 points.
+PAIR = 1.5
+
+#: Other methods take so many products at least for each unit of 1/beta, from a real start and from
+#: another one.
+LEAST = {True: 0.5, False: 0.75}
+
+#: At first that part of the trial is made, and no more where other methods take so many times as
+#: many products as it lets expect.
+TRIES, SURE = 4.0, 2.0
+
+#: Energies of a state are at most so many times the root of their mean square, for roundings.
+TAIL = 4.0
 
 
 def plan_split(
@@ -67,39 +90,45 @@ def plan_tolerance(
     """Plan a run to a tolerance from this state, whose first steps are made for their size."""
     span, core = _steps(system, method, times, psi)
     first, made, _ = _pilot(system, core, span, psi, 0)
-    pairs = TWICE * _drifts(method.scheme) * float(np.ceil(span.intervals / first).sum())
+    pairs = _lists(system) * _drifts(method.scheme) * float(np.ceil(span.intervals / first).sum())
     return _chosen(system, method, span, replace(core, first=first), pairs + made, made)
 
 
-def cheaper_on_grid(
-    system: Schrodinger, plan: WavePlan, tol: float, times: Sequence[float], psi: np.ndarray
-) -> WavePlan:
-    """Return the plan of a split operator for the same tolerance, or this one if it is cheaper.
+def plan_on_grid(
+    system: Schrodinger, method: SchrodingerSplitting, times: Sequence[float], psi: np.ndarray
+) -> tuple[WavePlan | None, tuple[str, ...]]:
+    """Plan a run by the split operator for the tolerance of a method, if nothing else is cheaper.
 
-    How many steps it takes depends on where the state goes, so all of the run is made before to a
-    loose tolerance, as far as its products say that the other would not be dearer. The error of a
-    split operator is an estimate.
+    How many steps it takes depends on where the state goes, so the run is made before to a loose
+    tolerance: a part of it where that is far below the least that a series takes, else as much as
+    that allows. The error of a split operator is an estimate. Without a plan there may be a reason.
     """
-    is_plain = system.grid is not None and not system.is_driven
-    if not is_plain or not system.has_diagonal_drive:
-        return plan
-    method = SplitOperator(tol=tol)
-    more = (LOOSE / tol) ** (1 / method.order)
-    most = PAIR * plan.products
-    kept = TWICE * _drifts(method.scheme) * (len(times) - 1.0)
+    is_plain = system.nonlinearity is None and system.absorber is None
+    if system.grid is None or not system.has_diagonal_drive or not is_plain:
+        return None, ()
+    own = SplitOperator(tol=method.tol)
+    more = (LOOSE / method.tol) ** (1 / own.order)
+    beta = 0.5 * (system.bounds_at(times[0])[1] - system.bounds_at(times[0])[0])
+    is_real = not (system.is_driven or np.any(psi.imag))
+    least = LEAST[is_real] * beta * float(np.abs(np.diff(times)).sum())
+    most = PAIR * min(least, products_of_levels(system, len(times) - 1))
+    kept = TWICE * _drifts(own.scheme) * (len(times) - 1.0)
     if most < max(FEW * more, kept):
-        return plan
-    span, loose = _steps(system, replace(method, tol=LOOSE), times, psi)
-    first, made, reached = _pilot(system, loose, span, psi, int(most / more))
-    pairs = max(more * made, kept)
-    if reached != times[-1] or pairs > most:
-        said = "a split operator would take more pairs of FFTs, by a run to a loose tolerance"
-        return replace(plan, reasons=(*plan.reasons, said))
-    span, core = _steps(system, method, times, psi)
-    core = replace(core, first=first / more)
-    found = _chosen(system, method, span, core, pairs + made, made)
-    other = f"{plan.scheme} would take {plan.products:.4g} products, with a bound of its error"
-    return replace(found, method=plan.method, reasons=(*found.reasons, other))
+        return None, ()
+    span, loose = _steps(system, replace(own, tol=LOOSE), times, psi)
+    pairs, lists = math.inf, _lists(system)
+    for flows in (most / more / TRIES, most / more):
+        first, made, reached = _pilot(system, loose, span, psi, int(flows))
+        part = (reached - times[0]) / (times[-1] - times[0])
+        pairs = max(more * made * lists / TWICE / max(part, 1e-9), kept)
+        if reached == times[-1] or SURE * pairs < most:
+            break
+    if pairs > most:
+        return None, ("a split operator would take more pairs of FFTs, by a loose run",)
+    span, core = _steps(system, own, times, psi)
+    found = _chosen(system, own, span, replace(core, first=first / more), pairs + made, made)
+    other = f"a series would take {least:.4g} products or more, with a bound of its error"
+    return replace(found, method=method, reasons=(*found.reasons, other)), ()
 
 
 def _steps(
@@ -108,15 +137,44 @@ def _steps(
     """Return the span of a run to a tolerance, and its steps without the first."""
     _check_grid(system)
     assert method.tol is not None, "a split operator to a tolerance"
-    span = Span(times[0], tuple(times[1:]), _spectrum(system, times[0]))
+    energy = _energy(system, times[0], psi)
+    span = Span(times[0], tuple(times[1:]), _spectrum(system, times[0]), energy)
     span.check_reach(method.tol)
     rate = (method.tol - span.roundoff) / float(span.intervals.sum())
     longest = longest_step(system, method.scheme, times, psi)
     points = system.points_between(times[0], times[-1])
+    looks = _looks(system, times, points, psi)
     core = SplitSteps(
-        method.scheme, method.order, rate, span.beta, longest, longest, points, NORM
+        method.scheme, method.order, rate, span.beta, span.largest, longest, longest, points,
+        looks, NORM,
     )  # fmt: skip
     return span, core
+
+
+def _energy(system: Schrodinger, t: float, psi: np.ndarray) -> float:
+    """Return how large energies of a state are, over hbar; infinity where they change."""
+    if system.is_driven or system.nonlinearity is not None:
+        return math.inf
+    (start,), product = np.atleast_2d(psi)[:1], system.product_at(t)
+    parts = [start.real, start.imag]
+    if system.hamiltonian.size > system.size:
+        parts = [np.concatenate(parts)]
+    sizes = [np.linalg.norm(product(np.ascontiguousarray(part))) for part in parts]
+    return TAIL * float(np.hypot.reduce(sizes) / np.linalg.norm(start))
+
+
+def _looks(
+    system: Schrodinger, times: Sequence[float], points: tuple[float, ...], psi: np.ndarray
+) -> Looks:
+    """Return where functions of time are looked at before a run."""
+    if not system.is_driven:
+        return 0.0, 0.0, (), (), ()
+    densities: tuple[float, ...] = ()
+    if system.nonlinearity is not None and system.nonlinearity.is_driven:
+        largest = float(system.density(np.atleast_2d(psi)[0]).max())
+        densities = tuple(largest * part for part in PARTS)
+    knots = times_of_samples(system.drives, 3)
+    return times[0], times[-1], knots, tuple(sorted(points)), densities
 
 
 def _pilot(
@@ -138,10 +196,10 @@ def _chosen(
         *_left_out(system),
     ]
     if system.is_driven:
-        looks = _drifts(core.scheme) * TWICE
+        apart = abs(span.times[-1] - span.t0) / LOOKS
         why.append(
-            f"H(t) is looked at {looks} times a step, and a step may be {core.longest:.2g} long: a "
-            "pulse within it is seen by its time in points="
+            f"functions of time are looked at before the run, in distances of {apart:.2g}: a pulse "
+            "shorter than these is seen by its time in points="
         )
     return planned(
         system, method, span,
@@ -195,6 +253,11 @@ def _left_out(system: Schrodinger) -> list[str]:
     if system.absorber is not None:
         why.append("psi is absorbed, and the spectrum is that of H without absorber")
     return why
+
+
+def _lists(system: Schrodinger) -> float:
+    """Return how many lists of flows a step takes."""
+    return TWICE if system.is_driven or system.nonlinearity is not None else EACH
 
 
 def _drifts(scheme: str) -> int:
