@@ -19,7 +19,7 @@ from liouville._methods import (
 from liouville._methods.control import Steps
 from liouville._runs.runner import Request
 from liouville._solution.points import Points
-from liouville._solution.tangents import Tangent
+from liouville._solution.tangents import Moves, Tangent
 from liouville._systems import Mechanics, Schrodinger, SemiExplicit
 from liouville._systems.derivatives import semi_explicit as _semi_explicit_sensitivity
 from liouville._systems.derivatives import sensitivity as _sensitivity
@@ -63,7 +63,9 @@ def check_covered(system: Any, method: Any, request: Request) -> None:
     if not isinstance(system, Mechanics):
         return  # and that of others when they are run
     if request.has_pullback:
-        system.check_smooth("a pullback", "tangents= of lv.integrate are those through contacts")
+        system.check_smooth(
+            "a run as a function", "lv.vjp and tangents= are those through contacts"
+        )
     if not isinstance(base, Spark | LobattoPair | ALPHA):
         from liouville._runs.choice import no_runner  # whose module imports this one
 
@@ -91,6 +93,8 @@ class Directions:
 
     #: Whether directions may be complex.
     has_complex = False
+    #: What they change besides states, where functions of states may be differentiated.
+    moves: Moves | None = None
 
     def __init__(
         self,
@@ -128,7 +132,9 @@ class Directions:
         for name, shape in self._shapes.items():
             last = first + int(np.prod(shape))
             own = each[..., first:last, :] if shape else each[..., first, :]
-            found[name] = Tangent({state: own[..., cut] for state, cut in cuts.items()})
+            states = {state: own[..., cut] for state, cut in cuts.items()}
+            moves = None if self.moves is None else self.moves.cut(first, last)
+            found[name] = Tangent(states, _moves=moves)
             first = last
         return found
 
@@ -147,7 +153,9 @@ class ConstrainedDirections(Directions):
         By which part of themselves the steps become longer.
     """
 
-    def __init__(self, system: Constrained, tangents: Any, steps: Steps) -> None:
+    def __init__(
+        self, system: Constrained, tangents: Any, steps: Steps, *, has_times: bool = False
+    ) -> None:
         hint = f'write tangents={{"{system.states[0]}": direction}} or {{"params.name": 1.0}}'
         labels = dict.fromkeys(system.states, system.coordinates)
         places = places_of(system)
@@ -157,6 +165,10 @@ class ConstrainedDirections(Directions):
         n, first = len(system.coordinates), places["t0"][0]
         self.y, self.z, self.tau, end = np.split(self.rows, (n, first, -1), axis=1)
         self.stretch = (end[:, 0] - self.tau[:, 0]) / (steps.t1 - steps.t0)
+        self.moves = Moves(
+            self.tau[:, 1:], self.tau[:, 0], self.stretch, steps.t0,
+            has_times or steps.control is not None,
+        )  # fmt: skip
 
     def starts(
         self, system: Constrained, t: float, y: np.ndarray, z: np.ndarray, params: np.ndarray

@@ -323,6 +323,53 @@ class Solution(States, Drifts, Motions):
         found = self if member is None else parts.member_of(self, member)
         return parts.part_of(found, time, coordinate)
 
+    def tangent_of(self, what: Any) -> dict[str, Array]:
+        r"""Differentiate an invariant, or a function of the states, along the run's tangents.
+
+        .. math::
+
+            g_t\, dt + g_y\, dy + g_z\, dz + g_\theta\, d\theta
+
+        with the changes of the kept times, which are held by ``t_eval=`` and ``rtol=``, of the
+        states, and of the parameters.
+
+        Parameters
+        ----------
+        what : str or callable
+            The name of an invariant, such as ``"energy"``, or a function as for ``observe=``, of
+            (t, q, v, params), (t, x, params) or what the system calls these: a number or a vector.
+
+        Returns
+        -------
+        dict of str to ndarray
+            By the names of ``tangents=``, of shape (k,), or (k, j) of a vector; of d directions
+            (k, d) and (k, d, j), and of an ensemble (k, P) and so on.
+
+        Raises
+        ------
+        ValueError
+            The run has no tangents, or the system no such invariant.
+        TypeError
+            The system is a Schrödinger equation, or the invariant of a field is a matrix.
+
+        Examples
+        --------
+        >>> import casadi as ca
+        >>> import liouville as lv
+        >>> from liouville.problems import pendulum
+        >>> run = lv.integrate(
+        ...     pendulum.system, lv.Spark(3), t=(0, 1), h=0.1, tangents={"params.g": 1.0},
+        ...     **pendulum.start,
+        ... )
+        >>> angle = run.tangent_of(lambda t, q, v, params: ca.atan2(q[0], -q[1]))
+        >>> angle["params.g"].shape
+        (11,)
+        """
+        # imported here: few runs have tangents
+        from liouville._solution.chain_rule import tangent_of
+
+        return tangent_of(self, what)
+
     def __call__(self, t: ArrayLike) -> Points:
         r"""Give the states at any time within the run, as accurate as those at the ends of steps.
 

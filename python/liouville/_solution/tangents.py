@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,6 +13,41 @@ if TYPE_CHECKING:
     from liouville._solution.points import Points
 
 Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Moves:
+    """The changes of times and parameters along d directions.
+
+    Attributes
+    ----------
+    params : ndarray, shape (d, P)
+        Changes of the parameters.
+    t0, stretch : ndarray, shape (d,)
+        Changes of the start time, and by which part of themselves steps become longer.
+    start : float
+        The start time.
+    holds_times : bool
+        Whether the times of records do not follow.
+    """
+
+    params: Array
+    t0: Array
+    stretch: Array
+    start: float
+    holds_times: bool
+
+    def cut(self, first: int, last: int) -> Moves:
+        """Return the changes along some of the directions."""
+        own = slice(first, last)
+        return replace(self, params=self.params[own], t0=self.t0[own], stretch=self.stretch[own])
+
+    def of_times(self, t: Array) -> Array:
+        """Return changes of the times of records, shape (k, d)."""
+        found: Array = np.zeros((len(t), len(self.t0)))
+        if not self.holds_times:
+            found += self.t0 + np.outer(t - self.start, self.stretch)
+        return found
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -35,6 +70,7 @@ class Tangent:
 
     states: dict[str, Array]
     events: dict[str, Points] = field(default_factory=dict)
+    _moves: Moves | None = None
 
     def __post_init__(self) -> None:
         """Make the arrays read-only."""
@@ -64,8 +100,8 @@ class Tangent:
 
     def of_member(self, member: int) -> Tangent:
         """Return that of one member of an ensemble, whose arrays have been cut before."""
-        return Tangent(self.states, {name: x.of_member(member) for name, x in self.events.items()})
+        return replace(self, events={name: x.of_member(member) for name, x in self.events.items()})
 
     def each(self, change: Callable[[dict[str, Array]], dict[str, Array]]) -> Tangent:
         """Return the same with other arrays."""
-        return Tangent(change(self.states), self.events)
+        return replace(self, states=change(self.states))

@@ -27,7 +27,7 @@ from liouville._runs.runner import Request
 from liouville._runs.tangents import PARAMS, Directions, Place, check_names
 from liouville._solution.points import Points
 from liouville._solution.solution import Solution
-from liouville._solution.tangents import Tangent
+from liouville._solution.tangents import Moves, Tangent
 from liouville._systems import Field, PolynomialField
 
 if TYPE_CHECKING:
@@ -63,12 +63,15 @@ class FieldDirections(Directions):
         By which part of themselves the steps become longer.
     """
 
-    def __init__(self, system: Field, tangents: Any, steps: Steps) -> None:
+    def __init__(self, system: Field, tangents: Any, steps: Steps, *, has_times: bool) -> None:
         hint = 'write tangents={"x": direction} or {"params.name": 1.0}'
         super().__init__(tangents, places_of(system), {"x": system.coordinates}, hint)
         self.x, self.tau, end = np.split(self.rows, (len(system.coordinates), -1), axis=1)
         self._longer = end - self.tau[:, :1]
         self.stretch = self._longer[:, 0] / (steps.t1 - steps.t0)
+        self.moves = Moves(
+            self.tau[:, 1:], self.tau[:, 0], self.stretch, steps.t0, holds_times=has_times
+        )
 
     def to_core(self, runner: FieldRunner) -> np.ndarray:
         """Return the changes of what is stepped, and of coefficients, the step and t0, if any are.

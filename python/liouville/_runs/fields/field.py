@@ -80,7 +80,10 @@ class FieldRunner(Runner):
             # imported here: few runs have tangents
             from liouville._runs.fields.derivative import FieldDirections
 
-            self._directions = FieldDirections(system, request.tangents, self.steps)
+            has_times = self._watch.times is not None
+            self._directions = FieldDirections(
+                system, request.tangents, self.steps, has_times=has_times
+            )
             rows = self._directions.count + self.has_events
             self.widths = {**self.widths, "tangents": rows * x.shape[-1]}
         self.columns |= self.widths

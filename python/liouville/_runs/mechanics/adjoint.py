@@ -17,6 +17,7 @@ from liouville._runs.kinks import Kinks
 from liouville._runs.mechanics.traced import TracedRunner
 from liouville._runs.runner import Request
 from liouville._runs.tangents import PARAMS, check_wrt, gradients_of, shapes_of
+from liouville._solution.chain_rule import ended
 from liouville._solution.solution import Solution
 from liouville._systems.events import AFTER
 
@@ -68,7 +69,14 @@ class ConstrainedAdjoint(Adjoint):
         longer, more = 0.0, np.zeros(0)
         if runner.shares_multipliers:
             rows, more, longer = runner.pulled_multipliers(solution, rows)
-        by_point, of_ends, stretched = _of_invariants(runner, runner._values, solution, cotangents)
+        by_point, of_ends, stretched, of_last = _of_invariants(
+            runner, runner._values, solution, cotangents
+        )
+        if of_last:  # the time of the event that has ended the run
+            name = f"{EVENTS}{ended(solution)}.t"
+            own = cotangents[name].copy()
+            own[-1] += of_last
+            cotangents = {**cotangents, name: own}
         n = rows.shape[1] - runner.multipliers
         rows[:, :n] += by_point
         more, longer = more + of_ends if more.size else of_ends, longer + stretched
@@ -241,7 +249,7 @@ class LockStep:
         for k, member in enumerate(members):
             own = {name: x[:, k] for name, x in cotangents.items()}
             at = runner, runner.values_of(member), solution.member(member), own
-            by_point, tau, stretch = _of_invariants(*at)
+            by_point, tau, stretch, _ = _of_invariants(*at)
             rows[:, k, : by_point.shape[1]] += by_point
             taus.append(tau)
             stretches.append(stretch)
@@ -260,21 +268,27 @@ def _of_invariants(
     values: np.ndarray,
     solution: Solution,
     cotangents: Mapping[str, np.ndarray],
-) -> tuple[np.ndarray, np.ndarray, float]:
-    """Return cotangents of y and z, of time and parameters, and of the stretch of the steps."""
+) -> tuple[np.ndarray, np.ndarray, float, float]:
+    """Return cotangents of y and z, of time and parameters, and of the stretch of the steps.
+
+    The last is that of the last time where an event has ended the run.
+    """
     none = np.zeros(len(solution.t))
     given = [cotangents.get(f"{INVARIANTS}{x}", none) for x in solution.invariants]
     first, second = (solution.states[x] for x in runner.system.states[:2])
     by_point, wide = np.zeros((len(first), first.shape[1] + second.shape[1])), 1
     if not any(x.any() for x in given):
-        return by_point, np.zeros(wide + values.size), 0.0
+        return by_point, np.zeros(wide + values.size), 0.0, 0.0
     # imported here: few runs are differentiated
     from liouville._systems.derivatives.invariants import pulled_invariants
 
     points, weights = (solution.t, first, second), np.stack(given, axis=1)
     found = pulled_invariants(runner.system, points, values, weights)
+    last = 0.0
     if runner.times is not None:
         found[:, 0] = 0.0  # times that are held
+    elif ended(solution):
+        last, found[-1, 0] = float(found[-1, 0]), 0.0
     of_t, by_point, of_params = np.split(found, [wide, wide + by_point.shape[1]], axis=1)
     tau = np.concatenate([of_t.sum(axis=0), of_params.sum(axis=0)])
-    return by_point, tau, float(of_t[:, 0] @ (solution.t - runner.steps.t0))
+    return by_point, tau, float(of_t[:, 0] @ (solution.t - runner.steps.t0)), last

@@ -186,7 +186,10 @@ class TracedRunner(Runner):
         # imported here: few runs have tangents
         from liouville._runs.tangents import ConstrainedDirections
 
-        found = ConstrainedDirections(self.system, request.tangents, self.steps)
+        has_times = request.t_eval is not None
+        found = ConstrainedDirections(
+            self.system, request.tangents, self.steps, has_times=has_times
+        )
         wide = sum(x.shape[-1] for x in self._begin[:2]) + self.multipliers
         self.columns["tangents"] = found.count * wide
         self._check_sizes(request)

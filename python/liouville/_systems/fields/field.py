@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any, Self
 
 import numpy as np
@@ -196,6 +196,14 @@ class Field(Pickled, ABC):
     def event_slopes(self, name: str, event: Event) -> _core.Tape:
         """Record the derivatives of an event's function by t, x and params."""
         return self._observer.event_slopes(f"event '{name}'", event.function)
+
+    def slopes_of(self, function: Callable[..., Any]) -> tuple[_core.Tape, int]:
+        """Record the Jacobian of a function by t, x and params, and return its width."""
+        return self._observer.slopes_of(function)
+
+    def slopes_of_invariant(self, name: str) -> _core.Tape:
+        """Record the derivatives of an invariant by t, x and params."""
+        return self._observer.slopes_of_invariant(name)
 
     def states_at(
         self, t: np.ndarray, rows: np.ndarray, params: np.ndarray

@@ -67,9 +67,25 @@ class Observer:
 
     def event_slopes(self, what: str, function: Callable[..., Any]) -> _core.Tape:
         """Return the tape of its derivatives by (t, x, params)."""
-        s, value = self._expressions.symbols, self._event_value(what, function)
+        return self._slopes(self._event_value(what, function))
+
+    def slopes_of(self, function: Callable[..., Any]) -> tuple[_core.Tape, int]:
+        """Return the Jacobian of a function by (t, x, params), column by column, and its width."""
+        s = self._expressions.symbols
+        value = _trace.column("the function", function, s.args)
+        return self._slopes(value), value.numel()
+
+    def slopes_of_invariant(self, name: str) -> _core.Tape:
+        """Return the tape of the derivatives of an invariant by (t, x, params)."""
+        if any(part is not None for part in self._matrices[self.names.index(name)]):
+            sentence = f"invariant '{name}' is a matrix, whose derivative is not recorded"
+            raise TypeError(hinted(sentence, "give it as a function of t, x and params"))
+        return self._slopes(self._expressions.columns[name])
+
+    def _slopes(self, value: ca.SX) -> _core.Tape:
+        s = self._expressions.symbols
         by = ca.vertcat(s.t, s.x, s.params.vector)
-        return record(f"slopes of {what}", s.inputs(), ca.densify(ca.gradient(value, by)))
+        return record("slopes", s.inputs(), ca.densify(ca.jacobian(value, by)))
 
     def _event_value(self, what: str, function: Callable[..., Any]) -> ca.SX:
         s = self._expressions.symbols

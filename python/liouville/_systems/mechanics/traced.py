@@ -239,6 +239,14 @@ class TracedSystem(Pickled, ABC):
         tape = record("measured", s.inputs(z=s.z), values, slopes)
         return tape, {name: x.numel() for name, x in columns.items()}
 
+    def slopes_of(self, function: Function) -> tuple[_core.Tape, int]:
+        """Record the Jacobian of a function by (t, y, z, params), by columns, and its width."""
+        s = self._symbols
+        value = _trace.column("the function", function, s.args)
+        by = ca.vertcat(s.t, s.y, s.z, s.params.vector)
+        tape = record("slopes", s.inputs(z=s.z), ca.densify(ca.jacobian(value, by)))
+        return tape, value.numel()
+
     @abstractmethod
     def _parts(self, states: bool) -> dict[str, ca.SX]:
         """Return the expressions that every run records, with those of states or without."""
