@@ -244,7 +244,7 @@ REFUSED = [
     (lambda t, x, y, z, p: (y + z) ** 1000, r"too large to expand: it has the exponent 1000"),
     (lambda t, x, y, z, p: (1e200 * y) ** 2, r"a coefficient of the field is too large"),
     (lambda t, x, y, z, p: 2 * x * y**2, r"not divergence-free: div f contains 2 \* y\*\*2\nhint"),
-    (lambda t, x, y, z, p: 0.3 * x, r"div f contains 0.3 \* 1\nhint"),
+    (lambda t, x, y, z, p: 0.3 * x, r"div f contains 0.3\nhint"),
 ]
 
 
@@ -395,10 +395,10 @@ def test_repair_refuses_a_divergence_that_rounding_cannot_have_made(is_exact):
         ("y", -1, ("y",)), ("z", 1, ("x", "y")), ("z", Fraction(-8, 3), ("z",)),
     ]  # fmt: skip
     terms = [(i, number(c), variables) for i, c, variables in lorenz]
-    plain = r"-13\.6667 \* 1\nhint: look for a sign or a missing term$"
+    plain = r"-13\.6667\nhint: look for a sign or a missing term$"
     with pytest.raises(ValueError, match=plain):
         PolynomialField.from_terms(("x", "y", "z"), [(i, float(c), v) for i, c, v in lorenz])
-    with pytest.raises(ValueError, match=r"div f contains -13\.6667 \* 1, 1 of its terms"):
+    with pytest.raises(ValueError, match=r"div f contains -13\.6667, 1 of its terms"):
         PolynomialField.from_terms(("x", "y", "z"), terms, repair=True)
     # the sums of two monomials, on either side of the limit
     within = [(0, 1.0, (0, 1)), (1, -0.5 + 0.99e-3, (1, 1))]

@@ -65,7 +65,8 @@ class Named(dict[str, Any]):
     def __missing__(self, name: Any) -> Any:
         """Refuse a name."""
         there = ", ".join(map(repr, self)) or "none"
-        raise Missing(hinted(f"there is no {name!r}", f"there are {there}"))
+        verb = "is" if len(self) == 1 else "are"
+        raise Missing(hinted(f"there is no {name!r}", f"there {verb} {there}"))
 
 
 def read_only(defaults: Mapping[str, np.ndarray]) -> ReadOnly:

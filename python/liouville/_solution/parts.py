@@ -145,8 +145,11 @@ def _between(solution: Solution, time: slice | float) -> Solution:
     inside = np.flatnonzero((low <= t) & (t <= high))
     if not inside.size:
         run = f"the run goes from {t[0]:g} to {t[-1]:g}" if t.size else "the run has no state"
-        sentence = f"no kept state is at a time from {low:g} to {high:g}: {run}"
-        hint = "solution(t) gives the states at any times" if solution.dense_order else ""
+        asked = f"t = {low:g}" if f"{low:g}" == f"{high:g}" else f"a time from {low:g} to {high:g}"
+        sentence = f"no kept state is at {asked}: {run}"
+        is_within = t.size and low <= t.max() and t.min() <= high
+        hint = "solution(t) gives the states at any times of the run"
+        hint = hint if solution.dense_order and is_within else ""
         if solution.path is not None:
             hint = "its records are in its folder: liouville.load reads them"
         raise ValueError(hinted(sentence, hint) if hint else sentence)

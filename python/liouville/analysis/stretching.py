@@ -116,7 +116,7 @@ def ftle(
         )
     n, starts = len(system.coordinates), np.asarray(x, dtype=float)
     if starts.ndim < 2 or starts.shape[-1] != n:
-        raise misshapen("x", starts.shape, f"(..., {n})")
+        raise misshapen("x", starts.shape, f"(P, {n}) or more axes before the last")
     rows, shape = starts.reshape(-1, n), starts.shape[:-1]
     run = ensemble(
         system, method, t=t, h=h, steps=steps, every=2**31, params=params, progress=progress,

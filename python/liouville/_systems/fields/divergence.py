@@ -26,7 +26,7 @@ def check_divergence(terms: Terms, names: Sequence[str]) -> None:
     left = terms.excess()
     if not len(left):
         return
-    words = [f"{_written(value)} * {left.written(m, names)}" for m, value in left.monomials()]
+    words = [_written(value, left.written(m, names)) for m, value in left.monomials()]
     more = f" and {len(words) - NAMED} more" if len(words) > NAMED else ""
     sentence = f"the field is not divergence-free: div f contains {', '.join(words[:NAMED])}{more}"
     hint = "look for a sign or a missing term"
@@ -42,11 +42,12 @@ def check_rounding(terms: Terms, names: Sequence[str]) -> None:
         raise ValueError(
             hinted(
                 f"repair=True mends rounding, up to {REPAIRED:g} of the terms, and div f contains "
-                f"{_written(value)} * {terms.written(monomial, names)}, {part:.3g} of its terms",
+                f"{_written(value, terms.written(monomial, names))}, {part:.3g} of its terms",
                 "look for a sign or a missing term, or give the coefficients more digits",
             )
         )
 
 
-def _written(value: Any) -> str:
-    return f"{value:.6g}" if isinstance(value, float) else str(value)
+def _written(value: Any, monomial: str) -> str:
+    number = f"{value:.6g}" if isinstance(value, float) else str(value)
+    return number if monomial == "1" else f"{number} * {monomial}"
