@@ -210,7 +210,9 @@ def _powers_of_contacts(
     for k in np.unique(which):
         own, at = runs[k], which == k
         there = own(times[at]).states
-        forces = forces_of(system.contacts.laws(values), own.system, there["lam"])
+        loads = system.contacts.loads(times[at], there[system.states[0]], values)
+        laws = system.contacts.laws(values)
+        forces = forces_of(laws, own.system, there["lam"], loads)
         states = times[at], *(there[name] for name in system.states)
         for name, x in system.contacts.powers(states, *forces, values).items():
             found[name][at] = x

@@ -107,8 +107,7 @@ def joined(
     contacts, every = switching.contacts, request.every
     last = stretches[-1].whole.run
     uses = [x.used for x in stretches[:-1]] + [stretches[-1].whole.count]
-    laws = switching.laws
-    found = _columns(laws, [x.whole for x in stretches], uses)
+    found = _columns(switching, [x.whole for x in stretches], uses)
     gap, slip = _gaps(switching, accelerated, found)
     stats, h = _stats(stretches), switching.h
     if "h_next" in stats:  # of controlled steps
@@ -123,7 +122,7 @@ def joined(
         ends = [x.whole.run.t[0] for x in stretches[1:]]
         counts = [int(np.sum(x.run.t[: x.count] < t)) for x, t in zip(given, ends, strict=False)]
         uses, whole = [*counts, given[-1].count], found
-        found = _columns(laws, given, uses)
+        found = _columns(switching, given, uses)
         found.groups["angles"] = _angles(switching, whole, found)
         gap, slip = _gaps(switching, accelerated, found)
         kept = np.ones(len(found.t), dtype=bool)
@@ -159,7 +158,7 @@ def joined(
     )
 
 
-def _columns(laws: Laws, parts: Sequence[Part], uses: Sequence[int]) -> Columns:
+def _columns(switching: Switching, parts: Sequence[Part], uses: Sequence[int]) -> Columns:
     """Return the first records of parts one after another, so many of each."""
     groups: dict[str, dict[str, list[Array]]] = {group: {} for group in (*GROUPS, "tangents")}
     forces: list[tuple[Array, Array]] = []
@@ -172,7 +171,7 @@ def _columns(laws: Laws, parts: Sequence[Part], uses: Sequence[int]) -> Columns:
                     groups[group].setdefault(name, []).append(own)
         for name, values in summed(part.run, system).items():
             groups["tangents"].setdefault(name, []).append(values[:used])
-        forces.append(_forces(laws, part, used))
+        forces.append(_forces(switching, part, used))
     modes = [
         np.tile(np.array(part.system.modes, dtype=object), (used, 1))
         for part, used in zip(parts, uses, strict=True)
@@ -238,6 +237,12 @@ def check(
         name = contacts.names[which]
         sentence = f"contact '{name}' penetrates by {-gap[k, which]:.2g} at t = {t[k]:g}"
         return IntegrationError(sentence, t=float(t[k]), quantity=name)
+    loads = contacts.loads(t, y, switching.params)
+    lifted = np.argwhere(loads < 0)
+    if lifted.size:
+        k, which = lifted[0]
+        what = f"the load of contact '{contacts.names[which]}' is negative, {loads[k, which]:.3g}"
+        return IntegrationError(f"{what}, at t = {t[k]:g}", t=float(t[k]))
     signs = np.array([mode.sign for mode in system.modes])
     back = np.argwhere(slip * signs < -BACKWARDS * fast)
     if back.size:
@@ -256,23 +261,25 @@ def _gaps(switching: Switching, accelerated: float, found: Columns) -> tuple[Arr
     return switching.contacts.records(found.t, y, z, *own)[:2]
 
 
-def _forces(laws: Laws, part: Part, used: int) -> tuple[Array, Array]:
+def _forces(switching: Switching, part: Part, used: int) -> tuple[Array, Array]:
     """Return normal forces and friction at the first records of a part."""
-    system = part.system
+    system, contacts, params = part.system, switching.contacts, switching.params
     if not system.is_shared:
-        return forces_of(laws, system, part.run.states["lam"][:used])
+        y = part.run.states[system.states[0]][:used]
+        loads = contacts.loads(part.run.t[:used], y, params)
+        return forces_of(contacts.laws(params), system, part.run.states["lam"][:used], loads)
     normal, friction = np.zeros((used, len(system.modes))), np.zeros((used, len(system.modes)))
     for k, own in enumerate(part.shared[:used]):
         normal[k], friction[k] = own.normal, own.friction
     return normal, friction
 
 
-def forces_of(laws: Laws, system: ModeSystem, lam: Array) -> tuple[Array, Array]:
-    """Return normal forces and friction of multipliers of a mode, those of its rows alone."""
-    normal, friction = np.zeros((2, len(lam), len(system.modes)))
+def forces_of(laws: Laws, system: ModeSystem, lam: Array, loads: Array) -> tuple[Array, Array]:
+    """Return normal forces, those given too, and friction of multipliers of a mode."""
+    normal = loads.copy()
     for k, place in system.normals.items():
         normal[:, k] = -lam[:, place]
-        friction[:, k] = -system.modes[k].sign * laws.friction[k] * normal[:, k]
+    friction = -np.array([mode.sign for mode in system.modes]) * laws.friction * normal
     for k, place in system.tangents.items():
         friction[:, k] = -lam[:, place]
     return normal, friction

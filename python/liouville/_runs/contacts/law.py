@@ -50,7 +50,13 @@ class Forces:
 
 
 def solve(
-    A: Array, b: Array, closed: Array, slip: Array, mu: Array, borne: Array | None = None
+    A: Array,
+    b: Array,
+    closed: Array,
+    slip: Array,
+    mu: Array,
+    borne: Array | None = None,
+    pressed: Array | None = None,
 ) -> Forces | None:
     """Return the forces of the closed contacts; None where none are found.
 
@@ -65,11 +71,15 @@ def solve(
     mu : ndarray, shape (c,)
         The coefficients of friction.
     borne : ndarray, optional
-        Normal impulses that there are in any case, as of an expansion.
+        Normal forces that there are in any case, as of an expansion.
+    pressed : ndarray of bool, optional
+        The contacts that bear nothing but these.
     """
     c = len(mu)
     extra = np.zeros(c) if borne is None else borne
-    base = b + A[:, :c] @ extra
+    base = b + A[:, :c] @ extra - A[:, c:] @ (mu * slip * extra)
+    if pressed is not None:
+        base[:c][pressed] = 1.0  # no force is needed to keep such a gap
     normal, friction = extra.copy(), np.zeros(c)
     for i in _coupled_ones(A, np.flatnonzero(closed)):
         j = np.flatnonzero((slip[i] == 0) & (mu[i] > 0))  # friction is to be found

@@ -42,7 +42,10 @@ class Shared:
 def shared(at: Matrices, modes: tuple[Mode, ...]) -> Shared:
     """Return how contacts share a load: forces that give the accelerations of a mode."""
     c = len(modes)
-    closed = [k for k, mode in enumerate(modes) if mode is not Mode.OPEN]
+    is_given = at.is_pressed
+    closed = [k for k, mode in enumerate(modes) if mode is not Mode.OPEN and not is_given[k]]
+    signs = np.array([mode.sign for mode in modes])
+    given = np.where(is_given, -at.laws.friction * signs * at.load, 0.0)
     sticks = [k for k, mode in enumerate(modes) if mode is Mode.STICK]
     columns = np.zeros((2 * c, len(closed) + len(sticks)))
     for j, k in enumerate(closed):
@@ -53,19 +56,23 @@ def shared(at: Matrices, modes: tuple[Mode, ...]) -> Shared:
     # the rows that are independent, by their singular values: the others follow to roundoff
     u, values, vt = np.linalg.svd(columns[active])
     rank = int((values > INDEPENDENT * values.max(initial=0.0)).sum())
-    sides = -(u.T @ at.b[active])[:rank] / values[:rank]
+    rest = (at.b + at.A[:, c:] @ given)[active]
+    sides = -(u.T @ rest)[:rank] / values[:rank]
     weight = float(np.abs(at.free).max() / (np.abs(at.moves).max() or 1.0))
     scale = max(np.abs(sides).max(initial=0.0), NONE * weight) or 1.0
-    bounds = [np.eye(len(closed), columns.shape[1])]
+    bounds, least = [np.eye(len(closed), columns.shape[1])], [np.zeros(len(closed))]
     for j, k in enumerate(sticks):
         rows = np.zeros((2, columns.shape[1]))
-        rows[:, closed.index(k)], rows[:, len(closed) + j] = at.laws.static[k], (1.0, -1.0)
+        rows[:, len(closed) + j] = 1.0, -1.0
+        if not is_given[k]:
+            rows[:, closed.index(k)] = at.laws.static[k]
         bounds.append(rows)
-    limits = np.concatenate(bounds)
+        least.append(np.full(2, at.laws.static[k] * at.load[k]))
+    limits, borne = np.concatenate(bounds), np.concatenate(least) / scale
     some, ways = vt[:rank].T @ (sides / scale), vt[rank:].T
-    w, margin = _best(limits @ some, limits @ ways)
+    w, margin = _best(borne + limits @ some, limits @ ways)
     x = scale * (some + ways @ w)
-    normal, friction = np.zeros(c), np.zeros(c)
+    normal, friction = at.load.copy(), given
     normal[closed] = x[: len(closed)]
     for k in closed:
         friction[k] = -at.laws.friction[k] * modes[k].sign * normal[k]

@@ -57,7 +57,8 @@ class ModeSystem(Mechanics):
         s, model = base._symbols, base._model
         self.modes, self.is_redundant = modes, is_redundant
         stuck = sum(mode is Mode.STICK for mode in modes)
-        self.is_shared = len(rows) < stuck + sum(mode is not Mode.OPEN for mode in modes)
+        closed = [mode for k, mode in enumerate(modes) if contacts.has_gap(k)]
+        self.is_shared = len(rows) < stuck + sum(mode is not Mode.OPEN for mode in closed)
         self._counts = len(base._holonomic), len(base.nonholonomic)
         gaps = [k for k in rows if k < c]
         slips = [k - c for k in rows if k >= c]
@@ -69,6 +70,12 @@ class ModeSystem(Mechanics):
             friction = its["friction"][k] * modes[k].sign
             across = its["across"][k, :].T
             r += (-across + friction * its["along"][k, :].T) * lam[m + place]
+        f, braked = model.f, ca.SX(0)
+        for k, mode in enumerate(modes):
+            if mode.sign and not contacts.has_gap(k):
+                friction = its["friction"][k] * mode.sign * its["load"][k]
+                f -= its["along"][k, :].T * friction
+                braked -= friction * contacts.drives[len(modes) + k]
         count = own.nu.numel()
         rn = ca.substitute(own.rn, own.nu, nu[:count]) if count else ca.SX(s.y.numel(), 1)
         for place, k in enumerate(slips):
@@ -86,7 +93,7 @@ class ModeSystem(Mechanics):
         power = columns.get("power")
         if power is not None:
             power = ca.substitute(power, model.lam, lam[:m]) if m else power
-            drives = contacts.drives
+            drives, power = contacts.drives, power + braked
             for place, k in enumerate(gaps):
                 friction = its["friction"][k] * modes[k].sign
                 power += lam[m + place] * (friction * drives[len(modes) + k] - drives[k])
@@ -94,6 +101,7 @@ class ModeSystem(Mechanics):
             s,
             replace(
                 model,
+                f=f,
                 r=r,
                 g=ca.vertcat(model.g, *rows_g),
                 lam=lam,
@@ -134,8 +142,10 @@ class ModeSystem(Mechanics):
                 found[f"{name}: stop"] = k, "stop", mode.sign * contacts.columns["slips"][k]
             if self.is_shared:
                 continue  # how long forces last is found by the margin
-            normal = -multipliers[self.normals[k]]
-            found[f"{name}: leave"] = k, "leave", normal
+            normal = contacts.columns["load"][k]
+            if contacts.has_gap(k):
+                normal = -multipliers[self.normals[k]]
+                found[f"{name}: leave"] = k, "leave", normal
             if mode is Mode.STICK:
                 tangent, most = (
                     -multipliers[self.tangents[k]],

@@ -131,7 +131,7 @@ class Course:
         """Make a stretch; return the state at its end and the contacts whose slip came to zero."""
         now, (first, second) = self.now, self.contacts.system.states
         at = now.at(now.t, y, z)
-        self.accelerated = max(self.accelerated, float(np.abs(at.free).max()))
+        self.accelerated = max(self.accelerated, at.pull)
         system = self._system(at)
         start = self._moved(system, at, y, z)
         begin, (until, h) = now.t, self._limits(y, z)

@@ -87,6 +87,7 @@ class Switching:
             sizes = np.abs(at.rows[-2 * self.c :]).sum(axis=1) * at.speed
             still = AT_REST * sizes[: self.c]
             touching = at.gap <= CLOSED * at.size + ROUNDINGS * EPS * np.abs(at.rate) * abs(self.t)
+            touching &= ~at.is_pressed
             if (touching & (at.rate < -still)).any():
                 z, stopped = self._hit(at, z, touching, sizes, closing), set()
                 continue
@@ -95,7 +96,7 @@ class Switching:
                 self.impacts.append((low, np.zeros(0), None))
                 z, stopped = self._held(at, z, low), set()
                 continue
-            closed = touching & (np.abs(at.rate) <= still)
+            closed = at.is_pressed | (touching & (np.abs(at.rate) <= still))
             self.modes = self._modes(at, y, z, closed, stopped, sizes[self.c :])
             self._note(before, closing)
             return self._lifted(at, y), z
@@ -288,14 +289,14 @@ class Switching:
         """Return the forces; what begins to slip has the friction of what slips."""
         own, laws = self.contacts, at.laws
         mu = np.where(slip == 0, laws.static, laws.friction)
-        found = law.solve(at.A, at.b, closed, slip, mu)
+        found = law.solve(at.A, at.b, closed, slip, mu, at.load, at.is_pressed)
         if found is not None and (laws.static > laws.friction).any():
             size = ZERO * np.abs(np.concatenate([found.along, at.b])).max()
             torn = (slip == 0) & closed & (np.abs(found.along) > size)
             if torn.any():
                 turned = np.where(torn, np.sign(found.along), slip).astype(int)
                 mu = np.where(turned == 0, laws.static, laws.friction)
-                found = law.solve(at.A, at.b, closed, turned, mu)
+                found = law.solve(at.A, at.b, closed, turned, mu, at.load, at.is_pressed)
         if found is None:
             self._refuse_contradictions(at, at.b, closed)
             names = quoted([own.names[k] for k in np.flatnonzero(closed)])
@@ -308,7 +309,7 @@ class Switching:
         """Refuse closed contacts that no motion obeys together, by their names."""
         static = at.laws.static
         for mu, how in ((0 * static, ""), (static, ", wedged in by their friction")):
-            found = contradicting(at, rates, np.flatnonzero(closed), mu)
+            found = contradicting(at, rates, np.flatnonzero(closed & ~at.is_pressed), mu)
             if found.size:
                 names = quoted([self.contacts.names[k] for k in found])
                 sentence = f"at t = {self.t:g} contacts {names} contradict one another{how}"
@@ -327,7 +328,8 @@ class Switching:
         )
         modes: list[Mode | None] = []
         for k in range(self.c):
-            pressed, lifts = found.normal[k] > strong, found.across[k] > fast
+            pressed = found.normal[k] > strong or at.is_pressed[k]
+            lifts = found.across[k] > fast and not at.is_pressed[k]
             mode: Mode | None
             if not closed[k] or (lifts and not pressed):
                 mode = Mode.OPEN
@@ -353,7 +355,7 @@ class Switching:
         """Keep what changed."""
         for k, (old, new) in enumerate(zip(before, self.modes, strict=True)):
             kinds = []
-            if old is Mode.OPEN and new is not Mode.OPEN:
+            if old is Mode.OPEN and new is not Mode.OPEN and self.contacts.has_gap(k):
                 has_hit = bool(self.changes[k]) and self.changes[k][-1].t == self.t
                 if k in closing or not has_hit:
                     kinds.append("close")

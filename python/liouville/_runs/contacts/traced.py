@@ -78,6 +78,10 @@ class Matrices:
         Derivatives of all rates, those of the bilateral constraints first, by z.
     laws : Laws
         The coefficients.
+    pull : float
+        The largest acceleration without contact forces, and by friction of those given.
+    load, is_pressed : ndarray, shape (c,)
+        Normal forces that are given, and which are.
     """
 
     gap: Array
@@ -93,6 +97,9 @@ class Matrices:
     v: Array
     rows: Array
     laws: Laws
+    pull: float
+    load: Array
+    is_pressed: Array
 
 
 class Contacts:
@@ -115,7 +122,8 @@ class Contacts:
             if not isinstance(contact, Contact):
                 raise TypeError(f"contact '{name}' must be a Contact, not {contact!r}")
         self.system, self.law, self.names = system, law, tuple(given)
-        #: Whether contacts have friction, and bounce.
+        #: Whether normal forces are given, and whether contacts have friction, and bounce.
+        self.is_pressed = np.array([x.load is not None for x in given.values()])
         self.is_rough = tuple(x.is_rough for x in given.values())
         self.bounces = tuple(callable(x.restitution) or x.restitution > 0 for x in given.values())
         self._systems: dict[tuple[tuple[Mode, ...], tuple[int, ...], bool], ModeSystem] = {}
@@ -129,14 +137,21 @@ class Contacts:
             raise TypeError(hinted(sentence, "write the system as a Lagrangian"))
         first = system.states[0]
         u = ca.SX.sym("u", s.y.numel())  # in the place of v
-        gaps, slips = [], []
+        gaps, slips, loads = [], [], []
         for name, contact in given.items():
             what = f"contact '{name}'"
             if name in system.constraints:
                 raise ValueError(f"{what} has the name of a constraint")
             at = {"t": s.t, first: s.y, "params": s.params}
-            gap = _trace.scalar(f"the gap of {what}", contact.gap, at)
-            if not ca.depends_on(gap, s.y):
+            gap, load = ca.SX(0), ca.SX(0)
+            if contact.gap is not None:
+                gap = _trace.scalar(f"the gap of {what}", contact.gap, at)
+            elif callable(contact.load):
+                load = _trace.scalar(f"the load of {what}", contact.load, at)
+            elif contact.load is not None:
+                load = ca.SX(float(contact.load))
+            loads.append(load)
+            if contact.gap is not None and not ca.depends_on(gap, s.y):
                 sentence = f"the gap of {what} is the same for all coordinates"
                 raise ValueError(hinted(sentence, f"return a distance, a function of {first}"))
             gaps.append(gap)
@@ -152,6 +167,7 @@ class Contacts:
         phi, slip_of_u = ca.vertcat(*gaps), ca.vertcat(*slips)
         columns = self._coefficients(given) | {
             "phi": phi,
+            "load": ca.vertcat(*loads),
             "across": ca.densify(jacobian(phi, s.y)),  # G
             "along": ca.densify(jacobian(slip_of_u, u)),  # D
             "slips": ca.substitute(slip_of_u, u, model.v),
@@ -206,6 +222,7 @@ class Contacts:
             "C_t": total_derivative(rates, s, model.v),
             "F": ca.horzcat(columns["across"].T, columns["along"].T),
             "laws": ca.horzcat(*(columns[name] for name in COEFFICIENTS)),
+            "load": columns["load"],
         }
         flat = [ca.densify(ca.vec(x)) for x in parts.values()]
         ends = np.cumsum([0, *(x.numel() for x in flat)]).tolist()
@@ -218,7 +235,7 @@ class Contacts:
         tape, places = self._tape
         flat = tape.map(params, [np.array([[t]]), y[None].copy(), z[None].copy()])[0]
         parts = [flat[cut].reshape(shape, order="F") for cut, shape in places]
-        gap, slopes, rates, p_z, v, B, B_t, fR, C, C_t, F, laws = parts
+        gap, slopes, rates, p_z, v, B, B_t, fR, C, C_t, F, laws, load = parts
         c, m = len(self.names), fR.shape[1]
         solved = np.linalg.solve(p_z, np.concatenate([fR, F], axis=1))
         free, R, F = solved[:, 0], solved[:, 1:m], solved[:, m:]
@@ -226,13 +243,32 @@ class Contacts:
             back = R @ np.linalg.pinv(B @ R)
             free = free - back @ (B @ free + B_t[:, 0])
             F = F - back @ (B @ F)
-        speed = np.abs(v).max() + h * np.abs(free).max()
+        given = Laws(*laws.T)
+        braked = np.abs(F[:, c:]) @ (given.static * load[:, 0])
+        pull = float(np.abs(free).max() + braked.max())
+        speed = np.abs(v).max() + h * pull
         way = np.abs(y).max() + h * speed
         size = slopes[:, 0] * way + np.abs(gap[:, 0])
         return Matrices(
             gap[:, 0], rates[:c, 0], rates[c:, 0], size, float(way), float(speed), C @ F,
-            C @ free + C_t[:, 0], F, free, v[:, 0], np.concatenate([B, C]), Laws(*laws.T),
+            C @ free + C_t[:, 0], F, free, v[:, 0], np.concatenate([B, C]), given, pull,
+            load[:, 0], self.is_pressed,
         )  # fmt: skip
+
+    def has_gap(self, k: int) -> bool:
+        """Whether the normal force of a contact is to be found."""
+        return not self.is_pressed[k]
+
+    @cached_property
+    def _loads_tape(self) -> _core.Tape:
+        return record("loads of contacts", self.system._symbols.inputs(), self.columns["load"])
+
+    def loads(self, t: Array, y: Array, params: Array) -> Array:
+        """Return normal forces that are given at k states, zero of others, shape (k, c)."""
+        if not self.is_pressed.any():
+            return np.zeros((len(t), len(self.names)))
+        found: Array = self._loads_tape.map(params, [t[:, None].copy(), np.ascontiguousarray(y)])
+        return found
 
     @cached_property
     def _laws_tape(self) -> _core.Tape:
@@ -323,7 +359,7 @@ class Contacts:
         :class:`Matrices`, 0..c-1 for gaps and c..2c-1 for slips.
         """
         c = len(modes)
-        wanted = [k for k, mode in enumerate(modes) if mode is not Mode.OPEN]
+        wanted = [k for k, mode in enumerate(modes) if self.has_gap(k) and mode is not Mode.OPEN]
         wanted += [c + k for k, mode in enumerate(modes) if mode is Mode.STICK]
         fixed = len(at.rows) - 2 * c
         basis: list[Array] = []

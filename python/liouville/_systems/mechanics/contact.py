@@ -44,7 +44,7 @@ class Contact:
 
     Parameters
     ----------
-    gap : callable
+    gap : callable, optional
         ``gap(t, q, params)``, a scalar: the distance, negative where bodies would overlap.
     restitution : float or callable, default 0
         From 0 (no rebound) to 1; this and the next may be functions of the parameters.
@@ -55,6 +55,9 @@ class Contact:
     slip : callable, optional
         ``slip(t, q, v, params)``, the velocity along the contact, affine in v: a scalar. Friction
         needs it.
+    load : float or callable, optional
+        In the place of a gap the normal force, zero or positive, ``load(t, q, params)`` or a
+        number: a brake, or dry friction of a joint, that is pressed at all times.
 
     Raises
     ------
@@ -85,14 +88,19 @@ class Contact:
     'stick'
     """
 
-    gap: Callable[..., Any]
+    gap: Callable[..., Any] | None = None
     restitution: Coefficient = 0.0
     friction: Coefficient = 0.0
     static_friction: Coefficient | None = None
     slip: Callable[..., Any] | None = None
+    load: float | Callable[..., Any] | None = None
 
     def __post_init__(self) -> None:
         """Refuse what makes no contact."""
+        if (self.gap is None) == (self.load is None):
+            raise TypeError(
+                f"a contact has a gap or a load, not {'both' if self.gap else 'neither'}"
+            )
         for what, function in (("gap", self.gap), ("slip", self.slip)):
             if function is not None and not callable(function):
                 raise TypeError(f"{what} must be a function, not {function!r}")
@@ -104,9 +112,17 @@ class Contact:
         least, most = self.friction, self.largest
         if not (callable(least) or callable(most) or least <= most):
             raise ValueError(f"static_friction must be at least friction = {least:g}, not {most!r}")
+        if self.load is not None:
+            self._check_load()
         if self.is_rough and self.slip is None:
             sentence = "a contact with friction needs slip=, the velocity along it"
             raise TypeError(hinted(sentence, "slip=lambda t, q, v, params: v[0] of a block on x"))
+
+    def _check_load(self) -> None:
+        if not callable(self.load):
+            check_number("load", self.load)
+        if callable(self.restitution) or self.restitution or not self.is_rough:
+            raise ValueError("a contact with a load has friction, and no restitution")
 
     @property
     def largest(self) -> Coefficient:
