@@ -235,15 +235,3 @@ def test_a_hit_with_friction_and_a_constraint_has_its_impulses(monkeypatch):
     mine, wanted = ([(x.t, x.normal, x.friction) for x in own] for own in both)
     np.testing.assert_allclose(mine, wanted, atol=1e-10)
     assert abs(mine[0][2]) > 0.01
-
-
-@pytest.mark.parametrize("friction", [0.0, 0.2])
-def test_controlled_steps_go_through_hits_too(monkeypatch, friction):
-    call = {"h": None, "rtol": 1e-8}
-    run = spun(1.0, friction, **call)
-    slow = by_laws(monkeypatch, lambda: spun(1.0, friction, **call))
-    assert run.stats["stretches"] < slow.stats["stretches"]
-    mine, wanted = changes(run), changes(slow)
-    assert [x[1:3] for x in mine] == [x[1:3] for x in wanted]
-    np.testing.assert_allclose([x[0] for x in mine], [x[0] for x in wanted], atol=1e-11)
-    np.testing.assert_allclose(run.q[-1], slow.q[-1], atol=1e-10)

@@ -95,8 +95,7 @@ def bounced(
     if not len(hits):
         return Bounced(run, len(run.t), None, [])
     impulses, is_bad, least = _judged(hits, now, accelerated)
-    longest: Any = run.stats  # of controlled steps
-    is_bad |= _too_short(hits, longest.get("h_largest", now.h), least)
+    is_bad |= _too_short(hits, now.h, least)
     _add_missed(is_bad, hits, run, (now, accelerated))
     if run.status == "done" and run.t[-1] < until and not _is_ended(run, system):
         is_bad[-1] = True  # the hits accumulate

@@ -135,7 +135,7 @@ class Course:
         system = self._system(at)
         start = self._moved(system, at, y, z)
         begin, (until, h) = now.t, self._limits(y, z)
-        bounces = self._has_window(system, until, h)
+        bounces = self._has_window(system, until)
         if bounces and h is not None:
             until = min(until, now.t + self.window * h)
         asked = self._asked(system, (now.t, until), h, start, bounces=bounces)
@@ -255,9 +255,9 @@ class Course:
         }
         return system, span, h, {**events, **of_own(left, system)}, start
 
-    def _has_window(self, system: ModeSystem, until: float, h: float | None) -> bool:
+    def _has_window(self, system: ModeSystem, until: float) -> bool:
         """Whether the next stretch goes through hits that the core answers."""
-        if not (self.may_reset and system.bounces) or until < self.end or h is None:
+        if self.is_controlled or not self.may_reset or until < self.end or not system.bounces:
             return False
         if not all(self.now.laws.restitution[k] for k in system.bounces.values()):
             return False  # what does not bounce stays
