@@ -134,15 +134,62 @@ def test_times_that_are_no_releases_are_refused(gyre, release, error, sentence):
         lv.ensemble(gyre, V(), t=(0, 20), h=0.1, x=STARTS, release=release)
 
 
-def test_releases_are_for_fields_alone_and_for_threads(gyre):
+@pytest.mark.parametrize("back", [False, True])
+def test_tangents_begin_at_the_release_of_their_member(gyre, back):
+    span = (20.0, 0.0) if back else (0.0, 20.0)
+    release = 20 - RELEASE if back else RELEASE
+    directions = {"x": [[1.0, 0.0], [0.3, -2.0]], "t0": 1.0}
+    given = {"h": 0.1, "every": 5, "tangents": directions}
+    found = lv.ensemble(gyre, V(), t=span, x=STARTS, release=release, **given)
+    for member, r in enumerate(release):
+        own = lv.integrate(gyre, V(), t=(r, span[1]), h=0.1, x=STARTS[member], tangents=directions)
+        for name, shape in (("x", (2, 2)), ("t0", (2,))):
+            x = found.tangents[name].x
+            assert x.shape == (len(found.t), 6, *shape)
+            assert x[-1, member] == pytest.approx(own.tangents[name].x[-1], rel=1e-9, abs=1e-9)
+            before = (found.t - r) * (-1 if back else 1) < -1e-12
+            assert np.isnan(x[before, member]).all()
+            assert np.isfinite(x[~before, member]).all()
+
+
+def test_tangents_of_events_have_the_numbers_of_their_members(gyre):
+    event = lv.Event(lambda t, x, params: x[0] - 1.0)
+    given = {"t": (0, 20), "h": 0.1, "events": {"middle": event}, "tangents": {"x": [1.0, 0.0]}}
+    found = lv.ensemble(gyre, V(), x=STARTS, release=RELEASE, **given)
+    moved, hits = found.tangents["x"].events["middle"], found.events["middle"]
+    assert len(hits.t)
+    assert np.array_equal(moved.member, hits.member)
+    member = int(hits.member[0])
+    own = lv.integrate(gyre, V(), **{**given, "t": (RELEASE[member], 20)}, x=STARTS[member])
+    assert moved.t[0] == pytest.approx(own.tangents["x"].events["middle"].t[0], rel=1e-8)
+
+
+def test_workers_of_an_executor_take_releases_to_the_same_bits(gyre):
+    given = {"t": (0, 20), "h": 0.1, "every": 5, "x": STARTS, "release": RELEASE}
+    plain = lv.ensemble(gyre, V(), **given)
+    with ThreadPoolExecutor(2) as pool:
+        found = lv.ensemble(gyre, V(), executor=pool, chunk=4, **given)
+    assert np.array_equal(found.x, plain.x, equal_nan=True)
+    assert np.array_equal(found.t, plain.t)
+    assert (found.status, found.members, found.failures) == ("done", 6, {})
+    starts = np.random.default_rng(1).normal(size=(5, 3))
+    top = {"t": (0, 2), "h": 0.1, "x": starts, "release": [0, 0.35, 1, 1, 0.5]}
+    plain = lv.ensemble(euler_top.system, V(), **top)
+    with ThreadPoolExecutor(2) as pool:
+        found = lv.ensemble(euler_top.system, V(), executor=pool, chunk=2, **top)
+    assert plain.invariants
+    for name in plain.invariants:
+        assert np.array_equal(found.initial[name], plain.initial[name])
+        assert found.drift_words(name) == plain.drift_words(name)
+
+
+def test_releases_are_for_fields_alone(gyre):
     many = {"q": [pendulum.start["q"]] * 2, "v": [pendulum.start["v"]] * 2}
     with pytest.raises(TypeError, match="must begin together, and release= is for fields"):
         lv.ensemble(pendulum.system, lv.Spark(2), t=(0, 1), h=0.1, release=[0, 0.5], **many)
-    given = {"t": (0, 5), "h": 0.1, "x": STARTS, "release": np.zeros(6)}
-    with pytest.raises(TypeError, match="must have no tangents"):
-        lv.ensemble(gyre, V(), tangents={"x": [1.0, 0.0]}, **given)
+    given = {"t": (0, 5), "h": 0.1, "x": STARTS, "release": [0.0]}
     with (
         ThreadPoolExecutor(1) as pool,
-        pytest.raises(TypeError, match="must have one start, and no release="),
+        pytest.raises(ValueError, match=r"release must have shape \(6,\), not \(1,\)"),
     ):
         lv.ensemble(gyre, V(), executor=pool, **given)

@@ -67,6 +67,8 @@ class Task:
         About how many bytes the result has.
     t0 : float
         Time of the start.
+    release : array, shape (members,), or None
+        Times of release.
     """
 
     integrate: Callable[..., Solution]
@@ -76,6 +78,7 @@ class Task:
     members: int
     size: int
     t0: float
+    release: Any = None
 
     def cut(self, first: int, last: int) -> dict[str, Any]:
         """Return the start values and parameters of some of the members."""
@@ -84,6 +87,8 @@ class Task:
             axes = {name: np.ndim(x) for name, x in self.defaults.items()}
             params = self.params.items()
             found["params"] = {k: _cut(x, axes[k] + 1, first, last) for k, x in params}
+        if self.release is not None:
+            found["release"] = self.release[first:last]
         return found
 
 
@@ -286,6 +291,7 @@ class Joined:
         self._task = task
         self._t = np.empty(0)
         self._arrays: dict[str, dict[str, np.ndarray]] = {group: {} for group in GROUPS}
+        self._initial: dict[str, np.ndarray] = {}
         self._failures: dict[int, Failure] = {}
         self._stats: list[tuple[int, int, dict[str, Any]]] = []
         self._is_cut = False
@@ -300,6 +306,9 @@ class Joined:
             for name, x in getattr(part, group).items():
                 place = self._place(self._arrays[group], name, x)
                 place[: len(x), first:last] = x
+        for name, x in part.initial.items():
+            shape = (self._task.members, *x.shape[1:])
+            self._initial.setdefault(name, np.full(shape, np.nan))[first:last] = x
         self._failures |= {first + member: x for member, x in part.failures.items()}
         self._stats.append((first, last - first, dict(part.stats)))
         self._is_cut |= part.status == "interrupted"
@@ -332,7 +341,7 @@ class Joined:
         if is_interrupted or self._is_cut:
             status = "interrupted"
             message = f"interrupted after {self.done} of {members} members"
-        more: dict[str, Any] = {"t": self._t.copy(), **self._arrays}
+        more: dict[str, Any] = {"t": self._t.copy(), **self._arrays, "initial": self._initial}
         return replace(
             self.first, **more, stats=cast(Stats, {**self._summed(), "seconds": seconds}),
             failures=failures, members=members, status=status,

@@ -73,7 +73,8 @@ def ensemble(
     release : array_like, shape (P,), optional
         Times of release of the members of a field, from the start of the run to before its end, or
         dates: a member begins there with its start values, and what it has before is NaN. All end
-        together, each by equal steps. A drift of an invariant is counted from its own release.
+        together, each by equal steps. Drifts of invariants are counted from its own release, where
+        tangents begin, too, and which the direction ``t0`` moves.
     params : mapping, optional
         Parameters that differ from the defaults. They may have a further, first axis of members: a
         number as shape (P,), a vector of j numbers as (P, j). Fields of such members are split
@@ -136,13 +137,11 @@ def ensemble(
     )  # fmt: skip
     if release is not None:
         # imported here: few ensembles have times of release
-        from liouville._runs.released import released
+        from liouville._runs import released
 
-        if executor is not None:
-            sentence = "an ensemble on an executor must have one start, and no release="
-            hint = "leave executor= out: threads of this process take the members"
-            raise TypeError(hinted(sentence, hint))
-        return released(system, method, request, release, progress)
+        released.check_releases(system)
+        if executor is None:
+            return released.released(system, method, request, release, progress)
     if isinstance(system, Mechanics) and system.contacts is not None:
         if executor is not None or tangents is not None:
             what = "tangents" if executor is None else "executor"
@@ -152,6 +151,7 @@ def ensemble(
 
         return contacts.ensemble(system, method, request, progress)
     runner = runner_of(system, method, request)
+    at = None if release is None else released.times_of(runner, release)
     if executor is None:
         if chunk is not None:
             raise TypeError("chunk is for an executor: give executor= too")
@@ -177,6 +177,7 @@ def ensemble(
         runner.members[0],
         (runner.steps.count // runner.every + 2) * runner.row,
         runner.steps.t0,
+        at,
     )
     found = distribute(task, executor, chunk, progress)
     # the method of a chunk may be planned for its members

@@ -14,14 +14,15 @@ from liouville._basics.errors import IntegrationError, hinted, misshapen
 from liouville._basics.progress import Progress, reported
 from liouville._methods import Method
 from liouville._runs.choice import check_system, runner_of
-from liouville._runs.execute import execute, plain
+from liouville._runs.execute import checked, plain
 from liouville._runs.fields.field import FieldRunner
-from liouville._runs.runner import Request
+from liouville._runs.runner import Request, Runner
 from liouville._solution.failure import Failure, ending_of, summary_of
 from liouville._solution.parts import GROUPS
 from liouville._solution.points import Points, with_ends
 from liouville._solution.solution import Solution
 from liouville._solution.states import Stats
+from liouville._solution.tangents import Tangent
 from liouville._systems import Field, System
 
 #: A release is at the end of a step where it is nearer than this part of it.
@@ -40,15 +41,10 @@ def released(
     TypeError, ValueError
         The system is no field, there is no such time for each member, or as for the ensemble.
     """
-    check_system(system)
-    if not isinstance(system, Field):
-        sentence = f"members of {system!r} must begin together, and release= is for fields"
-        raise TypeError(hinted(sentence, "integrate them one by one"))
-    if request.tangents is not None:
-        raise TypeError("members with release times must have no tangents")
+    check_releases(system)
     clock = time.perf_counter()
     runner = cast(FieldRunner, runner_of(system, method, request))
-    at = _times_of(system, runner, release)
+    at = times_of(runner, release)
     joined = _Joined(runner, request, at)
     with reported(progress, "members") as report:
         for members in joined.groups():
@@ -60,9 +56,18 @@ def released(
     return joined.solution(time.perf_counter() - clock)
 
 
-def _times_of(system: Field, runner: FieldRunner, release: Any) -> Array:
-    """Return the times of release, one for each member, within the run."""
-    given = system.in_time(release)
+def check_releases(system: Any) -> None:
+    """Refuse what is no field, whose members begin together."""
+    check_system(system)
+    if not isinstance(system, Field):
+        sentence = f"members of {system!r} must begin together, and release= is for fields"
+        raise TypeError(hinted(sentence, "integrate them one by one"))
+
+
+def times_of(runner: Runner, release: Any) -> Array:
+    """Return the times of release, one for each member of a field, within the run."""
+    assert isinstance(runner, FieldRunner), "a run of a field"
+    given = runner.system.in_time(release)
     count, (t0, t1) = runner.members[0], (runner.steps.t0, runner.steps.t1)
     values = np.asarray(given)
     if values.dtype.kind not in "iuf":
@@ -103,6 +108,8 @@ class _Joined:
         self._arrays: dict[str, dict[str, Array]] = {group: {} for group in GROUPS}
         self._initial: dict[str, Array] = {}
         self._events: dict[str, list[Points]] = {}
+        self._tangents: dict[str, Array] = {}
+        self._moved: dict[str, dict[str, list[Points]]] = {}
         self._failures: dict[int, Failure] = {}
         self._endings: dict[int, str] = {}
         self._stats: dict[str, Any] = {"steps": 0, "flows": 0, "pieces": 0}
@@ -131,7 +138,8 @@ class _Joined:
             count = max(1, ceil((steps.t1 - r) / self._h - NEAR))
             made = replace(made, steps=count, every=1, t_eval=self.t[rows])
         try:
-            found = execute(runner_of(self._runner.system, self._runner.choice, made))
+            runner = runner_of(self._runner.system, self._runner.choice, made)
+            found = checked(runner, made, None)
         except IntegrationError as error:
             if error.solution is None or not error.solution.failures:
                 raise
@@ -155,12 +163,19 @@ class _Joined:
                 shape = (len(self.t), count, *x.shape[2:])
                 all_of = self._arrays[group].setdefault(name, np.full(shape, np.nan))
                 all_of[np.ix_(rows[: len(x)], members)] = x
+        for name, tangent in found.tangents.items():
+            x = tangent.states["x"]
+            shape = (len(self.t), count, *x.shape[2:])
+            all_of = self._tangents.setdefault(name, np.full(shape, np.nan))
+            all_of[np.ix_(rows[: len(x)], members)] = x
+            own = self._moved.setdefault(name, {})
+            for event, points in tangent.events.items():
+                own.setdefault(event, []).append(_numbered(points, members))
         for name, x in found.invariants.items():
             start = self._initial.setdefault(name, np.full((count, *x.shape[2:]), np.nan))
             start[members] = found.initial.get(name, x[0] if len(x) else np.nan)
         for name, points in found.events.items():
-            states = {**points.states, "member": members[points.states["member"]]}
-            self._events.setdefault(name, []).append(Points(points.t, states))
+            self._events.setdefault(name, []).append(_numbered(points, members))
         self._failures |= {int(members[k]): x for k, x in found.failures.items()}
         self._endings |= {int(members[k]): x for k, x in found.endings.items()}
         for name, value in found.stats.items():
@@ -180,13 +195,25 @@ class _Joined:
         x = self._arrays["states"].get("x", np.empty((0, count, 0)))
         remark = runner.remark_on(self.t[: len(x)], x)
         events = {name: _joined(parts) for name, parts in self._events.items()}
+        tangents = {
+            name: Tangent(
+                {"x": x}, {event: _joined(each) for event, each in self._moved[name].items()}
+            )
+            for name, x in self._tangents.items()
+        }
         return replace(
             self._first, t=self.t, **cast(Any, self._arrays), initial=self._initial,
-            events=events, failures=failures, endings=dict(sorted(self._endings.items())),
+            events=events, tangents=tangents, failures=failures,
+            endings=dict(sorted(self._endings.items())),
             members=count, varied=runner.varied, params=plain(runner.params), h=self._h,
             stats=cast(Stats, {**self._stats, "seconds": seconds}), status=status,
             message="; ".join(filter(None, [said, runner.taken, remark])),
         )  # fmt: skip
+
+
+def _numbered(points: Points, members: Array) -> Points:
+    """Return events of some members with their numbers among all."""
+    return Points(points.t, {**points.states, "member": members[points.states["member"]]})
 
 
 def _joined(parts: list[Points]) -> Points:
