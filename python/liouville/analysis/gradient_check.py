@@ -19,7 +19,7 @@ from liouville._runs.choice import runner_of
 from liouville._runs.execute import execute, finished
 from liouville._runs.gradients import vjp
 from liouville._runs.runner import Request
-from liouville._runs.tangents import ENDS, PARAMS
+from liouville._runs.tangents import ALPHA, ENDS, PARAMS
 from liouville._solution.solution import Solution
 from liouville._solution.tangents import Tangent
 from liouville._systems import Field, Mechanics, Schrodinger, SemiExplicit
@@ -73,8 +73,8 @@ def check_gradient(
 
     The two tests see different things. The pairing of tangent and pullback is exact, but agrees
     even where a model bends within a step; differences see that, with their own error. They are of
-    a run with the same steps, so that steps on constraints have to be equal; of a Schrödinger
-    equation bounds, windows and numbers of terms are the same.
+    a run with the same steps: controlled ones are made one by one. Of a Schrödinger equation
+    bounds, windows and numbers of terms are the same.
     Members of an ensemble are moved in the same direction.
 
     Parameters
@@ -98,8 +98,8 @@ def check_gradient(
     Raises
     ------
     TypeError, ValueError
-        As of :func:`liouville.vjp`; controlled steps on constraints, which a moved run does not
-        repeat, an event that ends moved runs after other numbers of states, or those of members.
+        As of :func:`liouville.vjp`; controlled steps with events or switches, or of the alpha
+        family, an event that ends moved runs after other numbers of states, or those of members.
     IntegrationError
         A step of the run, or of a moved one, failed, or the run was interrupted.
     KeyboardInterrupt
@@ -121,12 +121,10 @@ def check_gradient(
         raise ValueError(f"size must be positive and finite, not {size:g}")
     if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0:
         raise TypeError(f"seed must be an integer from 0 on, not {seed!r}")
-    if isinstance(system, Mechanics | SemiExplicit) and (
-        run.get("rtol") is not None or run.get("control") is not None
-    ):
-        sentence = "runs moved by differences would take other steps where steps are controlled"
-        raise TypeError(hinted(sentence, "give h or steps: equal ones are checked"))
     solution, pullback = vjp(system, method, wrt=wrt, t=t, params=params, **run)
+    is_controlled = run.get("rtol") is not None or run.get("control") is not None
+    if isinstance(system, Mechanics | SemiExplicit) and is_controlled:
+        _check_repeated(system, pullback.adjoint.runner.choice, run.get("events"))
     if solution.members is not None and solution.endings:
         sentence = "events end runs of members, which then have other numbers of states"
         raise ValueError(hinted(sentence, "check members one by one"))
@@ -187,6 +185,17 @@ def _moving(system: Any, method: Method | str, request: Request, progress: Any) 
 
         return contacts.integrate(system, method, request, progress)
     return execute(runner_of(system, method, request), progress)
+
+
+def _check_repeated(system: Mechanics | SemiExplicit, method: Any, events: Any) -> None:
+    """Refuse controlled steps that moved runs do not repeat one by one."""
+    sentence = ""
+    if events or getattr(system, "switch_tapes", None):
+        sentence = "events and switches part controlled steps, and those of moved runs elsewhere"
+    elif isinstance(method, ALPHA):
+        sentence = f"controlled steps of {method!r} begin with more than a state"
+    if sentence:
+        raise TypeError(hinted(sentence, "give h or steps: equal ones are checked"))
 
 
 def _values(solution: Solution, name: str, shape: tuple[int, ...], span: float) -> np.ndarray:

@@ -14,6 +14,7 @@ from liouville._basics.errors import IntegrationError, hinted
 from liouville._runs.adjoint import EVENTS, INVARIANTS, Adjoint, Gradients
 from liouville._runs.execute import Checkpoints, execute, finished
 from liouville._runs.kinks import Kinks
+from liouville._runs.mechanics.held_steps import HeldSteps
 from liouville._runs.mechanics.traced import TracedRunner
 from liouville._runs.runner import Request
 from liouville._runs.tangents import PARAMS, check_wrt, gradients_of, shapes_of
@@ -43,6 +44,7 @@ class ConstrainedAdjoint(Adjoint):
         self.directions = {name: (shape, False) for name, shape in shapes.items()}
         self.checkpoints = Checkpoints(None if runner.steps.control else runner.steps.count)
         self.kinks = Kinks.of(runner, request, shapes)
+        self._held: HeldSteps | None = None
 
     def shapes(self, solution: Solution) -> dict[str, tuple[int, ...]]:
         """Return the shapes of what has cotangents, by the names of the states."""
@@ -186,6 +188,10 @@ class ConstrainedAdjoint(Adjoint):
         }
         ends = [request.t[k] + size * directions.get(f"t{k}", 0.0) for k in (0, 1)]
         start = {**request.start, **system.consistent(t=ends[0], params=values, **own)}
+        if self.runner.steps.control is not None:
+            if self._held is None:
+                self._held = HeldSteps(self.runner, request)
+            return self._held.states(replace(request, params=values, start=start))
         moved = replace(  # as many steps, whatever the ends
             request, t=tuple(map(float, ends)), steps=self.runner.steps.count, h=None,
             params=values, start=start, has_pullback=False,
