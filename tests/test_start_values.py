@@ -220,7 +220,7 @@ def test_a_refusal_carries_the_size_and_a_hint_that_helps():
     with pytest.raises(ValueError, match="start violates") as caught:
         lv.integrate(system, lv.Spark(1), t=(0, 1), h=0.1, **APART)
     sentence, hint = str(caught.value).splitlines()
-    assert "constraint 'rod': |g(q)| = 2.2e-01 at t = 0, wanted at most 3." in sentence
+    assert "constraint 'rod': |g(q)| = 2.2e-01 at t = 0, and at most 3." in sentence
     assert hint == "hint: system.consistent(q=..., v=...) moves a start onto its constraints"
     on = {**APART, "q": system.consistent(**APART)["q"]}
     with pytest.raises(ValueError, match=r"hidden constraint 'rod': \|g_t \+ g_q v\| = 1.1e\+00"):
