@@ -4,8 +4,9 @@
 //!
 //!     E_uᵀ v = e_uᵀ (ȳ1, z̄1, ā1) + (φ̄1, 0, ..),     x̄ = e_xᵀ (ȳ1, z̄1, ā1) − E_xᵀ v.
 
+use super::slopes::AlphaSlopes;
 use super::state::AlphaState;
-use super::tangent::{AlphaSlopes, AlphaTangents, append_unknowns, carried, of_sizes, ratio};
+use super::tangent::{AlphaTangents, append_unknowns, carried, of_sizes, ratio};
 use super::{Alpha, Reactions, begins_again};
 use liouville_base::error::{Quantity, StepError};
 use liouville_base::linalg::{Pattern, add_scaled, copy};

@@ -1,7 +1,7 @@
 //! The attempts at a step of the α family.
 
 use super::Alpha;
-use super::solve::{AlphaSolver, AlphaStep, KeptAlpha, Signs};
+use super::unknowns::{AlphaSolver, AlphaStep, KeptAlpha, Signs};
 use liouville_base::error::StepError;
 use liouville_base::linalg::{furthest, max_norm};
 use liouville_base::newton::{Attempts, Backoff, BranchAttempts, Slot, Solved, Start};

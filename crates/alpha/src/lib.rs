@@ -20,22 +20,26 @@
 mod adjoint;
 mod attempt;
 mod coupling;
+mod estimate;
 mod newton_matrix;
 mod probe;
 mod project;
 mod reaction;
 mod restart;
 mod sizes;
+mod slopes;
 mod solve;
+mod start_tangents;
 mod state;
 mod tangent;
 mod tangent_errors;
+mod unknowns;
 
 pub use adjoint::{AlphaAdjoint, AlphaTransposed};
 use attempt::AlphaAttempt;
 use liouville_base::error::StepError;
 use liouville_base::linalg::{Matrix, add_scaled, copy};
-use liouville_base::method::{Estimating, Stats, Stepper, Tolerance};
+use liouville_base::method::{Stats, Stepper, Tolerance};
 use liouville_base::newton::{self, Backoff, Solved};
 use liouville_base::tableau;
 use liouville_problem::{Acceleration, Saddle, SecondOrderModel};
@@ -43,9 +47,11 @@ use newton_matrix::AlphaMatrix;
 use reaction::Reaction;
 pub use reaction::Reactions;
 pub use restart::AlphaRestart;
-use solve::{AlphaSolver, AlphaStep, KeptAlpha, Signs};
+pub use slopes::AlphaSlopes;
+pub use start_tangents::AlphaStartTangents;
 pub use state::AlphaState;
-pub use tangent::{AlphaSlopes, AlphaStartTangents, AlphaTangents};
+pub use tangent::AlphaTangents;
+use unknowns::{AlphaSolver, AlphaStep, KeptAlpha, Signs};
 
 /// Corrections a step may take.
 const MOST_ITERATIONS: usize = 30;
@@ -74,6 +80,8 @@ pub struct Alpha {
     rates: [Reaction; 2],
     /// The state before the last step; during a step, the one after it.
     other: AlphaState,
+    /// The state before it as it was carried, where the step has begun again.
+    carried: Option<AlphaState>,
     local_error: Vec<f64>,
     error: f64,
     is_warm: bool,
@@ -118,6 +126,7 @@ impl Alpha {
                 work: 0.0,
                 power: 0.0,
             },
+            carried: None,
             local_error: zeros(),
             error: f64::INFINITY,
             is_warm: false,
@@ -292,10 +301,10 @@ impl Stepper for Alpha {
     type State = AlphaState;
 
     fn step(&mut self, t: f64, h: f64, state: &mut AlphaState) -> Result<(), StepError> {
-        let before = begins_again(state, h).then(|| state.clone());
+        self.carried = begins_again(state, h).then(|| state.clone());
         let made = self.make(t, h, state);
-        if let (Err(_), Some(before)) = (&made, before) {
-            *state = before;
+        if made.is_err() {
+            self.restore_carried(state);
         }
         made
     }
@@ -310,6 +319,13 @@ impl Stepper for Alpha {
 }
 
 impl Alpha {
+    /// Puts back the state that a step has begun again from.
+    fn restore_carried(&mut self, state: &mut AlphaState) {
+        if let Some(carried) = self.carried.take() {
+            *state = carried;
+        }
+    }
+
     fn make(&mut self, t: f64, h: f64, state: &mut AlphaState) -> Result<(), StepError> {
         self.leave_cut(t, h, state)?;
         self.solver.signs = if self.model.problem.mechanical.m == 0 {
@@ -327,64 +343,6 @@ impl Alpha {
         }
         std::mem::swap(state, &mut self.other);
         Ok(())
-    }
-
-    /// The weights of a1 − a0 and of A1 − A0 in the estimate.
-    fn error_weights(&self) -> [f64; 2] {
-        let constant = self.weights.error_constant();
-        let of_reactions = match self.reactions {
-            Reactions::Extended { b, .. } if (1.0 / 6.0 - b / 2.0).abs() > constant.abs() => {
-                1.0 / 6.0 - b / 2.0
-            }
-            Reactions::Extended { .. } => constant,
-            Reactions::Position => 0.0,
-        };
-        [constant, of_reactions]
-    }
-
-    /// The local error of y, to leading order, along the constraints:
-    ///
-    ///     h² P ((1/6 − Δ/2 − β) (a1 − a0) + (1/6 − b/2) (A1 − A0)),   P = I − M⁻¹ r_λ (g_y M⁻¹ r_λ)⁻¹ g_y
-    ///
-    /// Around b = 1/3, where the reactions' part of it vanishes, what they leave in z counts: they are
-    /// weighted as a is.
-    fn estimate(&mut self, step: AlphaStep) {
-        let [constant, of_reactions] = self.error_weights();
-        let h2 = step.h * step.h;
-        let [first, last] = &self.kept;
-        for (k, error) in self.local_error.iter_mut().enumerate() {
-            let by_a = constant * (self.other.a[k] - self.solver.a[k]);
-            *error = h2 * (by_a + of_reactions * (last.a[k] - first.a[k]));
-        }
-        let error = &mut self.local_error;
-        self.matrix.project(&self.model, error);
-        let error = self.tolerance.as_ref().map(|tolerance| {
-            let ends = [&step.state.y[..], &self.other.y];
-            tolerance.weigh(ends, self.local_error.iter().copied())
-        });
-        self.error = error.filter(|e| !e.is_nan()).unwrap_or(f64::INFINITY);
-    }
-}
-
-impl Estimating for Alpha {
-    fn error(&self) -> f64 {
-        self.error
-    }
-
-    fn error_order(&self) -> f64 {
-        3.0
-    }
-
-    fn undo(&mut self, state: &mut AlphaState) {
-        std::mem::swap(state, &mut self.other);
-    }
-
-    fn most_corrections(&self) -> f64 {
-        self.solver.stop().most_corrections()
-    }
-
-    fn insist(&mut self, insists: bool) {
-        self.insists = insists;
     }
 }
 

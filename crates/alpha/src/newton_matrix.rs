@@ -16,7 +16,7 @@
 use super::Reactions;
 use super::coupling::Coupling;
 use super::reaction::Reaction;
-use super::solve::{AlphaSolver, AlphaStep};
+use super::unknowns::{AlphaSolver, AlphaStep};
 use liouville_base::checkpoint::CheckpointMismatch;
 use liouville_base::error::StepError;
 use liouville_base::linalg::{Pattern, copy, max_norm};

@@ -1,6 +1,7 @@
 //! Roundoff of the equations of a step, measured by perturbing the unknowns by a few ε.
 
-use super::solve::{AlphaEquations, AlphaStep};
+use super::solve::AlphaEquations;
+use super::unknowns::AlphaStep;
 use liouville_base::error::StepError;
 use liouville_base::linalg::{add_scaled, max_norm};
 use liouville_base::newton::{PERTURBATION, RESIDUAL_MARGIN, random_signs};

@@ -10,57 +10,19 @@
 //! motion begins M dφ0 = (F − M φ0)_x dx, and da0 = dφ0.
 
 use super::adjoint::of_pattern;
+use super::slopes::AlphaSlopes;
+use super::start_tangents::AlphaStartTangents;
 use super::state::AlphaState;
 use super::tangent_errors::TangentErrors;
-use super::{Alpha, Reactions, begins_again};
+use super::{Alpha, begins_again};
 use liouville_base::error::{Quantity, StepError};
-use liouville_base::linalg::{Matrix, Pattern, add_scaled, copy};
+use liouville_base::linalg::{Matrix, add_scaled, copy};
 use liouville_base::method::{Estimating, Stats, Stepper};
 use liouville_base::newton::{BlockHandle, BlockMatrix};
-use liouville_base::tape::{Registers, Tape};
+use liouville_base::tape::Registers;
 use liouville_problem::{
-    Acceleration, AccelerationTangents, BeginTangents, Directions, LargestError, SensitivityModel,
-    TangentState, TangentView, finite,
+    BeginTangents, Directions, LargestError, SensitivityModel, TangentState, finite,
 };
-
-/// Tapes of the derivatives of a step; their last input is the parameters.
-#[derive(Clone, Debug)]
-pub struct AlphaSlopes {
-    /// (t0, h, y0, z0, a0, φ0, u) → E_u, on its pattern.
-    pub matrix: Tape,
-    /// Where E_u is not zero.
-    pub pattern: Pattern,
-    /// (t0, h, y0, z0, a0, φ0, u, dx) → E_x dx
-    pub equations: Tape,
-    /// (t0, h, y0, z0, a0, φ0, u, dx, du) → (dy1, dz1, da1)
-    pub end: Tape,
-    /// (t, y, z, φ, d(t, y, z, θ)) → (F − M φ)_x dx
-    pub start: Tape,
-}
-
-impl AlphaSlopes {
-    /// Whether they are those of a system with n coordinates, m constraints and so many parameters.
-    #[must_use]
-    pub fn fit(&self, (n, m, params): (usize, usize, usize), reactions: Reactions) -> bool {
-        let unknowns = match reactions {
-            Reactions::Position => n + m,
-            Reactions::Extended { .. } if m > 0 => 3 * n + 2 * m,
-            Reactions::Extended { .. } => n,
-        };
-        let x = 2 + 4 * n + params;
-        let point = [1, 1, n, n, n, n, unknowns];
-        let takes = |tape: &Tape, more: &[usize], outputs: usize| {
-            let wanted = point.iter().chain(more).chain([&params]);
-            tape.inputs().iter().eq(wanted) && tape.outputs() == outputs
-        };
-        self.pattern.shape() == (unknowns, unknowns)
-            && takes(&self.matrix, &[], self.pattern.len())
-            && takes(&self.equations, &[x], unknowns)
-            && takes(&self.end, &[x, unknowns], 3 * n)
-            && self.start.inputs() == [1, n, n, n, 1 + 2 * n + params, params]
-            && self.start.outputs() == n
-    }
-}
 
 /// A method of the α family at work on a state and its tangents.
 #[derive(Clone, Debug)]
@@ -71,6 +33,8 @@ pub struct AlphaTangents {
     /// The tangents where a motion begins.
     starts: AlphaStartTangents,
     before: TangentState<AlphaState>,
+    /// The state as it was carried, where the step has begun again.
+    carried: Option<TangentState<AlphaState>>,
     /// Of tangents in random directions: one where errors control the steps.
     errors: Vec<TangentErrors>,
 }
@@ -123,6 +87,7 @@ impl AlphaTangents {
             errors: errors.into_iter().collect(),
             starts,
             before: state.clone(),
+            carried: None,
             linear: LinearAlpha::new(slopes, params),
             alpha,
             directions,
@@ -143,6 +108,40 @@ impl AlphaTangents {
     fn largest(&self) -> LargestError {
         let of_tangents = self.errors.iter().map(|errors| errors.tangents.largest);
         LargestError::of(&self.alpha, of_tangents)
+    }
+
+    /// Puts back the state that a step has begun again from.
+    fn restore_carried(&mut self, state: &mut TangentState<AlphaState>) {
+        if let Some(carried) = self.carried.take() {
+            *state = carried;
+        }
+    }
+
+    fn make(
+        &mut self,
+        t: f64,
+        h: f64,
+        state: &mut TangentState<AlphaState>,
+    ) -> Result<(), StepError> {
+        if self.carried.is_some() {
+            self.alpha.leave_cut(t, h, &mut state.motion)?;
+            self.starts.begin(t, &mut self.directions, state)?;
+            for errors in &mut self.errors {
+                errors.forget();
+            }
+        }
+        self.before.clone_from(state);
+        for errors in &mut self.errors {
+            errors.begin(t, &state.motion)?;
+        }
+        self.alpha.step(t, h, &mut state.motion)?;
+        let followed = self.follow(t, h, state);
+        followed.inspect_err(|_| {
+            state.clone_from(&self.before);
+            for errors in &mut self.errors {
+                errors.undo();
+            }
+        })
     }
 
     /// Makes the tangents at the end of the step that was just made.
@@ -281,96 +280,6 @@ pub(super) fn append_unknowns(alpha: &Alpha, state: &AlphaState, out: &mut Vec<f
     out.extend_from_slice(&last.lam);
 }
 
-/// The tangents of the carried state where a motion begins: accelerations that follow coordinates and velocities.
-#[derive(Clone, Debug)]
-pub struct AlphaStartTangents {
-    alpha: Alpha,
-    pub(super) acceleration: AccelerationTangents,
-    tape: Tape,
-    registers: Registers<f64>,
-}
-
-impl AlphaStartTangents {
-    /// Makes the tangents of the start of a method with these derivatives.
-    pub fn new(
-        alpha: &Alpha,
-        (slopes, params): (&AlphaSlopes, &[f64]),
-        sensitivity: SensitivityModel,
-    ) -> Self {
-        Self {
-            acceleration: AccelerationTangents::new(alpha.model.general.clone(), sensitivity),
-            alpha: alpha.clone(),
-            tape: slopes.start.clone(),
-            registers: slopes.start.bind(params),
-        }
-    }
-
-    /// Writes those of φ.
-    fn write(
-        &mut self,
-        t: f64,
-        directions: &mut Directions,
-        state: &mut TangentState<AlphaState>,
-    ) -> Result<(), StepError> {
-        let AlphaState { y, z, phi, .. } = &state.motion;
-        let (n, alpha) = (y.len(), &mut self.alpha);
-        if alpha.reactions == Reactions::Position {
-            let Acceleration { z_dot, lam, .. } = {
-                alpha
-                    .acceleration
-                    .solve(&mut alpha.model.general, t, y, z)?;
-                &alpha.acceleration
-            };
-            let of = TangentView {
-                y: &state.y,
-                z: &state.z,
-                t: &state.t,
-            };
-            let (point, carried) = ([&y[..], z, z_dot, lam], &mut state.carried);
-            let along = (of, directions);
-            return (self.acceleration).solve((t, point), along, |direction, rate, _| {
-                copy(&mut carried.row_mut(direction)[n..2 * n], rate);
-            });
-        }
-        let mass = &mut alpha.matrix.mass;
-        mass.update(&mut alpha.model.general, t, y, z)?;
-        for direction in 0..directions.count() {
-            let tau = directions.tau(direction, state.t[direction]);
-            let (dy, dz) = (state.y.row(direction), state.z.row(direction));
-            let along = [&tau[..1], dy, dz, &tau[1..]].concat();
-            let out = &mut state.carried.row_mut(direction)[n..2 * n];
-            let found = self
-                .tape
-                .eval(&mut self.registers, [&[t], y, z, phi, &along]);
-            copy(out, found);
-            mass.solve(out);
-            finite(out, Quantity::Derivative, t)?;
-        }
-        Ok(())
-    }
-}
-
-impl BeginTangents<AlphaState> for AlphaStartTangents {
-    fn begin(
-        &mut self,
-        t: f64,
-        directions: &mut Directions,
-        state: &mut TangentState<AlphaState>,
-    ) -> Result<(), StepError> {
-        self.write(t, directions, state)?;
-        for direction in 0..directions.count() {
-            let (a, rest) = state
-                .carried
-                .row_mut(direction)
-                .split_at_mut(state.y.cols());
-            let (phi, last) = rest.split_at_mut(a.len());
-            copy(a, phi);
-            last.fill(0.0);
-        }
-        Ok(())
-    }
-}
-
 impl Stepper for AlphaTangents {
     type State = TangentState<AlphaState>;
 
@@ -380,25 +289,12 @@ impl Stepper for AlphaTangents {
         h: f64,
         state: &mut TangentState<AlphaState>,
     ) -> Result<(), StepError> {
-        if begins_again(&state.motion, h) {
-            self.alpha.leave_cut(t, h, &mut state.motion)?;
-            self.starts.begin(t, &mut self.directions, state)?;
-            for errors in &mut self.errors {
-                errors.forget();
-            }
+        self.carried = begins_again(&state.motion, h).then(|| state.clone());
+        let made = self.make(t, h, state);
+        if made.is_err() {
+            self.restore_carried(state);
         }
-        self.before.clone_from(state);
-        for errors in &mut self.errors {
-            errors.begin(t, &state.motion)?;
-        }
-        self.alpha.step(t, h, &mut state.motion)?;
-        let followed = self.follow(t, h, state);
-        followed.inspect_err(|_| {
-            state.clone_from(&self.before);
-            for errors in &mut self.errors {
-                errors.undo();
-            }
-        })
+        made
     }
 
     fn forget(&mut self) {
@@ -428,6 +324,7 @@ impl Estimating for AlphaTangents {
         }
         self.alpha.undo(&mut state.motion);
         state.clone_from(&self.before);
+        self.restore_carried(state);
     }
 
     fn most_corrections(&self) -> f64 {

@@ -156,6 +156,19 @@ fn undo_restores_the_state_to_the_bit() {
 }
 
 #[test]
+fn undo_restores_the_state_of_a_step_that_has_begun_again() {
+    for reactions in [EXTENDED, Reactions::Position] {
+        let (mut alpha, mut state) = ball(family()[0], reactions, true);
+        alpha.step(START, 1e-3, &mut state).expect("a step");
+        let before = state.clone();
+        // more than eight times as long as the last: a0 is φ0 anew
+        alpha.step(START + 1e-3, 0.02, &mut state).expect("a step");
+        alpha.undo(&mut state);
+        assert_eq!(state, before);
+    }
+}
+
+#[test]
 fn a_step_that_cannot_be_made_leaves_the_state() {
     let (mut alpha, mut state) = ball(family()[0], EXTENDED, true);
     alpha.step(START, 0.01, &mut state).expect("a step");
