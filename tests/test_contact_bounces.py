@@ -235,3 +235,14 @@ def test_a_hit_with_friction_and_a_constraint_has_its_impulses(monkeypatch):
     mine, wanted = ([(x.t, x.normal, x.friction) for x in own] for own in both)
     np.testing.assert_allclose(mine, wanted, atol=1e-10)
     assert abs(mine[0][2]) > 0.01
+
+
+def test_windows_without_hits_do_not_outgrow_the_run():
+    """Each flight from a table that shakes off a body, under a lid, doubled the next window."""
+    table = lv.Contact(lambda t, q, params: q[0] - 0.5 * ca.sin(2 * np.pi * t))
+    lid = lv.Contact(lambda t, q, params: 100 - q[0], restitution=1.0)
+    body = lv.Lagrangian(
+        lambda t, q, v, params: v[0] ** 2 / 2 - G * q[0], q=1, contacts={"table": table, "lid": lid}
+    )
+    run = lv.integrate(body, lv.Spark(2), t=(0, 70), h=0.05, q=[0.0], v=[np.pi])
+    assert sum(change.kind == "hit" for change in run.contacts["table"].changes) >= 65

@@ -156,7 +156,8 @@ class Course:
         if bounces:
             found = bounced(run, system, now, self.accelerated, (until, self.request.observe))
             run, count, end, changes = found.run, found.count, found.end, found.changes
-            self.window = 2 * self.window if end is None else max(LEAST, self.window // 2)
+            longer = min(2 * self.window, self.steps.count)
+            self.window = longer if end is None else max(LEAST, self.window // 2)
         else:
             count = len(run.t)
         wrong = check(run, system, now, self.accelerated, count)
