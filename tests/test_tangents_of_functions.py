@@ -142,13 +142,16 @@ def test_structures_and_fields():
     np.testing.assert_allclose(by, own, rtol=1e-14)
 
 
-def test_what_cannot_be_differentiated_is_said():
+def test_what_cannot_be_differentiated_is_said(tmp_path):
     """By name, with what there is."""
     run = lv.integrate(PENDULUM, lv.Spark(3), t=T, steps=5, tangents={"t1": 1.0}, **START)
     plain = lv.integrate(PENDULUM, lv.Spark(3), t=T, steps=5, **START)
     spin = lv.Schrodinger(np.diag([0.5, -0.5]))
     wave = lv.integrate(spin, "auto", t=(0, 1), psi=[1, 0], tangents={"psi": [0, 1]})
+    run.save(tmp_path / "run.npz")
+    loaded = lv.load(tmp_path / "run.npz", system=PENDULUM)
     for solution, what, error, says in (
+        (loaded, "energy", ValueError, "a file keeps tangents of states, and not what"),
         (run, "speed", ValueError, "no invariant 'speed'\nhint: there are 'energy' and 'own'"),
         (plain, "energy", ValueError, "the run has no tangents"),
         (wave, "norm", TypeError, "must be a mechanical one or a field"),

@@ -134,7 +134,7 @@ class Directions:
             own = each[..., first:last, :] if shape else each[..., first, :]
             states = {state: own[..., cut] for state, cut in cuts.items()}
             moves = None if self.moves is None else self.moves.cut(first, last)
-            found[name] = Tangent(states, _moves=moves)
+            found[name] = Tangent(states, moves=moves)
             first = last
         return found
 

@@ -88,8 +88,10 @@ def _along(
     for name, tangent in solution.tangents.items():
         rows = [tangent.states[state] for state in system.states]
         many = [x if x.ndim == 3 else x[:, None] for x in rows]
-        moves = tangent._moves
-        assert moves is not None, "directions of fields and mechanics are known"
+        moves = tangent.moves
+        if moves is None:
+            sentence = "a file keeps tangents of states, and not what directions change besides"
+            raise ValueError(hinted(sentence, "differentiate the run before it is saved"))
         times = moves.of_times(solution.t)
         if last is not None:
             times[-1] = tangent.events[last].t[-1]

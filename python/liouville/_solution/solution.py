@@ -150,7 +150,7 @@ class Solution(States, Drifts, Motions):
         NaN.
     tangents : dict of str to Tangent
         Derivatives of the states in the directions of ``tangents=``, by name:
-        ``solution.tangents["params.l"].q``. Files do not keep them.
+        ``solution.tangents["params.l"].q``.
     reactions : ndarray, shape (k, n), or None
         The reaction forces of a solution that was loaded; :meth:`reaction` gives them.
     system : System or None

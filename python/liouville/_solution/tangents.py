@@ -66,11 +66,13 @@ class Tangent:
         Derivatives of the times of events, ``tangent.events["name"].t`` of shape (k,) or (k, d),
         and of the states there, by the names that ``solution.events`` has, with ``member`` in an
         ensemble.
+    moves : Moves or None
+        Changes of times and parameters in these directions; of wave functions there are none.
     """
 
     states: dict[str, Array]
     events: dict[str, Points] = field(default_factory=dict)
-    _moves: Moves | None = None
+    moves: Moves | None = None
 
     def __post_init__(self) -> None:
         """Make the arrays read-only."""
