@@ -216,8 +216,25 @@ def test_a_condensate_is_kept_to_the_tolerance_below_resonances():
     run = lv.integrate(system, method, t=(0, 2), psi=psi)
     assert np.linalg.norm(run.psi[-1] - fine.psi[-1]) <= 1e-6 * np.linalg.norm(psi)
     plan = lv.plan(system, method, t=(0, 2), psi=psi)
+    # without noise that grows beyond the tolerance steps may be in resonance with waves
+    assert run.stats["products"] < 1000
+    again = lv.plan(system, lv.SplitOperator(tol=1e-6), t=(0, 40), psi=psi)
     largest = (np.pi / (x[1] - x[0])) ** 2 / 2
-    assert plan.core.longest < 4 * np.pi / largest
+    assert again.core.longest < 4 * np.pi / largest
+    assert plan.core.longest > 4 * np.pi / largest
+
+
+@pytest.mark.parametrize("g", [-2.0, -1.0, 1.0, 10.0, 20.0])
+def test_long_steps_of_condensates_keep_to_the_tolerance(g):
+    # steps far beyond resonances, and a trial step that the grid does not resolve
+    own = grid(lambda t, x, params: x**2 / 2 + (0.05 * x**4 if g > 5 else 0.0), n=256)
+    psi = gaussian(own.points[:, 0], 0.8, 0.5)
+    system = lv.Schrodinger(own, nonlinearity=lambda t, rho, params: g * rho)
+    fine = lv.integrate(system, lv.SplitOperator(), t=(0, 2), psi=psi, steps=1600, every=1600)
+    for tol in (1e-2, 1e-4, 1e-6):
+        run = lv.integrate(system, lv.SplitOperator(tol=tol), t=(0, 2), psi=psi)
+        assert np.linalg.norm(run.psi[-1] - fine.psi[-1]) <= tol
+        assert run.stats["products"] < 3000
 
 
 def test_an_absorber_is_kept_to_the_tolerance_of_the_start():

@@ -18,6 +18,7 @@ use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch, Numbers};
 use liouville_base::composition::{Composed, Flow};
 use liouville_base::error::StepError;
 use liouville_base::method::{Stats, Stepper};
+use std::f64::consts::PI;
 
 /// The part of the tolerance that estimates may add up to.
 const SHARE: f64 = 0.8;
@@ -216,7 +217,16 @@ impl SplitSteps {
             if !goes_on {
                 self.composed.parts_mut().forget_tables();
             }
-            let apart = self.doubling.step(&mut self.composed, (t, h), state)?;
+            let apart = match self.doubling.step(&mut self.composed, (t, h), state) {
+                // shorter steps may be in no resonance with waves of the state
+                Err(StepError::Unresolved { .. }) if h.abs() * 2.0 * self.tolerance.beta > PI => {
+                    self.begin_anew();
+                    self.doubling.put_back(state);
+                    self.next = SHORTER * h.abs();
+                    continue;
+                }
+                made => made?,
+            };
             let error = self.error(apart, h, state.start);
             let allowed = SHARE * self.tolerance.rate * h.abs();
             self.last = h;
@@ -238,6 +248,12 @@ impl SplitSteps {
             self.doubling.put_back(state);
             self.look_for_jump((t, h), stop, next)?;
         }
+    }
+
+    /// Forgets a step that failed.
+    fn begin_anew(&mut self) {
+        let (phases, program) = (self.composed.parts().clone(), self.composed.program());
+        self.composed = Composed::following(phases, program.to_vec());
     }
 
     /// Whether a step passes over a value of V, or of W at some densities, that was seen before the run.

@@ -16,7 +16,10 @@ from liouville._systems import Schrodinger
 GROWTH = 20.0
 
 #: The size of F_m below which a resonance is weak, and no m beyond this is looked at.
-WEAK, MOST = 0.1, 8
+WEAK, LAST = 0.1, 64
+
+#: Noise of waves at first, and the part of a tolerance that it may grow to.
+NOISE, PART = 1e-15, 1e-2
 
 
 def resonance(system: Schrodinger, plan: WavePlan, psi: np.ndarray) -> str:
@@ -58,10 +61,18 @@ def resonance(system: Schrodinger, plan: WavePlan, psi: np.ndarray) -> str:
     )
 
 
-def free_step(system: Schrodinger, scheme: str, t: float, psi: np.ndarray) -> float:
-    """Return the longest step in no resonance at which noise grows much; see :func:`resonance`."""
-    largest, strength = _energies(system, t, psi)
-    first = next(m for m in itertools.count(1) if m > MOST or _factor(scheme, m) > WEAK)
+def free_step(
+    system: Schrodinger, scheme: str, run: tuple[float, float], tol: float, psi: np.ndarray
+) -> float:
+    """Return the longest step in no resonance at which noise grows much; see :func:`resonance`.
+
+    Over a run noise may grow to a part of the tolerance.
+    """
+    largest, strength = _energies(system, run[0], psi)
+    grown = strength * abs(run[1] - run[0])
+    growth = min(math.log(PART * tol / NOISE), GROWTH)
+    weak = max(WEAK, growth / max(grown, 1e-300))
+    first = next(m for m in itertools.count(1) if m > LAST or _factor(scheme, m) > weak)
     return first * math.pi / (largest + 2 * strength)
 
 

@@ -141,7 +141,7 @@ def _steps(
     span = Span(times[0], tuple(times[1:]), _spectrum(system, times[0]), energy)
     span.check_reach(method.tol)
     rate = (method.tol - span.roundoff) / float(span.intervals.sum())
-    longest = longest_step(system, method.scheme, times, psi)
+    longest = longest_step(system, method, times, psi)
     points = system.points_between(times[0], times[-1])
     looks = _looks(system, times, points, psi)
     core = SplitSteps(
@@ -212,21 +212,22 @@ def _chosen(
 
 
 def longest_step(
-    system: Schrodinger, scheme: str, times: Sequence[float], psi: np.ndarray | None
+    system: Schrodinger, method: SplitOperator, times: Sequence[float], psi: np.ndarray | None
 ) -> float:
     """Return the longest step that a run to a tolerance may take.
 
     It damps in an absorber, is in no resonance of a nonlinearity with waves of the state `psi`,
     and looks at an H(t) often enough. Without a state there is no look at resonances.
     """
-    run = (times[0], times[-1])
+    run, scheme = (times[0], times[-1]), method.scheme
     longest = abs(run[1] - run[0]) / (LOOKED if system.is_driven else 1)
     if system.absorber is not None:
         _check_damped(system, scheme, run, 0.0)
         if _is_back(scheme):
             longest = min(longest, MOST_DAMPED * system.hbar / float(system.absorber.max()))
     if system.nonlinearity is not None and psi is not None:
-        longest = min(longest, free_step(system, scheme, times[0], psi))
+        tol = method.tol or LOOSE
+        longest = min(longest, free_step(system, scheme, run, tol, psi))
     return longest
 
 
