@@ -180,6 +180,28 @@ def test_a_pulse_is_seen_by_its_time():
     assert "points=" in str(lv.plan(system, method, t=(0, END), psi=psi))
 
 
+def revived(n, periods, method):
+    """Return the error of a run over periods of an oscillator, and how it was planned."""
+    own = grid(lambda t, x, params: x**2 / 2, n=n, low=-12.0, high=12.0)
+    psi, t = gaussian(own.points[:, 0], 1.0), (0, 2 * np.pi * periods)
+    run = lv.integrate(lv.Schrodinger(own), method, t=t, psi=psi)
+    return np.linalg.norm(run.psi[-1] - (-1) ** periods * psi), run.method
+
+
+def test_the_reach_of_a_tolerance_is_that_of_the_state_and_not_of_the_grid():
+    # energies of the grid are up to 1.4e5, whose phases have roundings of 1.6e-9
+    error, _ = revived(4096, 4, lv.SplitOperator(tol=1e-11))
+    assert error <= 1e-11
+    error, scheme = revived(2048, 64, "auto")
+    assert error <= 1e-8
+    assert scheme.startswith("split operator")
+
+
+def test_a_tolerance_below_the_roundings_of_transforms_is_refused():
+    with pytest.raises(ValueError, match=r"tol = 1e-13 is out of reach: .* pairs of FFTs"):
+        revived(64, 3, lv.SplitOperator(tol=1e-13))
+
+
 def test_outputs_at_uneven_times_are_each_within_the_tolerance():
     value, centre, _ = STATIC["quartic"]
     own = grid(lambda t, x, params: value(x))
