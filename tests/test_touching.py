@@ -319,3 +319,18 @@ def test_a_woodpecker_toy_pecks_its_way_down_without_penetration():
         assert record.normal.min() > -1e-12
     assert len(run.contacts["beak"].changes) == 21
     assert np.diff(run.invariants["energy"]).max() < 2e-9
+
+
+def test_coefficients_of_shapes_may_be_functions_of_the_parameters():
+    def falls(friction, restitution):
+        yard = Assembly(gravity=(0, -9.81, 0))
+        disc = yard.planar_body("disc", mass=1.0, inertia=0.005, at=(0, 0.6))
+        yard.free("flight", disc)
+        laws = {"friction": friction, "restitution": restitution}
+        yard.contact("bounce", Sphere(disc, radius=0.1), Plane("ground", normal=(0, 1, 0)), **laws)
+        system = yard.system({"mu": 0.1, "e": 0.6})
+        start = yard.start(rates={"flight": (3, 0, None, None, None, 0)})
+        return lv.integrate(system, lv.Spark(3), t=(0, 1.0), h=0.02, **start)
+
+    free = falls(lambda params: params.mu, lambda params: params.e)
+    assert free.q.tobytes() == falls(0.1, 0.6).q.tobytes()

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from liouville._basics.arguments import amount
 from liouville._basics.errors import hinted, quoted
-from liouville._systems.mechanics.contact import check_restitution
+from liouville._systems.mechanics.contact import Coefficient, check_restitution
 from liouville._systems.tracing import trace as _trace
 from liouville.bodies.acting import Acting
 from liouville.bodies.body import (
@@ -79,9 +79,9 @@ class Assembly(Acting):
         a: Shape,
         b: Shape,
         *,
-        restitution: float = 0.0,
-        friction: float = 0.0,
-        static_friction: float | None = None,
+        restitution: Coefficient = 0.0,
+        friction: Coefficient = 0.0,
+        static_friction: Coefficient | None = None,
         across: ArrayLike | None = None,
     ) -> Touch:
         """Let shapes of two bodies touch: a contact that hits, slides, sticks and lets go.
@@ -97,7 +97,7 @@ class Assembly(Acting):
             Its name.
         a, b : Plane, Sphere, Capsule, Box or Polygon
             Shapes of different bodies, or of a body and the ground; see :mod:`liouville.bodies`.
-        restitution, friction, static_friction : optional
+        restitution, friction, static_friction : float or callable, optional
             As for :class:`~liouville.Contact`. Friction is for bodies that move in a plane.
         across : array_like, shape (3,), optional
             The normal of the plane that bodies in space move in, for friction; planar bodies move
