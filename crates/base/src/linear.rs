@@ -3,10 +3,116 @@
 //! An operation adds A x to other numbers of the memory, or solves with a matrix in place. The transposed list takes the
 //! operations last one first, each with Aᵀ from where it leads to where it comes from, so that a derivative is listed once.
 //! Where all segments between the ends are zero at the start, it is the exact transpose.
+//!
+//! Where a list would cost too much the operations are called as they stand, by a function that is generic over the
+//! direction: it takes its parts by [`in_order`], and none of the operations of a part writes what another one reads.
+#![allow(clippy::inline_always)] // other functions are compiled without the caller's instruction set
 
-use crate::linalg::{Pattern, add_scaled, dot};
+use crate::linalg::{Matrix, Pattern, add_scaled, combine_rows, copy_scaled, dot};
 use crate::real::Real;
 use std::ops::Range;
+
+/// The numbers 0 to `count` − 1, last one first where a map is transposed.
+#[inline(always)]
+pub fn in_order<const TRANSPOSED: bool>(count: usize) -> impl Iterator<Item = usize> {
+    (0..count).map(move |k| if TRANSPOSED { count - 1 - k } else { k })
+}
+
+/// `to += weight from`; transposed, `from += weight to`.
+#[inline(always)]
+pub fn add<const TRANSPOSED: bool, R: Real>(to: &mut [R], weight: f64, from: &mut [R]) {
+    if TRANSPOSED {
+        add_scaled(from, weight, to);
+    } else {
+        add_scaled(to, weight, from);
+    }
+}
+
+/// `to = weight from`; transposed, `from += weight to`.
+#[inline(always)]
+pub fn set<const TRANSPOSED: bool, R: Real>(to: &mut [R], weight: f64, from: &mut [R]) {
+    if TRANSPOSED {
+        add_scaled(from, weight, to);
+    } else {
+        copy_scaled(to, weight, from);
+    }
+}
+
+/// `to += weight values from`; transposed, `from += weight values · to`.
+#[inline(always)]
+pub fn add_column<const TRANSPOSED: bool, R: Real>(
+    to: &mut [R],
+    weight: f64,
+    values: &[R],
+    from: &mut R,
+) {
+    if TRANSPOSED {
+        *from += dot(to, values) * weight;
+    } else {
+        add_scaled(to, *from * weight, values);
+    }
+}
+
+/// `to += weight A from`; transposed, `from += weight Aᵀ to`; A has these values on its pattern.
+#[inline(always)]
+pub fn add_product<const TRANSPOSED: bool, R: Real>(
+    to: &mut [R],
+    (pattern, values): (&Pattern, &[R]),
+    weight: f64,
+    from: &mut [R],
+) {
+    if TRANSPOSED {
+        pattern.multiply_add_transposed(values, weight, to, from);
+    } else {
+        pattern.multiply_add(values, weight, from, to);
+    }
+}
+
+/// A small matrix that combines rows of numbers, with its transpose.
+#[derive(Clone, Debug)]
+pub struct RowWeights {
+    weights: Matrix,
+    transposed: Matrix,
+}
+
+impl RowWeights {
+    /// The map of these weights.
+    pub fn new(weights: Matrix) -> Self {
+        let (rows, cols) = (weights.rows(), weights.cols());
+        Self {
+            transposed: Matrix::from_fn(cols, rows, |j, i| weights[(i, j)]),
+            weights,
+        }
+    }
+
+    /// `to = factor weights from`, of rows of `cols` numbers; transposed, `from = factor weightsᵀ to`. Rows beyond the
+    /// weights are left alone.
+    #[inline(always)]
+    pub fn combine<const TRANSPOSED: bool, R: Real>(
+        &self,
+        to: &mut [R],
+        factor: f64,
+        from: &mut [R],
+        cols: usize,
+    ) {
+        let (out, weights, x) = if TRANSPOSED {
+            (from, &self.transposed, to)
+        } else {
+            (to, &self.weights, from)
+        };
+        combine_rows(
+            out,
+            weights,
+            (x, cols),
+            #[inline(always)]
+            |_, _, sums| {
+                for sum in sums {
+                    *sum = *sum * factor;
+                }
+            },
+        );
+    }
+}
 
 /// A place of some numbers in the memory.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -69,17 +175,15 @@ pub trait Operators<R = f64> {
     /// Error of an operator.
     type Error;
 
-    /// Solves with the matrix of this number in place.
+    /// Solves with the matrix of this number in place, or with the transposed matrix.
     ///
     /// # Errors
     /// Where the matrix is singular, or an iteration does not converge.
-    fn solve(&mut self, matrix: usize, x: &mut [R]) -> Result<(), Self::Error>;
-
-    /// The same with the transposed matrix.
-    ///
-    /// # Errors
-    /// As [`Operators::solve`].
-    fn solve_transposed(&mut self, matrix: usize, x: &mut [R]) -> Result<(), Self::Error>;
+    fn solve<const TRANSPOSED: bool>(
+        &mut self,
+        matrix: usize,
+        x: &mut [R],
+    ) -> Result<(), Self::Error>;
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -206,62 +310,31 @@ impl<R: Real> LinearMap<R> {
         });
     }
 
-    /// Takes the memory through the list.
+    /// Takes the memory through the list, or back through the transposed list.
     ///
     /// # Errors
     /// Errors of the operators.
-    pub fn apply<O: Operators<R>>(&self, memory: &mut [R], by: &mut O) -> Result<(), O::Error> {
-        for LinearOperation {
-            kind,
-            weight,
-            from,
-            to,
-        } in &self.operations
-        {
-            if let Kind::Solve { matrix } = kind {
-                by.solve(*matrix, &mut memory[to.range()])?;
-                continue;
-            }
-            let (x, out) = apart(memory, *from, *to);
-            match *kind {
-                Kind::Scale => add_scaled(out, *weight, x),
-                Kind::Column { first } => add_scaled(out, x[0] * *weight, &self.values[first..]),
-                Kind::Block { pattern, first } => {
-                    self.patterns[pattern].multiply_add(&self.values[first..], *weight, x, out);
-                }
-                Kind::Solve { .. } => {}
-            }
-        }
-        Ok(())
-    }
-
-    /// Takes the memory back through the transposed list.
-    ///
-    /// # Errors
-    /// Errors of the operators.
-    pub fn apply_transposed<O: Operators<R>>(
+    pub fn apply<const TRANSPOSED: bool, O: Operators<R>>(
         &self,
         memory: &mut [R],
         by: &mut O,
     ) -> Result<(), O::Error> {
-        for LinearOperation {
-            kind,
-            weight,
-            from,
-            to,
-        } in self.operations.iter().rev()
-        {
-            if let Kind::Solve { matrix } = kind {
-                by.solve_transposed(*matrix, &mut memory[to.range()])?;
+        for k in in_order::<TRANSPOSED>(self.operations.len()) {
+            let operation = &self.operations[k];
+            let LinearOperation { weight, to, .. } = *operation;
+            if let Kind::Solve { matrix } = operation.kind {
+                by.solve::<TRANSPOSED>(matrix, &mut memory[to.range()])?;
                 continue;
             }
-            let (out, x) = apart(memory, *from, *to);
-            match *kind {
-                Kind::Scale => add_scaled(out, *weight, x),
-                Kind::Column { first } => out[0] += dot(x, &self.values[first..]) * *weight,
+            let (from, to) = apart(memory, operation.from, to);
+            match operation.kind {
+                Kind::Scale => add::<TRANSPOSED, _>(to, weight, from),
+                Kind::Column { first } => {
+                    add_column::<TRANSPOSED, _>(to, weight, &self.values[first..], &mut from[0]);
+                }
                 Kind::Block { pattern, first } => {
-                    let (pattern, values) = (&self.patterns[pattern], &self.values[first..]);
-                    pattern.multiply_add_transposed(values, *weight, x, out);
+                    let block = (&self.patterns[pattern], &self.values[first..]);
+                    add_product::<TRANSPOSED, _>(to, block, weight, from);
                 }
                 Kind::Solve { .. } => {}
             }

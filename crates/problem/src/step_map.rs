@@ -85,7 +85,7 @@ impl StepMap {
             let len = out.len();
             copy(out, &row[..len]);
         }
-        self.map.apply(memory, by)?;
+        self.map.apply::<false, _>(memory, by)?;
         state.t[direction] = memory[to.t.range()][0];
         let rows = [&mut state.y, &mut state.z, &mut state.carried];
         for (segment, rows) in [to.y, to.z, to.carried].into_iter().zip(rows) {
@@ -111,7 +111,7 @@ impl StepMap {
             // a pullback has no cotangents of z where a step does not read z
             copy(&mut memory[segment.range()][..row.len()], row);
         }
-        self.map.apply_transposed(memory, by)?;
+        self.map.apply::<true, _>(memory, by)?;
         of.tau[0] = memory[from.t.range()][0];
         of.stretch += memory[self.stretch.range()][0];
         add_scaled(&mut of.tau[1..], 1.0, &memory[self.params.range()]);

@@ -40,11 +40,22 @@ pub fn combine<R: Real>(
     x: &Matrix<R>,
     finish: impl Fn(usize, usize, &mut [R]) + Copy,
 ) {
+    combine_rows(out, weights, (x.flat(), x.cols()), finish);
+}
+
+/// [`combine`] of rows of `cols` numbers that follow one another in `x`.
+#[inline(always)]
+pub fn combine_rows<R: Real>(
+    out: &mut [R],
+    weights: &Matrix,
+    (x, cols): (&[R], usize),
+    finish: impl Fn(usize, usize, &mut [R]) + Copy,
+) {
     if R::IS_SINGLE {
-        combine_alone(out, weights, x, finish);
+        combine_alone(out, weights, (x, cols), finish);
     } else {
         // a sum of several members is kept in registers as it is
-        combine_members(out, weights, x, finish);
+        combine_members(out, weights, (x, cols), finish);
     }
 }
 
@@ -52,15 +63,15 @@ pub fn combine<R: Real>(
 fn combine_members<R: Real>(
     out: &mut [R],
     weights: &Matrix,
-    x: &Matrix<R>,
+    (x, cols): (&[R], usize),
     finish: impl Fn(usize, usize, &mut [R]),
 ) {
-    let (cols, inner) = (x.cols(), weights.cols());
+    let inner = weights.cols();
     let rows = weights.flat().chunks_exact(inner);
     for (i, (out, weights)) in out.chunks_exact_mut(cols).zip(rows).enumerate() {
         for (k, out) in out.iter_mut().enumerate() {
             let mut sum = R::splat(0.0);
-            for (weight, x) in weights.iter().zip(x.flat().chunks_exact(cols)) {
+            for (weight, x) in weights.iter().zip(x.chunks_exact(cols)) {
                 sum += x[k] * *weight;
             }
             *out = sum;
@@ -73,13 +84,13 @@ fn combine_members<R: Real>(
 fn combine_alone<R: Real>(
     out: &mut [R],
     weights: &Matrix,
-    x: &Matrix<R>,
+    (x, cols): (&[R], usize),
     finish: impl Fn(usize, usize, &mut [R]) + Copy,
 ) {
     short!(
-        x.cols(),
+        cols,
         N => combine_short::<R, N>(out, weights, x, finish),
-        combine_long(out, weights, x, finish)
+        combine_long(out, weights, (x, cols), finish)
     );
 }
 
@@ -88,12 +99,12 @@ fn combine_alone<R: Real>(
 fn combine_short<R: Real, const N: usize>(
     out: &mut [R],
     weights: &Matrix,
-    x: &Matrix<R>,
+    x: &[R],
     finish: impl Fn(usize, usize, &mut [R]) + Copy,
 ) {
     let rows = weights.flat().chunks_exact(weights.cols());
     for ((i, out), weights) in out.chunks_exact_mut(N).enumerate().zip(rows) {
-        combine_blocks::<R, N>((i, 0), out, weights, x, finish);
+        combine_blocks::<R, N>((i, 0), out, weights, (x, N), finish);
     }
 }
 
@@ -101,14 +112,14 @@ fn combine_short<R: Real, const N: usize>(
 fn combine_long<R: Real>(
     out: &mut [R],
     weights: &Matrix,
-    x: &Matrix<R>,
+    (x, cols): (&[R], usize),
     finish: impl Fn(usize, usize, &mut [R]) + Copy,
 ) {
     let rows = weights.flat().chunks_exact(weights.cols());
-    for ((i, out), weights) in out.chunks_exact_mut(x.cols()).enumerate().zip(rows) {
-        let first = combine_blocks::<R, BLOCK>((i, 0), out, weights, x, finish);
-        let first = combine_blocks::<R, 4>((i, first), out, weights, x, finish);
-        combine_blocks::<R, 1>((i, first), out, weights, x, finish);
+    for ((i, out), weights) in out.chunks_exact_mut(cols).enumerate().zip(rows) {
+        let first = combine_blocks::<R, BLOCK>((i, 0), out, weights, (x, cols), finish);
+        let first = combine_blocks::<R, 4>((i, first), out, weights, (x, cols), finish);
+        combine_blocks::<R, 1>((i, first), out, weights, (x, cols), finish);
     }
 }
 
@@ -118,13 +129,13 @@ fn combine_blocks<R: Real, const SIZE: usize>(
     (i, mut first): (usize, usize),
     out: &mut [R],
     weights: &[f64],
-    x: &Matrix<R>,
+    (x, cols): (&[R], usize),
     finish: impl Fn(usize, usize, &mut [R]),
 ) -> usize {
     for out in out[first..].as_chunks_mut::<SIZE>().0 {
         let mut sum = [R::splat(0.0); SIZE];
         for (j, weight) in weights.iter().enumerate() {
-            if let Some(x) = x.row(j)[first..].first_chunk::<SIZE>() {
+            if let Some(x) = x[j * cols + first..].first_chunk::<SIZE>() {
                 for k in 0..SIZE {
                     sum[k] += x[k] * *weight;
                 }

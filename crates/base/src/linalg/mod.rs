@@ -26,8 +26,8 @@ pub(crate) use choice::prefers_sparse;
 pub use dependent::{IndependentRows, dependencies, dependent_rows, independent_rows};
 pub use factor::Factor;
 pub use kernels::{
-    add_compensated, add_scaled, all_finite, as_is, combine, copy, copy_scaled, dot, furthest,
-    max_norm, scale_each, sum_compensated,
+    add_compensated, add_scaled, all_finite, as_is, combine, combine_rows, copy, copy_scaled, dot,
+    furthest, max_norm, scale_each, sum_compensated,
 };
 pub use lu::{Lu, Singular, inverse};
 pub use matrix::Matrix;

@@ -47,18 +47,16 @@ pub(super) struct CollocationSolvers {
 impl Operators for CollocationSolvers {
     type Error = Infallible;
 
-    fn solve(&mut self, matrix: usize, x: &mut [f64]) -> Result<(), Infallible> {
-        match matrix {
-            STEP => self.matrix.solve(x),
-            _ => self.sensitivity.solve(x),
-        }
-        Ok(())
-    }
-
-    fn solve_transposed(&mut self, matrix: usize, x: &mut [f64]) -> Result<(), Infallible> {
-        match matrix {
-            STEP => self.matrix.solve_transposed(x),
-            _ => self.sensitivity.solve_transposed(x),
+    fn solve<const TRANSPOSED: bool>(
+        &mut self,
+        matrix: usize,
+        x: &mut [f64],
+    ) -> Result<(), Infallible> {
+        match (matrix, TRANSPOSED) {
+            (STEP, false) => self.matrix.solve(x),
+            (STEP, true) => self.matrix.solve_transposed(x),
+            (_, false) => self.sensitivity.solve(x),
+            (_, true) => self.sensitivity.solve_transposed(x),
         }
         Ok(())
     }

@@ -5,15 +5,17 @@ use super::super::full_newton::FullMatrix;
 use super::super::lanes::SparkBatch;
 use super::super::stages::Stages;
 use super::SparkTangents;
-use super::backward::Backward;
 use super::equations::{LinearEquations, StepMatrix, is_small};
 use super::linear_step::LinearStep;
+use super::step_changes::StepChanges;
 use liouville_base::error::StepError;
+use liouville_base::linalg::copy;
 use liouville_base::real::Real;
 use liouville_base::recorder::{Recordable, StepRecord};
 use liouville_problem::{
     Cotangents, MemberLanes, Model, SensitivityModel, State, Step, TangentState,
 };
+use std::mem::swap;
 
 impl Recordable for Spark {
     fn write_unknowns(&self, _: &State, out: &mut Vec<f64>) {
@@ -40,7 +42,7 @@ struct Adjoint<R, E> {
     stages: Stages<R>,
     linear: LinearStep<R>,
     matrix: E,
-    backward: Backward<R>,
+    changes: StepChanges<R>,
 }
 
 impl<R: Real, E: StepMatrix<R>> Adjoint<R, E> {
@@ -50,9 +52,8 @@ impl<R: Real, E: StepMatrix<R>> Adjoint<R, E> {
         matrix: E,
     ) -> Self {
         let linear = LinearStep::new((&model, &stages.tableau), sensitivity);
-        let order = linear.places().1;
         Self {
-            backward: Backward::new(&model.problem, &stages.tableau, order),
+            changes: StepChanges::new(&linear, &stages),
             model,
             stages,
             linear,
@@ -75,7 +76,20 @@ impl<R: Real, E: StepMatrix<R>> Adjoint<R, E> {
         let (model, stages) = (&mut self.model, &mut self.stages);
         let (linear, matrix) = (&mut self.linear, &mut self.matrix);
         linear.make((model, stages), (step, &record.end), matrix)?;
-        (self.backward).follow((linear, matrix), (model, stages), step, of)
+        let changes = &mut self.changes;
+        changes.right.fill(R::splat(0.0));
+        (changes.clock.t1, changes.clock.stretch) = (of.tau[0], of.stretch);
+        copy(&mut changes.end.y, &of.y);
+        copy(&mut changes.end.p, &of.carried);
+        copy(&mut changes.right[changes.momentum.clone()], &of.z);
+        swap(&mut changes.clock.tau, &mut of.tau);
+        changes.pass::<true>((linear, matrix), (model, stages), step.h)?;
+        swap(&mut changes.clock.tau, &mut of.tau);
+        (of.tau[0], of.stretch) = (changes.clock.t0, changes.clock.stretch);
+        copy(&mut of.y, &changes.start.y);
+        copy(&mut of.carried, &changes.start.p);
+        of.z.fill(R::splat(0.0));
+        Ok(())
     }
 }
 

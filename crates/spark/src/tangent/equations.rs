@@ -10,7 +10,7 @@ use super::super::full_newton::{FullMatrix, Offsets};
 use super::super::node_schur::LinearSchur;
 use super::super::stages::Stages;
 use super::super::{Solver, Spark};
-use super::operator::Operator;
+use super::stage_changes::{StageChanges, StageSlopes};
 use liouville_base::error::StepError;
 use liouville_base::linalg::{add_scaled, copy, max_norm};
 use liouville_base::newton::Backoff;
@@ -47,11 +47,11 @@ pub(super) trait StepMatrix<R> {
         h: f64,
     ) -> Result<(), StepError>;
 
-    /// Solves in place with the transposed matrix of these derivatives, which was factored.
+    /// Solves in place with the matrix of these derivatives, which was factored, or with the transposed one.
     ///
     /// # Errors
     /// It is singular.
-    fn solve_transposed_at(
+    fn solve_at<const TRANSPOSED: bool>(
         &mut self,
         at: (&Model<R>, &Stages<R>),
         of: &Derivatives<R>,
@@ -70,13 +70,17 @@ impl StepMatrix<MemberLanes> for FullMatrix<MemberLanes> {
         self.factor(of, h).map_err(|_| StepError::SingularNewton)
     }
 
-    fn solve_transposed_at(
+    fn solve_at<const TRANSPOSED: bool>(
         &mut self,
         _: (&Model<MemberLanes>, &Stages<MemberLanes>),
         _: &Derivatives<MemberLanes>,
         x: &mut [MemberLanes],
     ) -> Result<(), StepError> {
-        self.solve_transposed(x);
+        if TRANSPOSED {
+            self.solve_transposed(x);
+        } else {
+            self.solve(x);
+        }
         Ok(())
     }
 }
@@ -103,7 +107,7 @@ pub(super) struct LinearEquations {
 #[derive(Clone, Debug)]
 struct Corrected {
     matrix: LinearSchur,
-    operator: Operator,
+    changes: StageChanges,
     right: Vec<f64>,
     change: Vec<f64>,
     product: Vec<f64>,
@@ -119,7 +123,7 @@ impl LinearEquations {
             let vector = || vec![0.0; order];
             Box::new(Corrected {
                 matrix,
-                operator: Operator::new(problem.n, tableau),
+                changes: StageChanges::new(problem, tableau, &stages.force_weights),
                 right: vector(),
                 change: vector(),
                 product: vector(),
@@ -154,30 +158,6 @@ impl LinearEquations {
         })
     }
 
-    /// Solves in place, with the transposed matrix where `TRANSPOSED`.
-    pub(super) fn solve<const TRANSPOSED: bool>(
-        &mut self,
-        at: (&Model, &Stages),
-        of: &Derivatives,
-        x: &mut [f64],
-    ) -> Result<(), StepError> {
-        if !self.is_full && self.correct::<TRANSPOSED>(of, x) {
-            return Ok(());
-        }
-        if !self.is_full {
-            self.backoff.fail();
-            self.factor_full(at, of)?;
-        }
-        if let Some(full) = &mut self.full {
-            if TRANSPOSED {
-                full.solve_transposed(x);
-            } else {
-                full.solve(x);
-            }
-        }
-        Ok(())
-    }
-
     /// Corrects from zero until corrections are roundoff; says whether they got there. Otherwise `x` is left as it was.
     ///
     /// The two matrices differ in the columns of Z and V only, so only corrections of these decide on convergence.
@@ -187,13 +167,17 @@ impl LinearEquations {
         };
         let Corrected {
             matrix,
-            operator,
+            changes,
             right,
             change,
             product,
         } = &mut **schur;
-        let of = (&*self.problem, of, self.h);
-        let stages = of.1.p_z.rows() * self.problem.n;
+        let slopes = StageSlopes {
+            problem: &self.problem,
+            of,
+            h: self.h,
+        };
+        let stages = of.p_z.rows() * self.problem.n;
         let sizes = |x: &[f64]| {
             let has_velocity = self.problem.patterns.v_z.is_some();
             let v = if has_velocity { x.len() - stages } else { 0 };
@@ -228,11 +212,7 @@ impl LinearEquations {
                 break;
             }
             last = size;
-            if TRANSPOSED {
-                operator.apply_transposed(of, x, product);
-            } else {
-                operator.apply(of, x, product);
-            }
+            changes.multiply::<TRANSPOSED>(slopes, x, product);
             for ((change, right), product) in change.iter_mut().zip(&*right).zip(&*product) {
                 *change = right - product;
             }
@@ -261,13 +241,27 @@ impl StepMatrix<f64> for LinearEquations {
         }
     }
 
-    fn solve_transposed_at(
+    fn solve_at<const TRANSPOSED: bool>(
         &mut self,
         at: (&Model, &Stages),
         of: &Derivatives,
         x: &mut [f64],
     ) -> Result<(), StepError> {
-        self.solve::<true>(at, of, x)
+        if !self.is_full && self.correct::<TRANSPOSED>(of, x) {
+            return Ok(());
+        }
+        if !self.is_full {
+            self.backoff.fail();
+            self.factor_full(at, of)?;
+        }
+        if let Some(full) = &mut self.full {
+            if TRANSPOSED {
+                full.solve_transposed(x);
+            } else {
+                full.solve(x);
+            }
+        }
+        Ok(())
     }
 }
 

@@ -1,12 +1,14 @@
 //! The equations of one step, linearised at their solution: the matrix of full Newton with all derivatives in it,
 //! those by τ = (t, θ), and those at the end of the step.
+#![allow(clippy::inline_always)] // other functions are compiled without the caller's instruction set
 
 use super::super::derivatives::{Derivatives, NonholonomicDerivatives, take};
 use super::super::full_newton::Offsets;
 use super::super::stages::Stages;
 use super::equations::StepMatrix;
+use super::stage_changes::StageSlopes;
 use liouville_base::error::{Quantity, StepError};
-use liouville_base::linalg::{Matrix, Pattern, copy};
+use liouville_base::linalg::{Matrix, Pattern, as_is, combine, copy};
 use liouville_base::real::Real;
 use liouville_base::simd::dispatch_simd;
 use liouville_base::tableau::{self, moments};
@@ -30,6 +32,8 @@ pub(super) struct LinearStep<R = f64> {
     /// Derivatives by time and parameters at the nodes.
     pub(super) g_tau: Matrix<R>,
     pub(super) r_tau: Matrix<R>,
+    /// Y_i − y0, and Ŷ_j − y0 below; the differences themselves are roundoff in a very short step.
+    pub(super) moved: Matrix<R>,
     moments: Matrix,
     /// Of nonholonomic constraints and their reactions, at the stages.
     pub(super) k_tau: Matrix<R>,
@@ -80,6 +84,7 @@ impl<R: Real> LinearStep<R> {
         let [k_tau, rn_tau] =
             (at.nonholonomic.as_ref()).map_or([0, 0], |own| [own[0].len(), own[1].len()]);
         Self {
+            moved: Matrix::zeros(s + nodes, problem.n),
             moments: moments(&tableau.b, &tableau.c),
             k_tau: Matrix::zeros(s, k_tau),
             rn_tau: Matrix::zeros(s, rn_tau),
@@ -125,8 +130,27 @@ impl<R: Real> LinearStep<R> {
         if self.problem.l() > 0 {
             self.evaluate_nonholonomic(stages, step, end)?;
         }
+        dispatch_simd::<R, _>(
+            #[inline(always)]
+            || self.move_points(stages),
+        );
         self.is_ready = true;
         Ok(())
+    }
+
+    #[inline(always)]
+    fn move_points(
+        &mut self,
+        Stages {
+            y,
+            tableau,
+            displacements,
+            ..
+        }: &Stages<R>,
+    ) {
+        let (points, nodes) = self.moved.flat_mut().split_at_mut(y.flat().len());
+        combine(points, &tableau.mu_v, displacements, as_is);
+        combine(nodes, &tableau.mu_bar, displacements, as_is);
     }
 
     fn evaluate_stages(&mut self, stages: &Stages<R>, step: Step<R>) -> Result<(), StepError> {
@@ -200,6 +224,15 @@ impl<R: Real> LinearStep<R> {
             finite(values, Quantity::Derivative, t)?;
         }
         Ok(())
+    }
+
+    /// Derivatives of the stage equations of a step of this size.
+    pub(super) fn slopes(&self, h: f64) -> StageSlopes<'_, R> {
+        StageSlopes {
+            problem: &self.problem,
+            of: &self.derivatives,
+            h,
+        }
     }
 
     /// The places of equations and unknowns, and how many there are.

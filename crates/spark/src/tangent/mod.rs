@@ -1,12 +1,12 @@
 //! Steps with their tangents: derivatives of a step's end by its start, by parameters and by time.
 
 mod adjoint;
-mod backward;
 mod equations;
 mod errors;
 mod forward;
 mod linear_step;
-mod operator;
+mod stage_changes;
+mod step_changes;
 
 use super::Spark;
 use super::stages::Stages;
@@ -85,10 +85,9 @@ impl SparkTangents {
             .as_ref()
             .map_or(directions.count(), TangentErrors::count);
         let equations = LinearEquations::new((&spark, &stages), count);
-        let order = linear.places().1;
         let stepper = Self {
             errors: errors.into_iter().collect(),
-            forward: Forward::new(&spark.model.problem, &spark.tableau, order),
+            forward: Forward::new(&linear, &stages),
             stages,
             before: state.clone(),
             spark,

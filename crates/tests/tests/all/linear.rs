@@ -13,16 +13,18 @@ struct Sums;
 impl Operators for Sums {
     type Error = Infallible;
 
-    fn solve(&mut self, matrix: usize, x: &mut [f64]) -> Result<(), Infallible> {
+    fn solve<const TRANSPOSED: bool>(
+        &mut self,
+        matrix: usize,
+        x: &mut [f64],
+    ) -> Result<(), Infallible> {
         for i in 1..x.len() {
-            x[i] += x[i - 1] * sign(matrix);
-        }
-        Ok(())
-    }
-
-    fn solve_transposed(&mut self, matrix: usize, x: &mut [f64]) -> Result<(), Infallible> {
-        for i in (1..x.len()).rev() {
-            x[i - 1] += x[i] * sign(matrix);
+            if TRANSPOSED {
+                let i = x.len() - i;
+                x[i - 1] += x[i] * sign(matrix);
+            } else {
+                x[i] += x[i - 1] * sign(matrix);
+            }
         }
         Ok(())
     }
@@ -59,8 +61,8 @@ proptest! {
         let (mut forwards, mut back) = (segments.memory::<f64>(), segments.memory::<f64>());
         forwards[..4].copy_from_slice(&rest[..4]);
         back[end.range()].copy_from_slice(&rest[4..7]);
-        let Ok(()) = list.apply(&mut forwards, &mut Sums);
-        let Ok(()) = list.apply_transposed(&mut back, &mut Sums);
+        let Ok(()) = list.apply::<false, _>(&mut forwards, &mut Sums);
+        let Ok(()) = list.apply::<true, _>(&mut back, &mut Sums);
         let pairing = |x: &[f64], y: &[f64]| x.iter().zip(y).map(|(x, y)| x * y).sum::<f64>();
         let [ends, starts] =
             [pairing(&forwards[end.range()], &rest[4..7]), pairing(&rest[..4], &back[..4])];
