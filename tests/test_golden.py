@@ -41,6 +41,6 @@ def test_a_gradient_off_by_more_than_roundoff_is_seen():
     case = Case("pendulum", lv.Spark(2), "gradient")
     _, states = STATES["cases"][str(case)]
     for part, holds in ((1e-12, False), (1e-15, True)):
-        moved = (float.fromhex(states["by v"]) * (1 + part)).hex()
-        entry = ["another hash", {**states, "by v": moved}]
+        moved = (float.fromhex(states["by q"]) * (1 + part)).hex()
+        entry = ["another hash", {**states, "by q": moved}]
         assert golden.verdict(case, {**STATES, "cases": {str(case): entry}})[0] == holds
