@@ -159,6 +159,17 @@ def lagrangians():
         model(nothing, None, [0, 0], kinetic=lambda q, v: (1 + q[0] ** 2) * v[0] ** 2 + half(v)),
     )
 
+    for begins in (0.0, 0.6):
+        yield (
+            f"held at 0 against a load that grows from t = {begins:g}",
+            model(
+                nothing,
+                lambda t, q: [q[0]],
+                [0, 0],
+                force=lambda t, q, v, p, t0=begins: ca.vertcat(p.g * ca.fmax(t - t0, 0), 0),
+            ),
+        )
+
     for k in (1e2, 1e3, 1e5):
         hanging = [0, -0.3 - G / k]
         yield (
@@ -369,11 +380,11 @@ def others():
         ),
     )
 
-    def blade(force):
+    def blade(force, load=lambda t: 1):
         return lv.Lagrangian(
             lambda t, q, v, P: half(v),
             nonholonomic=lambda t, q, v, P: ca.sin(q[2]) * v[0] - ca.cos(q[2]) * v[1],
-            force=lambda t, q, v, P: ca.vertcat(*force(P.g)),
+            force=lambda t, q, v, P: ca.vertcat(*(f * load(t) for f in force(P.g))),
             q=3,
             params=params,
         )
@@ -384,6 +395,10 @@ def others():
     yield (
         "blade pressed sideways",
         Model(blade(lambda g: [0, g, 0]), still, lambda g: [0] * 3, **no_alpha),
+    )
+    yield (
+        "blade pressed sideways by a load that grows from 0",
+        Model(blade(lambda g: [0, g, 0], lambda t: t), still, lambda g: [0] * 3, **no_alpha),
     )
     yield (
         "blade slides",

@@ -227,7 +227,7 @@ impl Alpha {
     fn start_cold(&mut self, step: AlphaStep) -> Result<(), StepError> {
         let AlphaState { y, z, phi, .. } = step.state;
         self.acceleration
-            .begin(&mut self.model.general, step.t, y, z)?;
+            .begin(&mut self.model.general, (step.t, step.h), y, z)?;
         let at = &mut self.solver;
         copy(&mut at.phi, phi);
         for reaction in &mut at.reactions {

@@ -29,6 +29,8 @@ pub struct Acceleration<R = f64> {
     force: Vec<R>,
     drift: Vec<R>,
     correction: Vec<R>,
+    /// z' and λ of the start, while those of another time are looked at.
+    kept: [Vec<R>; 2],
     least_norm: Option<Box<LeastNorm>>,
 }
 
@@ -51,6 +53,7 @@ impl<R: Real> Acceleration<R> {
             force: vec![R::splat(0.0); n],
             drift: vec![R::splat(0.0); m],
             correction: vec![R::splat(0.0); m],
+            kept: [n, m].map(|len| vec![R::splat(0.0); len]),
             least_norm: LeastNorm::new(&model.problem).map(Box::new),
         }
     }
@@ -60,11 +63,13 @@ impl<R: Real> Acceleration<R> {
         self.lam.fill(R::splat(0.0));
     }
 
-    /// [`Acceleration::solve`] for the start of an integration, and b, the largest acceleration that is borne:
+    /// [`Acceleration::solve`] for the start of an integration by a step of h, and b, the largest acceleration that is
+    /// borne:
     ///
     ///     b = max_k min(|a_f,k|, |a_r,k|),   M a_f = f − p_y v − p_t,   a_r = z' − a_f
     ///
-    /// Roundoff of f + r moves velocities by ε h b.
+    /// Roundoff of f + r moves velocities by ε h b. Where nothing is borne at t, b is that at t + h: a force may grow from
+    /// zero.
     ///
     /// # Errors
     /// As [`Acceleration::solve`].
@@ -72,7 +77,7 @@ impl<R: Real> Acceleration<R> {
     pub fn begin(
         &mut self,
         model: &mut Model<R>,
-        t: f64,
+        (t, h): (f64, f64),
         y: &[R],
         z: &[R],
     ) -> Result<(), StepError> {
@@ -81,13 +86,31 @@ impl<R: Real> Acceleration<R> {
         if self.lam.is_empty() {
             return Ok(());
         }
+        self.borne = self.balanced();
+        if self.borne.all(|borne| borne > 0.0) {
+            return Ok(());
+        }
+        self.kept[0].copy_from_slice(&self.z_dot);
+        self.kept[1].copy_from_slice(&self.lam);
+        if self.solve(model, t + h, y, z).is_ok() {
+            let first = |borne, later| if borne > 0.0 { borne } else { later };
+            self.borne = self.borne.zip(self.balanced(), first);
+        }
+        self.z_dot.copy_from_slice(&self.kept[0]);
+        self.lam.copy_from_slice(&self.kept[1]);
+        Ok(())
+    }
+
+    /// The largest acceleration that forces and reactions take from one another, as last solved for.
+    fn balanced(&mut self) -> R {
         self.saddle.mass.solve(&mut self.force);
+        let mut found = R::splat(0.0);
         for (of_force, sum) in self.force.iter().zip(&self.z_dot) {
             let of_reaction = *sum - *of_force;
             let both = of_force.zip(of_reaction, |f, r| f.abs().min(r.abs()));
-            self.borne = self.borne.zip(both, f64::max);
+            found = found.zip(both, f64::max);
         }
-        Ok(())
+        found
     }
 
     /// Solves for `z_dot` and `lam` at (t, y, z).

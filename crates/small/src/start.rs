@@ -56,7 +56,7 @@ impl<L: Layout, const N: usize, const M: usize> Fixed<L, N, M> {
         step: Step<L>,
     ) -> Option<()> {
         let State { y, z, .. } = step.state;
-        solver.begin(model, step.t, y, z).ok()?;
+        solver.begin(model, (step.t, step.h), y, z).ok()?;
         for (q, (z, rate)) in z.iter().zip(&solver.z_dot).enumerate() {
             for row in 0..L::rows(self.tables.stages) {
                 let moved = rate.every() * (L::factor(&self.tables.c, row) * step.h);

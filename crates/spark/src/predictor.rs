@@ -118,7 +118,7 @@ impl<R: Real> Predictor<R> {
     ) -> Result<(), StepError> {
         let Step { t, h, state } = step;
         let lag = if is_uniform { 0.0 } else { h };
-        self.acceleration.begin(model, t, &state.y, &state.z)?;
+        self.acceleration.begin(model, (t, h), &state.y, &state.z)?;
         let z_dot = &self.acceleration.z_dot;
         let [_, _, v] = model.end(t, &state.y, &state.z);
         if !self.velocity_is_z {
