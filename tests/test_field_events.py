@@ -145,7 +145,6 @@ def test_a_gridded_field_has_events_and_sections_by_surfaces():
     (level(0.0, reset=lambda t, x, params: -x), {}, "has a reset, and the volume"),
     (lambda t, x, params: params.A, {}, "'e' is the same for all states"),
     (lambda t, x: x[0], {}, "takes \\(t, x\\)"),
-    (level(0.0), {"tangents": {"x": X}}, "without events="),
 ])  # fmt: skip
 def test_wrong_events_are_refused(event, more, sentence):
     with pytest.raises((TypeError, ValueError), match=sentence):

@@ -237,10 +237,11 @@ def test_deviations_of_any_size_give_the_same_fit(sigma):
     wanted = lv.fit(SYSTEM, METHOD, noisy(0), sigma=1.0, **call)
     found = lv.fit(SYSTEM, METHOD, noisy(0), sigma=sigma, **call)
     for name in ("l", "g"):
-        assert found.params[name] == pytest.approx(wanted.params[name], rel=1e-12)
+        assert found.params[name] == pytest.approx(wanted.params[name], rel=1e-10)
         size = sigma * wanted.errors[f"params.{name}"]
         assert found.errors[f"params.{name}"] == pytest.approx(size, rel=1e-9)
-    np.testing.assert_allclose(found.residuals * sigma, wanted.residuals, rtol=1e-9, atol=1e-14)
+    # a fit that is poor in these units is made once more, and ends an iteration elsewhere
+    np.testing.assert_allclose(found.residuals * sigma, wanted.residuals, rtol=1e-9, atol=1e-10)
 
 
 GIVEN = {"h": 0.05, "params": ("l",)}

@@ -118,7 +118,7 @@ def test_samples_stand_for_their_spline():
          r"leaves the samples of drive\[0\], which are from 0 to \d.*\nhint: .* zeros after"),
         (lambda: lv.analysis.ground_state(lv.Schrodinger([SZ, [SX, TIMES]], times=TIMES), t=99.0),
          ValueError, r"t = 99 leaves the samples of drive\[0\]"),
-        (lambda: lv.Schrodinger([SZ, [np.cos, SX]]), TypeError, r"of pairs \[H1, f\], and has"),
+        (lambda: lv.Schrodinger([SZ, [np.cos, SX]]), TypeError, r"and pairs \[H1, f\], not"),
         (lambda: lv.Schrodinger([SZ, [SX, "sin(t)"]]), TypeError, r"drive\[0\] is the text"),
         (lambda: lv.Schrodinger(QuSpin(SX, {"f": SZ})), TypeError, "1 parts that depend on time"),
         (lambda: lv.Schrodinger(Qobj(np.eye(4), "super")), TypeError,

@@ -203,13 +203,13 @@ def test_friction_keeps_the_order_and_the_constraints():
 AXES = [("turn", (0, 1, 0), (0, 0, 0)), ("slide", (1, 0, 0))]
 BOTH = (Coulomb(mu=0.1, v_s=0.1, radius=1),) * 2
 BAD = {
-    "friction= of joint 'J0' is 0.2\nhint: write lv.bodies.Coulomb": lambda: rods(1, 0.2),
+    "friction= of joint 'J0' must be a Coulomb or Stribeck, not 0.2": lambda: rods(1, 0.2),
     "joint 'J0': the joint wants the radius": lambda: rods(1, Coulomb(mu=0.1, v_s=0.1)),
     "slides, and has no radius": lambda: block(
         "prismatic", (1, 1, 1), Coulomb(mu=0.1, v_s=0.1, radius=1), axis=SLOPE
     ),
     "mu= of friction must be zero or positive, not -1": lambda: Coulomb(mu=-1, v_s=0.1),
-    "one value for each of its coordinates: turn 1, slide 2": lambda: block(
+    "a friction or None for each of turn 1, slide 2": lambda: block(
         "compound", (1, 1, 1), BOTH[0], axes=AXES
     ),
     "friction= of 'slide 2' of joint 'J': the joint slides, and has no radius": lambda: block(

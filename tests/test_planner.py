@@ -346,7 +346,11 @@ def test_a_run_is_planned_as_long_as_it_is():
         assert back.h == -plan.h
         run = lv.integrate(field, V(), t=(0, 1), h=h, x=[0.4, 0.5])
         assert (lv.integrate(field, plan, t=(0, 1), h=h, x=[0.4, 0.5]).x == run.x).all()
-    wrong = (((0, 0), "no interval"), ((0, 1, 2), "pair"), ("now", "t must be a number"))
+    wrong = (
+        ((0, 0), "must end at another time"),
+        ((0, 1, 2), "pair"),
+        ("now", "t must be a number"),
+    )
     for t, sentence in wrong:
         with pytest.raises((TypeError, ValueError), match=sentence):
             lv.plan(field, h=0.1, t=t, x=[0.4, 0.5])

@@ -131,13 +131,12 @@ impl RealGrid {
         let FourierScratch {
             spectrum, tiles, ..
         } = memory;
-        let is_whole = match &self.outer {
-            Some(outer) => outer.look(spectrum, tiles, add, &mut go_on),
-            None => {
-                let each = spectrum.iter().enumerate();
-                each.for_each(|(place, value)| add(0, place, *value));
-                true
-            }
+        let is_whole = if let Some(outer) = &self.outer {
+            outer.look(spectrum, tiles, add, &mut go_on)
+        } else {
+            let each = spectrum.iter().enumerate();
+            each.for_each(|(place, value)| add(0, place, *value));
+            true
         };
         is_whole.then_some(sum + block)
     }

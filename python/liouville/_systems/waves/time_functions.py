@@ -163,7 +163,7 @@ def read(
         functions.append(TimeFunction(f"drive[{k}]", function, params))
         matrices.append(Entries.read(name, matrix))
         if matrices[-1].n != size:
-            raise ValueError(f"{name} has order {matrices[-1].n}, H has {size}")
+            raise ValueError(f"{name} must have order {size} as H has, not {matrices[-1].n}")
     return functions, matrices
 
 
