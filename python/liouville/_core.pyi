@@ -301,8 +301,8 @@ class FieldPullback:
         self,
         saved: NDArray[np.float64],
         last: int,
-        kept: tuple[NDArray[np.int64], NDArray[np.float64]],
-        held: tuple[NDArray[np.float64], NDArray[np.float64]],
+        at_ends: tuple[NDArray[np.int64], NDArray[np.float64]],
+        at_times: tuple[NDArray[np.float64], NDArray[np.float64]],
     ) -> _Error | None: ...
     def end(self, row: NDArray[np.float64]) -> NDArray[np.float64]: ...
 
