@@ -103,7 +103,7 @@ def cases():
 
 
 def truth_of(system, times, start, call):
-    """Return what is measured, without noise, by name."""
+    """Return the measurements without noise, by name."""
     watched = {name: call[name] for name in ("events", "observe") if name in call}
     run = lv.integrate(
         system, lv.Spark(4), t=(0.0, times[-1]), h=0.01, t_eval=times, **watched, **start

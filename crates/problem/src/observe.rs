@@ -41,7 +41,7 @@ impl Carried for State {
 }
 
 /// Records y, z, λ and ν, and z' and a of methods that carry a (where states are wanted); then the work of
-/// such methods; then the outputs of a tape (t, y, z) → quantities; then angles that it continues.
+/// such methods; then the outputs of a tape (t, y, z) → quantities; then the angles that the observer continues.
 #[derive(Clone, Debug)]
 pub struct Observer<M: Dynamics = Model> {
     model: M,

@@ -114,7 +114,7 @@ impl Starter {
         self.launch_watched(Box::new(stepper), Box::new(observer), state, detector)
     }
 
-    /// What looks at given times and events between the steps of these members.
+    /// The detector of given times and events of these members.
     fn detector<S: Stored>(
         &self,
         stepper: &Composed<Volume<S>>,

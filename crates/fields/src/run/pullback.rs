@@ -74,7 +74,7 @@ pub struct Pullback {
     variables: UserVariables,
     n: usize,
     /// Cotangents of the variables that are stepped, of all coefficients and of the step size, then intermediate results;
-    /// those of a part of a step, and of the time of the start.
+    /// then the same cotangents of a part of a step, and the cotangent of the time of the start.
     y: Vec<f64>,
     part: Vec<f64>,
     start: f64,

@@ -148,7 +148,7 @@ pub struct Tangents {
     pub alpha: Option<AlphaSlopes>,
 }
 
-/// What is recorded of a state.
+/// The quantities that a record has of a state.
 #[derive(Clone, Debug)]
 pub struct Recorded {
     /// A tape (t, y, z, params) → quantities.
@@ -182,7 +182,7 @@ pub struct Job {
     pub detection: Option<Detection>,
     /// Tangents, if they are wanted.
     pub tangents: Option<Tangents>,
-    /// What is recorded.
+    /// The quantities of a record.
     pub recorded: Recorded,
     /// The watch of each step.
     pub watched: Watched,

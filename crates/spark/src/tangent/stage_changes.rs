@@ -65,7 +65,7 @@ impl<R: Real> StageChanges<R> {
         }
     }
 
-    /// What is added to becomes zero; forwards the points are set.
+    /// Sets the numbers to zero that are added to: the impulses, and transposed the points too.
     #[inline(always)]
     pub(super) fn clear<const TRANSPOSED: bool>(&mut self) {
         self.impulses.clear();

@@ -23,7 +23,7 @@ from liouville._runs.contacts.run import Course
 from liouville._runs.contacts.single import course
 from liouville._runs.contacts.tangent import Differences
 from liouville._runs.execute import finished
-from liouville._runs.tangents import ENDS, PARAMS, check_wrt, shapes_of
+from liouville._runs.tangents import ENDS, PARAMS, check_wrt, gradients_of, shapes_of
 from liouville._solution.solution import Solution
 
 if TYPE_CHECKING:
@@ -104,22 +104,14 @@ class ContactsAdjoint(Adjoint):
                 moved = self._behind(link, of_z)
                 of_t, of_y, of_z = of_t + moved[0][0], of_y + moved[1], moved[2]
                 of_params += moved[3]
-        return self._named(of_y, of_z, of_params)
+        start = of_y, of_z, np.append(of_t, of_params)
+        return gradients_of(self._system, own.steps, start, 0.0, self.wrt)
 
     def _behind(self, link: Link, of_z: Array) -> list[Array]:
         """Return cotangents of (t, y, z, params) before the impacts at the start of a stretch."""
         now, (t, y, z) = self._course.now, link.before
         now.t, now.impacts = t, link.impacts
         return np.split(Differences(now, y, z).pulled(of_z), np.cumsum([1, len(y), len(z)]))
-
-    def _named(self, of_y: Array, of_z: Array, of_params: Array) -> Gradients:
-        found: Gradients = dict(zip(self._system.states, (of_y, of_z), strict=True))
-        place = 0
-        for name, value in self._system.params.items():
-            own = of_params[place : place + np.size(value)].reshape(np.shape(value))
-            place += np.size(value)
-            found[PARAMS + name] = own if own.ndim else float(own)
-        return {name: found[name] for name in self.wrt}
 
     def _parts(self) -> list[tuple[Part, Array]]:
         """Return the runs that records are of, and which of their records were kept."""

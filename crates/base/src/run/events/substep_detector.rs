@@ -24,7 +24,7 @@ pub struct SubstepDetector<State: Checkpoint> {
     observer: Box<dyn Observe<State>>,
     times: Option<Vec<f64>>,
     next: usize,
-    /// What is kept of hits beside what functions see, and the state that makes room for it.
+    /// An observer of hits, whose row is kept beside that of the run, and the state that it observes.
     beside: Option<(Box<dyn Observe<State>>, State)>,
     interpolant: Interpolant<State>,
     functions: Vec<WatchedFunction>,
