@@ -1,6 +1,5 @@
 import base64
 import importlib.metadata
-import importlib.util
 import json
 import logging
 import re
@@ -51,13 +50,10 @@ napoleon_use_ivar = True
 bibtex_bibfiles = ["references.bib"]
 bibtex_reference_style = "label"
 
-# an example of a package that is not there is shown, but not run
-without = "" if importlib.util.find_spec("numpyro") else "(?<!posterior)"
-
 sphinx_gallery_conf = {
     "examples_dirs": "../examples",
     "gallery_dirs": "gallery",
-    "filename_pattern": rf"{without}\.py$",
+    "filename_pattern": r"\.py$",
     "ignore_pattern": r"demo\.py$",  # the demo is a program: it prints a table and saves a figure
     "within_subsection_order": "FileNameSortKey",
     "abort_on_example_error": True,
