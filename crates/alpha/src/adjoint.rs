@@ -4,16 +4,16 @@
 //!
 //!     E_uᵀ v = e_uᵀ (ȳ1, z̄1, ā1) + (φ̄1, 0, ..),     x̄ = e_xᵀ (ȳ1, z̄1, ā1) − E_xᵀ v.
 
+use super::linear_step::{StepMatrix, append_unknowns, carried, resize};
 use super::slopes::AlphaSlopes;
 use super::state::AlphaState;
-use super::tangent::{AlphaTangents, append_unknowns, carried, of_sizes, ratio};
+use super::tangent::AlphaTangents;
 use super::{Alpha, Reactions, begins_again};
 use liouville_base::error::{Quantity, StepError};
-use liouville_base::linalg::{Pattern, add_scaled, copy};
-use liouville_base::newton::{BlockHandle, BlockLayout, BlockMatrix};
+use liouville_base::linalg::{add_scaled, copy};
 use liouville_base::recorder::{Recordable, StepRecord};
 use liouville_base::tape::{Registers, Tape};
-use liouville_problem::{Cotangents, PointAdjoint, TangentState, finite};
+use liouville_problem::{Cotangents, Mass, PointAdjoint, TangentState, finite};
 
 /// Tapes of the transposed derivatives of a step; their last input is the parameters.
 #[derive(Clone, Debug)]
@@ -61,12 +61,10 @@ impl Recordable for AlphaTangents {
 /// Follows recorded steps of a method of the α family back.
 #[derive(Clone, Debug)]
 pub struct AlphaAdjoint {
-    slopes: AlphaSlopes,
     transposed: AlphaTransposed,
-    registers: [Registers<f64>; 4],
+    registers: [Registers<f64>; 3],
     reactions: Reactions,
-    matrix: BlockMatrix,
-    block: BlockHandle,
+    matrix: StepMatrix,
     right: Vec<f64>,
     ends: Vec<f64>,
 }
@@ -79,21 +77,13 @@ impl AlphaAdjoint {
         params: &[f64],
         n: usize,
     ) -> Self {
-        let (block, matrix) = of_pattern(&slopes.pattern);
-        let tapes = [
-            &slopes.matrix,
-            &transposed.unknowns,
-            &transposed.step,
-            &transposed.start,
-        ];
+        let tapes = [&transposed.unknowns, &transposed.step, &transposed.start];
         Self {
             registers: tapes.map(|tape| tape.bind(params)),
             reactions,
-            matrix,
-            block,
+            matrix: StepMatrix::new(&slopes, params),
             right: vec![0.0; slopes.pattern.shape().0],
             ends: vec![0.0; 3 * n],
-            slopes,
             transposed,
         }
     }
@@ -114,21 +104,13 @@ impl AlphaAdjoint {
         of: &mut Cotangents,
     ) -> Result<(), StepError> {
         let (t, h, n) = (record.t, record.h, of.y.len());
-        let AlphaState {
-            y, z, a: own, phi, ..
-        } = &record.before;
+        let AlphaState { y, z, phi, .. } = &record.before;
         let (a, unknowns) = record.unknowns.split_at(n);
         let begins = begins_again(&record.before, h);
         let phi = if begins { a } else { phi };
         let at: [&[f64]; 7] = [&[t], &[h], y, z, a, phi, unknowns];
-        let [of_matrix, of_unknowns, of_step, _] = &mut self.registers;
-        let values = self.slopes.matrix.eval(of_matrix, at);
-        finite(values, Quantity::Derivative, t)?;
-        self.matrix.clear();
-        self.matrix.add(self.block, values, 1.0);
-        self.matrix
-            .factor()
-            .map_err(|_| StepError::SingularNewton)?;
+        self.matrix.factor(at)?;
+        let [of_unknowns, of_step, _] = &mut self.registers;
         let (by_a, rest) = of.carried.split_at_mut(n);
         let (by_phi, by_size) = rest.split_at_mut(n);
         let (ends_y, ends) = self.ends.split_at_mut(n);
@@ -143,12 +125,12 @@ impl AlphaAdjoint {
             self.transposed.unknowns.eval(of_unknowns, args),
         );
         add_scaled(&mut self.right[..n], 1.0, by_phi);
-        self.matrix.solve_transposed(&mut self.right);
+        self.matrix.solve::<true>(&mut self.right);
         let args = [t0, h0, y0, z0, a0, phi0, u0, &self.right, &self.ends];
         let found = self.transposed.step.eval(of_step, args);
         finite(found, Quantity::Derivative, t)?;
         // dt1 = dt0 + h stretch, and the size is carried on
-        of.stretch += h * (of.tau[0] + found[1]) + by_size[0];
+        of.stretch += h * (of.tau[0] + found[1]) + std::mem::take(&mut by_size[0]);
         of.tau[0] += found[0];
         let mut parts = found[2..].chunks_exact(n);
         let mut next = |out: &mut [f64]| parts.next().map_or((), |x| copy(out, x));
@@ -164,17 +146,7 @@ impl AlphaAdjoint {
             };
             return self.leave((t, &start, false), point, of);
         }
-        // a0 is φ0 + r (a0 − φ0) of the state before
-        let moved = own.iter().zip(phi).zip(&*by_a);
-        let moved: f64 = moved.map(|((a, phi), back)| (a - phi) * back).sum();
-        let by_ratio = of_sizes(&record.before, h) * moved;
-        of.stretch += by_ratio;
-        by_size[0] = -by_ratio;
-        let r = ratio(&record.before, h);
-        add_scaled(by_phi, 1.0 - r, by_a);
-        for a in by_a {
-            *a *= r;
-        }
+        resize::<true>((&record.before, h), &mut of.carried, &mut of.stretch);
         Ok(())
     }
 
@@ -212,12 +184,10 @@ impl AlphaAdjoint {
             return point.observe_rate((t, state), phi, of);
         }
         let AlphaState { y, z, phi: at, .. } = state;
-        let problem = point.model.problem.clone();
-        let (block, mut mass) = of_pattern(&problem.patterns.p_z);
-        mass.add(block, point.model.stage_blocks(t, y, z)[0], 1.0);
-        mass.factor().map_err(|_| StepError::SingularNewton)?;
+        let mut mass = Mass::new(&point.model);
+        mass.update(&mut point.model, t, y, z)?;
         mass.solve_transposed(phi);
-        let registers = &mut self.registers[3];
+        let registers = &mut self.registers[2];
         let args = [&[t], &y[..], z, at, &*phi];
         let found = self.transposed.start.eval(registers, args);
         finite(found, Quantity::Derivative, t)?;
@@ -228,12 +198,4 @@ impl AlphaAdjoint {
         add_scaled(&mut of.tau[1..], 1.0, &found[1 + 2 * n..]);
         Ok(())
     }
-}
-
-/// A matrix of one block.
-pub(super) fn of_pattern(pattern: &Pattern) -> (BlockHandle, BlockMatrix) {
-    let mut layout = BlockLayout::default();
-    let block = layout.place(pattern, 0, 0);
-    let matrix = layout.build(pattern.shape().0, 0);
-    (block, matrix)
 }

@@ -21,6 +21,7 @@ mod adjoint;
 mod attempt;
 mod coupling;
 mod estimate;
+mod linear_step;
 mod newton_matrix;
 mod probe;
 mod project;

@@ -1,4 +1,4 @@
-//! Tangents where a motion of the α family begins.
+//! Tangents where a motion of the α family begins: M dφ0 = (F − M φ0)_x dx, and da0 = dφ0.
 
 use super::slopes::AlphaSlopes;
 use super::state::AlphaState;

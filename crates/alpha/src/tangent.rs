@@ -1,28 +1,15 @@
 //! Steps of the α family with their tangents.
-//!
-//! With x = (t0, h, y0, z0, a0, φ0, θ), u the unknowns (φ1, A0, A1, Λ0, Λ1) of a step, E(x, u) = 0 its equations and
-//! e(x, u) = (y1, z1, a1) its end,
-//!
-//!     E_u du = −E_x dx,   de = e_x dx + e_u du,
-//!
-//! at the solution that the step has found. Where the size of the steps changes, a0 is φ0 + r (a0 − φ0) of the step
-//! before, with r = h/h₀ the ratio of the sizes and dr = r (dh/h − dh₀/h₀): the last of these is carried along. Where a
-//! motion begins M dφ0 = (F − M φ0)_x dx, and da0 = dφ0.
 
-use super::adjoint::of_pattern;
+use super::linear_step::{LinearAlpha, carried};
 use super::slopes::AlphaSlopes;
 use super::start_tangents::AlphaStartTangents;
 use super::state::AlphaState;
 use super::tangent_errors::TangentErrors;
 use super::{Alpha, begins_again};
-use liouville_base::error::{Quantity, StepError};
-use liouville_base::linalg::{Matrix, add_scaled, copy};
+use liouville_base::error::StepError;
+use liouville_base::linalg::Matrix;
 use liouville_base::method::{Estimating, Stats, Stepper};
-use liouville_base::newton::{BlockHandle, BlockMatrix};
-use liouville_base::tape::Registers;
-use liouville_problem::{
-    BeginTangents, Directions, LargestError, SensitivityModel, TangentState, finite,
-};
+use liouville_problem::{BeginTangents, Directions, LargestError, SensitivityModel, TangentState};
 
 /// A method of the α family at work on a state and its tangents.
 #[derive(Clone, Debug)]
@@ -37,18 +24,6 @@ pub struct AlphaTangents {
     carried: Option<TangentState<AlphaState>>,
     /// Of tangents in random directions: one where errors control the steps.
     errors: Vec<TangentErrors>,
-}
-
-/// The equations of a step, linearised at its solution.
-#[derive(Clone, Debug)]
-pub(super) struct LinearAlpha {
-    slopes: AlphaSlopes,
-    registers: [Registers<f64>; 3],
-    matrix: BlockMatrix,
-    block: BlockHandle,
-    unknowns: Vec<f64>,
-    along: Vec<f64>,
-    right: Vec<f64>,
 }
 
 impl AlphaTangents {
@@ -163,121 +138,6 @@ impl AlphaTangents {
         }
         Ok(())
     }
-}
-
-impl LinearAlpha {
-    fn new(slopes: AlphaSlopes, params: &[f64]) -> Self {
-        let (block, matrix) = of_pattern(&slopes.pattern);
-        let order = slopes.pattern.shape().0;
-        let tapes = [&slopes.matrix, &slopes.equations, &slopes.end];
-        Self {
-            registers: tapes.map(|tape| tape.bind(params)),
-            unknowns: Vec::with_capacity(order),
-            along: Vec::new(),
-            right: vec![0.0; order],
-            slopes,
-            matrix,
-            block,
-        }
-    }
-
-    /// Linearises the step that a method has just made between these states.
-    fn make(
-        &mut self,
-        alpha: &Alpha,
-        (t, h): (f64, f64),
-        [before, after]: [&AlphaState; 2],
-    ) -> Result<(), StepError> {
-        self.unknowns.clear();
-        append_unknowns(alpha, after, &mut self.unknowns);
-        let AlphaState { y, z, phi, .. } = before;
-        let point: [&[f64]; 7] = [&[t], &[h], y, z, &alpha.solver.a, phi, &self.unknowns];
-        let values = self.slopes.matrix.eval(&mut self.registers[0], point);
-        finite(values, Quantity::Derivative, t)?;
-        self.matrix.clear();
-        self.matrix.add(self.block, values, 1.0);
-        (self.matrix.factor()).map_err(|_| StepError::SingularNewton)
-    }
-
-    /// Writes the tangent at the end of the step in a direction.
-    pub(super) fn push(
-        &mut self,
-        alpha: &Alpha,
-        (t, h): (f64, f64),
-        (directions, direction): (&Directions, usize),
-        (before, state): (&TangentState<AlphaState>, &mut TangentState<AlphaState>),
-    ) -> Result<(), StepError> {
-        let AlphaState { y, z, phi, .. } = &before.motion;
-        let (n, ratio) = (y.len(), ratio(&before.motion, h));
-        let along = &mut self.along;
-        along.clear();
-        along.push(before.t[direction]);
-        let stretch = directions.stretch[direction];
-        along.push(h * stretch);
-        along.extend_from_slice(before.y.row(direction));
-        along.extend_from_slice(before.z.row(direction));
-        let (da, rest) = before.carried.row(direction).split_at(n);
-        let (dphi, last) = rest.split_at(n);
-        along.extend(da.iter().zip(dphi).map(|(a, phi)| phi + ratio * (a - phi)));
-        // the ratio changes where one size does and the other not
-        let apart = of_sizes(&before.motion, h) * (stretch - last[0]);
-        add_scaled(&mut along[2 + 2 * n..], apart, &before.motion.a);
-        add_scaled(&mut along[2 + 2 * n..], -apart, phi);
-        along.extend_from_slice(dphi);
-        along.extend_from_slice(&directions.tau.row(direction)[1..]);
-        let [_, of_equations, of_end] = &mut self.registers;
-        let (t0, h0, a, u): (&[f64], &[f64], &[f64], &[f64]) =
-            (&[t], &[h], &alpha.solver.a, &self.unknowns);
-        let args = [t0, h0, y, z, a, phi, u, along];
-        let rates = self.slopes.equations.eval(of_equations, args);
-        self.right.fill(0.0);
-        add_scaled(&mut self.right, -1.0, rates);
-        self.matrix.solve(&mut self.right);
-        let args = [t0, h0, y, z, a, phi, u, along, &self.right];
-        let ends = self.slopes.end.eval(of_end, args);
-        finite(ends, Quantity::Derivative, t)?;
-        copy(state.y.row_mut(direction), &ends[..n]);
-        copy(state.z.row_mut(direction), &ends[n..2 * n]);
-        let (a, rest) = state.carried.row_mut(direction).split_at_mut(n);
-        copy(a, &ends[2 * n..]);
-        copy(&mut rest[..n], &self.right[..n]);
-        rest[n] = stretch;
-        state.t[direction] = before.t[direction] + h * stretch;
-        Ok(())
-    }
-
-    /// δa0 and the tangents of the unknowns, of the last direction.
-    pub(super) fn moves(&self, n: usize) -> [&[f64]; 2] {
-        [&self.along[2 + 2 * n..2 + 3 * n], &self.right]
-    }
-}
-
-/// By which factor a0 − φ0 changes before a step of h.
-pub(super) fn ratio(before: &AlphaState, h: f64) -> f64 {
-    if before.h == 0.0 { 1.0 } else { h / before.h }
-}
-
-/// Derivative of h/h0 by the relative stretch of the step.
-pub(super) fn of_sizes(before: &AlphaState, h: f64) -> f64 {
-    if before.h == 0.0 { 0.0 } else { h / before.h }
-}
-
-/// The number of tangents of the carried state: a and φ, and the part of itself by which the last step
-/// became longer.
-pub(super) const fn carried(n: usize) -> usize {
-    2 * n + 1
-}
-
-/// Appends the unknowns of the step that has led to a state: φ1, A0 and A1 where there are any, and multipliers.
-pub(super) fn append_unknowns(alpha: &Alpha, state: &AlphaState, out: &mut Vec<f64>) {
-    out.extend_from_slice(&state.phi);
-    let [first, last] = &alpha.kept;
-    if alpha.solver.is_paired() {
-        for part in [&first.a, &last.a, &first.lam] {
-            out.extend_from_slice(part);
-        }
-    }
-    out.extend_from_slice(&last.lam);
 }
 
 impl Stepper for AlphaTangents {

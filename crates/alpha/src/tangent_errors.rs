@@ -8,8 +8,8 @@
 //! velocity is off then by the estimate over h, for as long as the time scale |δy|/|δv|, but no longer than the longest
 //! step so far or a thousand of these.
 
+use super::linear_step::{LinearAlpha, carried};
 use super::start_tangents::AlphaStartTangents;
-use super::tangent::{LinearAlpha, carried};
 use super::{Alpha, AlphaState};
 use liouville_base::checkpoint;
 use liouville_base::error::StepError;
