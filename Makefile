@@ -84,12 +84,11 @@ tryout: $(VENV)/tools  ## The same with the core as the tests have it, in two mi
 	$(BIN)/python -m build --sdist --outdir dist >/dev/null
 	$(CHECK_WHEEL)
 
-bench: $(VENV)/bench  ## Measure beside other codes, in under ten minutes; tables in build/benchmarks.md
+bench: $(VENV)/bench  ## Measure beside other codes, in under ten minutes; tables in build/measured
 	$(BIN)/python benchmarks/work_precision.py --short
 	$(BIN)/python benchmarks/ensembles.py --members 10000
 	$(BIN)/python benchmarks/rattle_chain.py --openmm
 	$(BIN)/python benchmarks/mujoco_chain.py
-	$(BIN)/python benchmarks/tables.py build/benchmarks.md
 
 ci: lint test kernels docs tryout  ## Run all checks, as .ci/run does
 

@@ -90,7 +90,8 @@ def main():
             seconds = min(long[name][0].run(LONGER * steps)[0] for _ in range(20))
             row |= {"steps": steps, "alone 1e-06": 1e6 * seconds / LONGER}
         rows.append(row)
-    publish("abc_tracers", rows, ("numba",))
+    columns = ("code", *(f"rms {e:.0e}" for e in LEVELS), "alone 1e-06")
+    publish("abc_tracers", rows, ("numba",), columns)
 
 
 if __name__ == "__main__":

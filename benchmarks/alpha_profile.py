@@ -8,7 +8,7 @@ residual evaluations count the same. Needs what work_precision_alpha.py needs. R
 
 import numpy as np
 from peers import implicit, sundials
-from report import publish
+from report import show
 
 import liouville as lv
 from liouville import problems
@@ -63,7 +63,7 @@ def compare(name, steps):
 def main():
     sundials.libraries()
     rows = [row for name, steps in STEPS.items() for row in compare(name, steps)]
-    publish("alpha_profile", rows, ("scikit-sundae",))
+    show(rows)
 
 
 if __name__ == "__main__":

@@ -15,7 +15,7 @@ import sys
 import time
 
 import numpy as np
-from report import publish
+from report import show
 
 import liouville as lv
 from liouville import problems
@@ -84,7 +84,7 @@ def main():
             own.append(json.loads(done.stdout))
         rows += own
         powers.append({"model": model, **{key: power(own, key) for key in ("all s", "MiB")}})
-    publish("building", rows)
+    show(rows)
     print("\nPowers of the number of links, from", POWERS_FROM, "on:")
     for row in powers:
         print(f"  {row['model']}: all s {row['all s']:.2f}, MiB {row['MiB']:.2f}")

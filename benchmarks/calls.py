@@ -11,7 +11,7 @@ import subprocess
 import sys
 import time
 
-from report import publish
+from report import publish, show
 
 import liouville as lv
 from liouville import _core
@@ -89,7 +89,7 @@ def main():
         {"import": names, "s": round(min(imported(names) for _ in range(repeats)), 3)}
         for names, repeats in IMPORTS.items()
     ]
-    publish("calls_imports", rows)
+    show(rows)
     rows = []
     for name, (problem, method) in CALLS.items():
         whole, core = call(load(problem), method)
@@ -100,7 +100,7 @@ def main():
         new, again, steady = (round(1e3 * seconds, 1) for seconds in first_steps(method))
         row = {"chain of 1000": f"Spark({method.stages})", "new, ms": new, "again, ms": again}
         rows.append(row | {"steady steps, ms": steady})
-    publish("calls_first_steps", rows)
+    show(rows)
 
 
 if __name__ == "__main__":

@@ -21,7 +21,7 @@ import sys
 import time
 
 import numpy as np
-from report import publish
+from report import publish, show
 
 import liouville as lv
 from liouville.problems import chain, rigid_chain
@@ -78,8 +78,8 @@ def one(kind, links, name):
         "chain": kind,
         "method": name,
         "links": links,
-        "us a step": 1e6 * seconds,
-        "us a link": 1e6 * seconds / links,
+        "µs a step": 1e6 * seconds,
+        "µs a link": 1e6 * seconds / links,
         "corrections": corrections,
         "building s": building,
         "MiB": built - imports,
@@ -104,10 +104,19 @@ def scaling():
                 logs = np.log([row["links"] for row in own])
                 powers = {
                     key: float(np.polyfit(logs, np.log([row[key] for row in own]), 1)[0])
-                    for key in ("us a step", "MiB")
+                    for key in ("µs a step", "MiB")
                 }
                 slopes.append({"chain": kind, "method": name, **powers})
     return rows, slopes
+
+
+def in_the_plane(rows):
+    """Yield a row for each size: microseconds a step by each method, with its corrections."""
+    for links in LINKS["plane"]:
+        own = {x["method"]: x for x in rows if (x["chain"], x["links"]) == ("plane", links)}
+        costs = {name: f"{x['µs a step']:.3g} ({x['corrections']:.2g})" for name, x in own.items()}
+        first = own["Spark(2)"]
+        yield {"links": links, **costs, "building s": first["building s"], "MiB": first["MiB"]}
 
 
 def tip(q):
@@ -170,12 +179,14 @@ def main():
         print(json.dumps(one(kind, int(links), name)))
         return
     rows, slopes = scaling()
-    publish("chain_scaling", rows)
+    show(rows)
     print()
-    publish("chain_scaling_slopes", slopes)
+    show(slopes)
+    print()
+    publish("chain_scaling", list(in_the_plane(rows)))
     if importlib.util.find_spec("exudyn") and importlib.util.find_spec("sksundae"):
         print()
-        publish("chain_beside_peers", beside_peers(), ["exudyn", "scikit-sundae"])
+        show(beside_peers())
 
 
 if __name__ == "__main__":

@@ -5,13 +5,13 @@ steps; it knows no machine. Each problem is split the same way for all schemes; 
 largest differences from a run of order 10 with small steps, relative to the largest component. Work
 at an error is interpolated in powers.
 
-Run as ``python benchmarks/compositions.py``; takes a minute. Draws results/compositions.png.
+Run as ``python benchmarks/compositions.py``; takes a minute. Draws build/measured/compositions.png.
 """
 
 import matplotlib.pyplot as plt
 import numpy as np
 from precision import seconds_at
-from report import RESULTS, publish
+from report import FOLDER, show
 
 import liouville as lv
 from liouville import problems
@@ -118,17 +118,17 @@ def draw(results):
         axis.grid(alpha=0.3)
     axes[0, 0].legend(fontsize=7)
     figure.tight_layout()
-    RESULTS.mkdir(exist_ok=True)
-    figure.savefig(RESULTS / "compositions.png", dpi=120)
+    FOLDER.mkdir(parents=True, exist_ok=True)
+    figure.savefig(FOLDER / "compositions.png", dpi=120)
 
 
 def main():
     results = {name: study(name, span) for name, span in PROBLEMS.items()}
     draw(results)
     rows, means = tables(results)
-    publish("compositions", rows)
+    show(rows)
     print("\nWork beside the best scheme's, geometric mean over the problems:\n")
-    publish("compositions_mean", means)
+    show(means)
 
 
 if __name__ == "__main__":

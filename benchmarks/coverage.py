@@ -170,9 +170,8 @@ def main():
     """Print a row for each model."""
     chosen = sys.argv[1:]
     found = cases().items()
-    publish(
-        "coverage", [row_of(name, *case) for name, case in found if not chosen or name in chosen]
-    )
+    rows = [row_of(name, *case) for name, case in found if not chosen or name in chosen]
+    publish("coverage", rows, columns=[name for name in rows[0] if name != "messages"])
 
 
 if __name__ == "__main__":

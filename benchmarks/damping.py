@@ -5,7 +5,7 @@ alone. It is measured by steps from three starts. Printed are the spectral radiu
 its limit, and the damping ratio at W = 0.1 beside its leading term; the figure shows both over all
 frequencies, lines for what is known, dotted the leading term, and dots for what is measured.
 
-Run as ``python benchmarks/damping.py [figure]``; the figure goes to results/damping.png by default.
+Run as ``python benchmarks/damping.py [figure]``; the figure goes to build/measured by default.
 """
 
 import sys
@@ -15,7 +15,7 @@ import casadi as ca
 import numpy as np
 from matplotlib import style
 from matplotlib.figure import Figure
-from report import RESULTS, publish
+from report import FOLDER, show
 
 import liouville as lv
 from liouville.plot import STYLE
@@ -114,8 +114,9 @@ def draw(path):
 
 
 def main():
-    path = Path(sys.argv[1]) if len(sys.argv) > 1 else RESULTS / "damping.png"
-    publish("damping", [row(method) for method in METHODS])
+    path = Path(sys.argv[1]) if len(sys.argv) > 1 else FOLDER / "damping.png"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    show([row(method) for method in METHODS])
     draw(path)
     print(f"figure in {path}")
 

@@ -19,7 +19,7 @@ from functools import partial
 import casadi as ca
 import numpy as np
 import scipy.sparse as sp
-from report import publish
+from report import publish, show
 
 import liouville as lv
 from liouville.problems import chain, load
@@ -124,7 +124,7 @@ def cost(name, system, start, t, steps, stages):
         "ten tangents": partial(run, tangents={"v": each}),
     }
     plain = seconds(run)
-    row = {"system": name, "s": stages, "us a step": round(1e6 * plain / steps, 2)}
+    row = {"system": name, "s": stages, "µs a step": round(1e6 * plain / steps, 2)}
     return row | {what: round(seconds(call) / plain, 1) for what, call in found.items()}
 
 
@@ -336,10 +336,10 @@ def main():
                 publish(table, rows, ("diffrax", "jax"))
         return
     publish("gradients", [cost(*case) for case in cases()])
-    publish("gradients_members", [together(), together(steps=1000)])
+    show([together(), together(steps=1000)])
     publish("gradients_waves", [wave_cost(*case) for case in waves()])
     if chosen.memory:
-        publish("gradients_memory", [memory(chosen.memory)])
+        show([memory(chosen.memory)])
 
 
 if __name__ == "__main__":

@@ -13,6 +13,7 @@ import time
 
 import numpy as np
 from peers import spline
+from report import publish
 
 import liouville as lv
 
@@ -64,11 +65,17 @@ def short(repeats):
     rows = np.ascontiguousarray(np.tile(x, (200, 1))[:, order])
     each = least(lambda: plane.sample(rows), repeats)[0] / len(rows)
     exact = lv.ensemble(field, V(composition="BM6"), t=(0, t), steps=1600, every=1600, x=x).x[-1]
-    print("method steps error microseconds (64 tracers, T = 5, p = 5, gauge of Coulomb)")
+    print("64 tracers, T = 5, p = 5, gauge of Coulomb")
+    rows = []
+
+    def kept(method, steps, error, cost):
+        cells = {"error": f"{error:.1e}", "µs a tracer": round(cost)}
+        rows.append({"method": method, "steps": steps, **cells})
+
     for steps in (50, 100, 200, 400, 800):
         end = rk4(field.velocity, x, t / steps, steps)
         error = np.sqrt(np.mean(np.sum((end - exact) ** 2, axis=1)))
-        print(f"RK4 {steps:5d} {error:8.1e} {4 * 2 * each * steps:8.0f}", flush=True)
+        kept("RK4", steps, error, 4 * 2 * each * steps)
     for scheme in ("BM4", "BM6"):
         for steps in (50, 100, 200):
             method = V(composition=scheme)
@@ -79,7 +86,8 @@ def short(repeats):
                 repeats,
             )
             error = np.sqrt(np.mean(np.sum((run.x[-1] - exact) ** 2, axis=1)))
-            print(f"{scheme} {steps:5d} {error:8.1e} {cost / len(x):8.0f}", flush=True)
+            kept(scheme, steps, error, cost / len(x))
+    publish("gridded", rows)
 
 
 def plane(repeats):

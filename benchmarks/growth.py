@@ -11,7 +11,7 @@ from itertools import combinations_with_replacement
 from math import factorial
 
 import numpy as np
-from report import publish
+from report import show
 
 from liouville._methods.splitting import split
 from liouville._methods.splitting.directions import growth
@@ -57,7 +57,7 @@ def row(name, diagonal, off_diagonal):
 
 
 def main():
-    publish("growth", [row(name, *pieces) for name, pieces in SPLITTINGS.items()])
+    show([row(name, *pieces) for name, pieces in SPLITTINGS.items()])
 
 
 if __name__ == "__main__":

@@ -19,7 +19,7 @@ from itertools import pairwise
 import numpy as np
 from peers import lattice
 from precision import Entry, times_at
-from report import publish
+from report import show
 
 import liouville as lv
 from liouville.problems import lorenz96
@@ -166,7 +166,7 @@ def main():
     largest = parser.parse_args().largest
     sizes = [n for n in SIZES if n <= largest]
     found = {(n, threads): costs(n, threads) for n in sizes for threads in THREADS}
-    publish("lattice_steps", [costs_row(*key, *cost) for key, cost in found.items()], ("numba",))
+    show([costs_row(*key, *cost) for key, cost in found.items()])
     reached = {n: errors(n) for n in COMPARED if n <= largest}
     for threads in THREADS:
         print(f"\nMilliseconds for T = 1, threads: {threads}\n")
@@ -175,7 +175,7 @@ def main():
             for n, errors_of_n in reached.items()
             for row in compare(n, threads, found[n, threads][0], errors_of_n)
         ]
-        publish(f"lattice_{threads}", rows, ("numba",))
+        show(rows)
 
 
 if __name__ == "__main__":

@@ -12,7 +12,7 @@ minutes.
 
 import numpy as np
 from peers import polynomial
-from report import publish
+from report import publish, show
 
 import liouville as lv
 from liouville import problems
@@ -113,7 +113,7 @@ def main():
     rows = [row for case in RUNS for row in drift(*case)]
     publish("long_runs_volume", rows, ("numba",))
     print("\nRoundoff alone:\n")
-    publish("long_runs_volume_roundoff", [row for case in ROUNDOFF for row in roundoff(*case)])
+    show([row for case in ROUNDOFF for row in roundoff(*case)])
 
 
 if __name__ == "__main__":

@@ -15,7 +15,7 @@ from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from multiprocessing import get_context
 from pathlib import Path
 
-from report import publish
+from report import show
 
 import liouville as lv
 from liouville import problems
@@ -67,7 +67,7 @@ def main():
     given = [int(float(x)) for x in sys.argv[1:]]
     steps, every = (*given, *(1_000_000, 100)[len(given) :])
     with ThreadPoolExecutor(2) as pool:
-        publish("long_stored", list(pool.map(lambda run: row(*run, steps, every), RUNS)))
+        show(list(pool.map(lambda run: row(*run, steps, every), RUNS)))
 
 
 if __name__ == "__main__":

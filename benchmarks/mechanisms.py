@@ -13,7 +13,7 @@ from functools import partial
 
 import numpy as np
 from peers import loops
-from report import publish
+from report import publish, show
 
 import liouville as lv
 from liouville.bodies import rotations as rot
@@ -100,7 +100,10 @@ def rows_of(name, model):
 def main():
     """Publish the table."""
     rows = [row for name, make in loops.MODELS.items() for row in rows_of(name, make())]
-    publish("mechanisms", rows, ["mujoco", "mujoco-core", "exudyn", "drake"])
+    show(rows)
+    print()
+    loop = [row for row in rows if row["mechanism"] == "Bricard"]
+    publish("mechanisms", loop, ["mujoco", "mujoco-core", "exudyn", "drake"])
 
 
 if __name__ == "__main__":

@@ -9,6 +9,7 @@ these tests accept: of positions relative to their size, and of the stream funct
 import warnings
 
 import numpy as np
+from report import publish
 from scipy.integrate import solve_ivp
 
 import liouville as lv
@@ -156,8 +157,10 @@ CASES = {
 }
 
 if __name__ == "__main__":
-    print(f"{'case':46} {'error':>8} {'accepted':>9}")
-    for name, (case, accepted) in CASES.items():
-        print(f"{name:46} {case():8.1e} {accepted:9.0e}")
+    rows = [
+        {"case": name, "error": f"{case():.1e}", "accepted": f"{accepted:.0e}"}
+        for name, (case, accepted) in CASES.items()
+    ]
+    publish("ocean_cases", rows)
     for what, ends in zip(("on the grid", "without it"), two_eddies()[:2], strict=True):
         print(f"two moving eddies after a week, {what}: km", *(ends / 1e3).round(1).tolist())

@@ -29,7 +29,7 @@ import sys
 import time
 
 import numpy as np
-from report import publish
+from report import publish, show
 
 import liouville as lv
 from liouville.problems import chain, polymer
@@ -114,7 +114,7 @@ def scaling(rates):
                 "chain": kind,
                 "bonds": bonds,
                 "building s": building,
-                "us a step": 1e6 * seconds,
+                "µs a step": 1e6 * seconds,
                 "corrections": corrections,
                 "numbers us": 1e6 * numbers,
                 "program us": 1e6 * program,
@@ -144,7 +144,7 @@ def beside_openmm():
         {
             "code": "liouville RATTLE",
             "tolerance": "roundoff",
-            "us a step": 1e6 * here,
+            "µs a step": 1e6 * here,
             "bonds off by": float(np.abs(bonds - 1).max()),
             "over ours": 1.0,
         }
@@ -154,7 +154,7 @@ def beside_openmm():
             peer = Polymer(dict(system.params), start, h, tolerance, kind)
             peer.run(20)
             seconds = min(peer.run(160) / 160 for _ in range(REPEATS))
-            row = {"code": f"OpenMM {kind}", "tolerance": tolerance, "us a step": 1e6 * seconds}
+            row = {"code": f"OpenMM {kind}", "tolerance": tolerance, "µs a step": 1e6 * seconds}
             rows.append(row | {"bonds off by": peer.stretch(), "over ours": seconds / here})
     return rows
 
@@ -166,7 +166,7 @@ def main():
     if not parser.parse_args().openmm:
         rates = triad(), peak()
         print(f"triad {8e-9 * rates[0]:.1f} GB/s, peak {1e-9 * rates[1]:.1f} Gflop/s, one thread\n")
-        publish("rattle_chain", scaling(rates))
+        show(scaling(rates))
     if importlib.util.find_spec("openmm") is None:
         print("\nOpenMM is left out: it is not installed", file=sys.stderr)
         return

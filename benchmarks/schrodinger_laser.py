@@ -12,7 +12,7 @@ Run as ``python benchmarks/schrodinger_laser.py``; takes some seconds.
 """
 
 import numpy as np
-from report import publish
+from report import publish, show
 
 import liouville as lv
 from liouville.problems import poschl_teller as well
@@ -109,13 +109,13 @@ def main():
     problems = {"molecule in a laser": laser()}
     for half, points in GRIDS:
         for theta in THETAS:
-            problems[f"well, {points} points, theta = {theta:g}"] = deep(theta, half, points)
+            problems[f"well, {points} points, Θ = {theta:g}"] = deep(theta, half, points)
     runs = [
         {"problem": problem, "method": name, "products": products, "error": error}
         for problem, found in problems.items()
         for name, products, error in found
     ]
-    publish("schrodinger_laser_runs", runs)
+    show(runs)
     names = (*SCHEMES, "Magnus", "ladder", "Lanczos")
     rows = [
         {"problem": problem, "error": error} | {name: least(found, name, error) for name in names}

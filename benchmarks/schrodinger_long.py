@@ -12,7 +12,7 @@ Run as ``python benchmarks/schrodinger_long.py``; takes a minute.
 from dataclasses import replace
 
 import numpy as np
-from report import publish
+from report import publish, show
 
 import liouville as lv
 
@@ -60,7 +60,7 @@ def measure(system, psi, name, theta, method):
     again = lv.integrate(system, back, t=t[::-1], psi=away).psi[-1]
     row = {
         "method": name,
-        "theta": theta,
+        "θ": theta,
         "products a step": found.stats["products"] / STEPS,
         "norm, first tenth": float(norm[: RECORDS // 10 + 1].max()),
         "norm": float(norm.max()),
@@ -72,7 +72,7 @@ def measure(system, psi, name, theta, method):
     places = np.unique(np.geomspace(1, RECORDS, DRAWN).astype(int))
     steps = places * (STEPS // RECORDS)
     drawn = [
-        {"method": name, "theta": theta, "step": int(k), "norm": float(a), "energy": float(b)}
+        {"method": name, "θ": theta, "step": int(k), "norm": float(a), "energy": float(b)}
         for k, a, b in zip(steps, norm[places], energy[places], strict=True)
     ]
     return row, drawn
@@ -81,7 +81,7 @@ def measure(system, psi, name, theta, method):
 def main():
     system, psi = chain()
     found = [measure(system, psi, *run) for run in RUNS]
-    publish("schrodinger_long_runs", [record for _, drawn in found for record in drawn])
+    show([record for _, drawn in found for record in drawn])
     print("\nA million steps:\n")
     publish("schrodinger_long", [row for row, _ in found])
 

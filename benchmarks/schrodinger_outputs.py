@@ -6,6 +6,7 @@ import time
 
 import numpy as np
 import scipy.sparse as sp
+from report import publish
 
 import liouville as lv
 
@@ -35,13 +36,12 @@ def outputs() -> None:
     """Print products and times by the number of outputs."""
     systems = {
         "chain of 200": lv.Schrodinger(lv.Lattice(200)),
-        "lattice of $10^4$": lv.Schrodinger(
+        "lattice of 10000": lv.Schrodinger(
             lv.Lattice((100, 100), potential=np.random.default_rng(0).normal(size=(100, 100)))
         ),
-        "sparse, $10^4$ rows": lv.Schrodinger(random_sparse(10**4)),
+        "sparse, 10000 rows": lv.Schrodinger(random_sparse(10**4)),
     }
-    print("| $H$ | outputs | splitting | ms | series | ms | series, real start |")
-    print("|---|---|---|---|---|---|---|")
+    rows = []
     for name, system in systems.items():
         rng = np.random.default_rng(2)
         psi = rng.normal(size=system.size) + 1j * rng.normal(size=system.size)
@@ -49,12 +49,14 @@ def outputs() -> None:
         span = THETA / (np.ptp(system.bounds) / 2)
         for count in COUNTS:
             t = np.linspace(0.0, span, count + 1)
-            cells = []
-            for method in (lv.SchrodingerSplitting(TOL, "stable"), lv.Chebyshev(TOL)):
+            row = {"H": name, "outputs": count}
+            splitting, series = lv.SchrodingerSplitting(TOL, "stable"), lv.Chebyshev(TOL)
+            for code, method in (("splitting", splitting), ("series", series)):
                 products, best = seconds(system, method, t, psi, 3 if count < 1000 else 1)
-                cells += [f"{products:g}", f"{1e3 * best:.3g}"]
+                row |= {code: f"{products:g}", f"{code} ms": 1e3 * best}
             real = lv.plan(system, lv.Chebyshev(TOL), t=t, psi=psi.real).products
-            print(f"| {name} | {count} | {' | '.join(cells)} | {real:g} |")
+            rows.append(row | {"series, real start": f"{real:g}"})
+    publish("schrodinger_outputs", rows)
 
 
 def bounds() -> None:
@@ -62,16 +64,17 @@ def bounds() -> None:
     matrix = random_sparse(3000)
     ends = np.linalg.eigvalsh(matrix.toarray())[[0, -1]]
     span = 2 * THETA / np.ptp(ends)
-    print("| bounds | width / true width | products of Lanczos | splitting | series |")
-    print("|---|---|---|---|---|")
+    rows = []
     for way in ("gershgorin", "auto", "lanczos"):
         system = lv.Schrodinger(matrix, bounds=way)
         plan = lv.plan(system, lv.Chebyshev(TOL), t=(0.0, span))
         split = lv.plan(system, lv.SchrodingerSplitting(TOL, "fast"), t=(0.0, span))
         width = np.ptp(plan.bounds) / np.ptp(ends)
         once = system.spectrum(span).products
-        cells = f"{width:.3f} | {once:g} | {split.products:g} | {plan.products:g}"
-        print(f"| `{way}`: {plan.guarantee} | {cells} |")
+        row = {"bounds": f"{way}: {plan.guarantee}", "width / true width": f"{width:.3f}"}
+        row |= {"products of Lanczos": once, "splitting": split.products, "series": plan.products}
+        rows.append(row)
+    publish("schrodinger_bounds", rows)
 
 
 if __name__ == "__main__":

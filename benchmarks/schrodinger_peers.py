@@ -149,7 +149,7 @@ def main():
         line[row["code"]] = f"{text} ({row['error']:.0e})" if text[0] != "n" else text
     publish(
         "schrodinger_peers",
-        [{"problem": name, "tol": tol, **line} for (name, tol), line in table.items()],
+        [{"problem": name, "tolerance": tol, **line} for (name, tol), line in table.items()],
         ("scipy", "qutip", "quspin"),
     )
 

@@ -16,7 +16,7 @@ import argparse
 from dataclasses import replace
 
 import numpy as np
-from report import publish
+from report import publish, show
 
 import liouville as lv
 from liouville.problems import heisenberg, load
@@ -125,8 +125,8 @@ def summary(rows):
     for theta in THETAS:
         for tol in TOLERANCES:
             cell = [row for row in rows if (row["theta"], row["tol"]) == (theta, tol)]
-            found = {"theta": theta, "tol": tol}
-            found["fast / theta"] = mean([row["fast"] / theta for row in cell])
+            found = {"Θ": theta, "tolerance": tol}
+            found["fast / Θ"] = mean([row["fast"] / theta for row in cell])
             for code in RATIOS:
                 ratios = np.array([row[code] / row["fast"] for row in cell])
                 ratios = ratios[np.isfinite(ratios)]
@@ -172,11 +172,12 @@ def main():
         for theta in THETAS
         for row in measure(name, system, start, theta, is_wide=is_wide)
     ]
-    publish("schrodinger_products_runs", rows, packages)
+    show(rows)
     print("\nProducts of fast splittings by theta, and of the others by those of fast ones:\n")
-    publish("schrodinger_products", list(summary(rows)), packages)
+    columns = ("Θ", "tolerance", "fast / Θ", *RATIOS)
+    publish("schrodinger_products", list(summary(rows)), packages, columns)
     print("\nErrors and bounds:\n")
-    publish("schrodinger_bounds", list(honesty(rows)), packages)
+    show(list(honesty(rows)))
 
 
 if __name__ == "__main__":

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 import scipy.sparse as sp
-from report import publish
+from report import show
 from scipy.special import jv
 
 import liouville as lv
@@ -95,7 +95,7 @@ def main():
         ]
         errors = [np.linalg.norm(one - other) for one, other in zip(*ends, strict=True)]
         rows.append({"theta": theta, "series": errors[0], "stable splitting": errors[1]})
-    publish("single_precision", rows, ("scipy",))
+    show(rows)
 
 
 if __name__ == "__main__":

@@ -17,7 +17,7 @@ import time
 
 import numpy as np
 import scipy.sparse as sp
-from report import publish
+from report import publish, show
 
 import liouville as lv
 from liouville import problems
@@ -26,7 +26,7 @@ SIZES = (1_000, 3_000, 10_000, 30_000, 100_000)
 SHORT, REPEATS = 5, 3
 MORE = 4_000_000  # steps times unknowns in the long run, but at least 40 steps
 HIGH = 4
-POWERS_OF = ("ms a step", "us a correction and unknown", "ms to start", "MiB")
+POWERS_OF = ("ms a step", "µs a correction and unknown", "ms to start", "MiB")
 
 
 def chain(unknowns):
@@ -112,9 +112,9 @@ def one(kind, unknowns):
         "n": n,
         "m": m,
         "ms a step": 1e3 * seconds,
-        "us a step and unknown": 1e6 * seconds / (n + m),
+        "µs a step and unknown": 1e6 * seconds / (n + m),
         "corrections a step": round(corrections, 2),
-        "us a correction and unknown": 1e6 * seconds / corrections / (n + m),
+        "µs a correction and unknown": 1e6 * seconds / corrections / (n + m),
         "ms to start": 1e3 * (short["seconds"] - SHORT * seconds),
         "building s": round(building, 2),
         "MiB": peak() - imports,
@@ -141,9 +141,10 @@ def main():
             own.append(json.loads(done.stdout))
         powers.append({"model": kind, **{key: round(exponent(own, key), 3) for key in POWERS_OF}})
         rows += own
-    publish("sparse_scaling", rows)
+    columns = ("model", "n", "m", "ms a step", "µs a step and unknown", "ms to start")
+    publish("sparse_scaling", rows, columns=(*columns, "building s", "MiB"))
     print()
-    publish("sparse_scaling_powers", powers)
+    show(powers)
 
 
 if __name__ == "__main__":

@@ -9,7 +9,7 @@ Run as ``python benchmarks/splitting_drift.py``; takes ten seconds.
 """
 
 import numpy as np
-from report import publish
+from report import show
 
 import liouville as lv
 from liouville import problems
@@ -55,7 +55,7 @@ def row(name, integral, span, h, splitting):
 
 
 def main():
-    publish("splitting_drift", [row(*run, splitting) for run in RUNS for splitting in SPLITTINGS])
+    show([row(*run, splitting) for run in RUNS for splitting in SPLITTINGS])
 
 
 if __name__ == "__main__":

@@ -18,7 +18,7 @@ from pathlib import Path
 
 import casadi as ca
 import numpy as np
-from report import publish
+from report import show
 
 from liouville import problems
 from liouville._systems.tape import record
@@ -134,7 +134,7 @@ def main():
         count = plain["instructions"]
         f64, theirs = f64_nanoseconds(), plain["casadi ns"]
         rows.append(row("averages", "f64", count, f64 * count, theirs * count))
-    publish("tape_against_casadi", rows)
+    show(rows)
 
 
 if __name__ == "__main__":

@@ -20,7 +20,7 @@ import argparse
 import numpy as np
 from peers import flow
 from precision import Entry, race, times_at
-from report import publish
+from report import publish, show
 
 import liouville as lv
 from liouville.problems import bajer_moffatt
@@ -169,9 +169,10 @@ def main():
         race(found, errors)
         runs += [{"threads": threads, **entry.row()} for entry in found]
         table += compare(found, threads)
-    publish("tracers_runs", runs, PACKAGES)
+    show(runs)
     print("\nMicroseconds a tracer:\n")
-    publish("tracers", table, PACKAGES)
+    columns = ("threads", "code", "rms 1e-04", "rms 1e-06", "median 1e-06")
+    publish("tracers", table, PACKAGES, columns)
 
 
 if __name__ == "__main__":

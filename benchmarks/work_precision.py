@@ -20,7 +20,7 @@ Setting up (symbols, tapes, compilers) is not part of the times and has a table 
 that cannot be imported is left out, with a line that says so. Run as
 ``python benchmarks/work_precision.py``, after ``pip install --group bench`` and with a C
 compiler: about ten minutes, most of them heyoka's compiler. ``--short`` takes fewer settings, and
-heyoka's compact mode; ``--only Spark heyoka`` some of the codes. ``benchmarks/tables.py`` draws the
+heyoka's compact mode; ``--only Spark heyoka`` some of the codes. ``benchmarks/figure.py`` draws the
 figure.
 """
 
@@ -36,11 +36,12 @@ from importlib import import_module
 import numpy as np
 from diagram import Own, Setup, best, first_line, front, least, measure, published, seconds_at
 from peers import implicit, reduced
-from report import publish
+from report import publish, show
 
 import liouville as lv
 
 LEVELS = (1e-3, 1e-6, 1e-9, 1e-12)
+STAGES_AT = 1e-6  # the error that the best number of stages is shown for
 COUNTS = {  # numbers of steps of SPARK, the fewest and the most, and of Exudyn
     "pendulum": ((28, 320), (100, 50_000)),
     "car_axis": ((30, 340), None),
@@ -285,10 +286,17 @@ def main():
         tables["_setup"].append({"problem": name, "ms a call": call(case), **took})
         tables["_runs"] += (row(case, entry) for entry in setup.entries)
     tables["_ratios"] = [ratio(found) for found in tables[""]]
-    for name in ("_runs", "_setup", "_taylor", "_stages", "", "_ratios"):
+    for name in ("_runs", "_setup", "_taylor", "_stages", "_ratios"):
         if tables[name]:
             print(f"\nwork_precision{name}\n")
-            publish(f"work_precision{name}", tables[name], PACKAGES)
+            show(tables[name])
+    print()
+    publish("work_precision", tables[""], PACKAGES)
+    stages = [found for found in tables["_stages"] if found["error"] == STAGES_AT]
+    if stages:
+        print()
+        columns = ("problem", "error", "best", "h", "steps", "corrections a step")
+        publish("work_precision_stages", stages, columns=columns)
 
 
 if __name__ == "__main__":

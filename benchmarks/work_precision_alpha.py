@@ -8,7 +8,7 @@ tapes, C compilers, Exudyn's assembly. IDA appears twice: through scikit-sundae,
 Python at every residual, and as the same library driven from C alone.
 
 Run as ``python benchmarks/work_precision_alpha.py``, after ``pip install --group bench`` and
-with a C compiler; takes some minutes. Draws results/work_precision_alpha.png.
+with a C compiler; takes some minutes. Draws build/measured/work_precision_alpha.png.
 """
 
 import os
@@ -25,7 +25,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 from diagram import Case, Own, Setup, best, least, measure, published, seconds_at
 from peers import general, implicit, mechanisms, sundials
-from report import RESULTS, publish
+from report import FOLDER, publish, show
 
 import liouville as lv
 from liouville import problems
@@ -149,8 +149,8 @@ def draw(results):
         axis.set_ylabel("seconds")
     axes[0, -1].legend(fontsize=7)
     figure.tight_layout()
-    RESULTS.mkdir(exist_ok=True)
-    figure.savefig(RESULTS / "work_precision_alpha.png", dpi=120)
+    FOLDER.mkdir(parents=True, exist_ok=True)
+    figure.savefig(FOLDER / "work_precision_alpha.png", dpi=120)
 
 
 def main():
@@ -171,11 +171,16 @@ def main():
         runs += [row(case, entry) for entry in found]
     draw(results)
     packages = ("scikit-sundae", "scipy_dae", "exudyn", "numba", "scipy")
-    publish("work_precision_alpha_runs", runs, packages)
+    show(runs)
     print("\nSeconds of setting up, all forms together:\n")
-    publish("work_precision_alpha_setup", setups, packages)
+    show(setups)
     print("\nMilliseconds of a run:\n")
-    publish("work_precision_alpha", table, packages)
+    show(table)
+    print()
+    columns = ("problem", "error", *OWN, "IDA in C", "IDA, scikit-sundae", "CasADi IDAS")
+    columns += ("scipy_dae", "Exudyn")
+    positions = [x for x in table if x["of"] == "q" and x["error"] in (LEVELS[0], LEVELS[-1])]
+    publish("work_precision_alpha", positions, packages, columns)
 
 
 def row(case, entry):

@@ -1,4 +1,5 @@
 import base64
+import csv
 import importlib.metadata
 import json
 import logging
@@ -74,6 +75,24 @@ html_theme_options = {
 }
 html_static_path = ["_static"]
 html_css_files = ["custom.css"]
+
+
+def show_tables(app, docname, source):
+    """Show a line that is a link to a CSV file as a table; a forge shows the link."""
+    folder = Path(app.env.doc2path(docname)).parent
+
+    def shown_as_table(link):
+        app.env.note_dependency(folder / link[1])
+        with (folder / link[1]).open(encoding="utf-8", newline="") as file:
+            header, *rows = csv.reader(file)
+        is_number = re.compile(r"[-+\d]|$").match
+        rule = [
+            "---:" if all(map(is_number, x)) else ":---" for x in zip(*rows, strict=True)
+        ]
+        cells = [[x.replace("|", r"\|") or "\N{EN DASH}" for x in row] for row in rows]
+        return "\n".join(f"| {' | '.join(row)} |" for row in (header, rule, *cells))
+
+    source[0] = re.sub(r"^\[.*\]\((\S+\.csv)\)$", shown_as_table, source[0], flags=re.M)
 
 
 def keep_numbers_whole(app, doctree):
@@ -152,6 +171,7 @@ def write_view(app, error):
 
 def setup(app):
     """Connect the above."""
+    app.connect("source-read", show_tables)
     app.connect("doctree-read", keep_numbers_whole)
     app.connect("env-updated", fill_notebooks)
     app.connect("build-finished", write_view)
