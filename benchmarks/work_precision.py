@@ -42,6 +42,7 @@ import liouville as lv
 
 LEVELS = (1e-3, 1e-6, 1e-9, 1e-12)
 STAGES_AT = 1e-6  # the error that the best number of stages is shown for
+DRIFT_AT = 1e-9  # the tolerance that the constraints of heyoka are shown for
 COUNTS = {  # numbers of steps of SPARK, the fewest and the most, and of Exudyn
     "pendulum": ((28, 320), (100, 50_000)),
     "car_axis": ((30, 340), None),
@@ -286,12 +287,16 @@ def main():
         tables["_setup"].append({"problem": name, "ms a call": call(case), **took})
         tables["_runs"] += (row(case, entry) for entry in setup.entries)
     tables["_ratios"] = [ratio(found) for found in tables[""]]
-    for name in ("_runs", "_setup", "_taylor", "_stages", "_ratios"):
+    for name in ("_runs", "_setup", "_stages", "_ratios"):
         if tables[name]:
             print(f"\nwork_precision{name}\n")
             show(tables[name])
     print()
     publish("work_precision", tables[""], PACKAGES)
+    if tables["_taylor"]:
+        print()
+        fine = [found for found in tables["_taylor"] if found["tolerance"] == DRIFT_AT]
+        publish("work_precision_taylor", fine, ("heyoka",))
     stages = [found for found in tables["_stages"] if found["error"] == STAGES_AT]
     if stages:
         print()
