@@ -82,7 +82,7 @@ use liouville_base::linalg::{BlockPlan, Pattern};
 use liouville_base::method;
 use liouville_base::real::{BATCH, Lanes, Real, Scalar};
 use liouville_base::tape::{CompensatedProgram, Tape};
-use model::cut;
+use points::cut;
 use std::sync::{Arc, OnceLock};
 
 /// The tapes and patterns of a mechanical system with n coordinates and m constraints.

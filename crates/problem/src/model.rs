@@ -3,7 +3,7 @@
 
 use super::MemberLanes;
 use super::nonholonomic::{Bound, Nonholonomic};
-use super::points::TapeRegisters;
+use super::points::{Parts, TapeRegisters, cut};
 use super::{Mechanical, State};
 use liouville_base::compiled;
 use liouville_base::error::{Quantity, StepError};
@@ -29,19 +29,6 @@ pub struct Model<R = f64> {
     reactions: Option<Box<Registers<R>>>,
     /// n, or 0 where v is z.
     v_size: usize,
-}
-
-/// Outputs that follow one another, cut at their sizes.
-pub(super) type Parts<'a, const K: usize, R = f64> = [&'a [R]; K];
-
-#[inline(always)]
-pub(super) fn cut<const K: usize, R>(values: &[R], sizes: [usize; K]) -> Parts<'_, K, R> {
-    let (mut parts, mut start) = ([&values[..0]; K], 0);
-    for (part, size) in parts.iter_mut().zip(sizes) {
-        *part = &values[start..start + size];
-        start += size;
-    }
-    parts
 }
 
 impl<R: Real> Model<R> {

@@ -2,10 +2,22 @@
 #![allow(clippy::inline_always)] // other functions are compiled without the caller's instruction set
 
 use super::Model;
-use super::model::{Parts, cut};
 use liouville_base::linalg::Matrix;
 use liouville_base::real::Real;
 use liouville_base::tape::{BatchRegisters, PointRegisters, Registers, Tape};
+
+/// Outputs that follow one another, cut at their sizes.
+pub(super) type Parts<'a, const K: usize, R = f64> = [&'a [R]; K];
+
+#[inline(always)]
+pub(super) fn cut<const K: usize, R>(values: &[R], sizes: [usize; K]) -> Parts<'_, K, R> {
+    let (mut parts, mut start) = ([&values[..0]; K], 0);
+    for (part, size) in parts.iter_mut().zip(sizes) {
+        *part = &values[start..start + size];
+        start += size;
+    }
+    parts
+}
 
 /// The memory of one tape.
 #[derive(Clone, Debug)]

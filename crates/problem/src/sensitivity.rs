@@ -2,8 +2,7 @@
 //! a motion need beside the derivatives that a step has.
 #![allow(clippy::inline_always)] // other functions are compiled without the caller's instruction set
 
-use super::model::Parts;
-use super::points::TapeRegisters;
+use super::points::{Parts, TapeRegisters};
 use super::{Mechanical, Mismatch, check, check_pattern, cut};
 use super::{PointRows, Points};
 use liouville_base::linalg::Pattern;

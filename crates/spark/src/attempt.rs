@@ -1,29 +1,34 @@
 //! The attempts at a step of a SPARK method.
 
 use super::Spark;
-use super::general::General;
-use super::stages::Unknowns;
+use super::general::{General, KeptStages};
 use liouville_base::error::StepError;
 use liouville_base::linalg::copy;
 use liouville_base::newton::{
-    Attempts, Backoff, BranchAttempts, Continuation, Slot, Solved, Start,
+    self, Attempts, Backoff, BranchAttempts, Continuation, Slot, Solved, Start,
 };
 use liouville_problem::Step;
-
-/// A solution kept beside the present one.
-#[derive(Clone, Debug)]
-pub(super) struct KeptStages {
-    h: f64,
-    unknowns: Unknowns,
-    z1: Vec<f64>,
-    is_by_schur: bool,
-}
 
 /// A step whose stage equations are attempted.
 pub(super) struct SparkAttempt<'a> {
     pub(super) spark: &'a mut Spark,
     pub(super) general: &'a mut General,
     pub(super) step: Step<'a>,
+}
+
+impl General {
+    /// Solves the equations of a step, which has only to be committed then.
+    pub(super) fn advance(&mut self, spark: &mut Spark, step: Step) -> Result<(), StepError> {
+        let mut attempt = SparkAttempt {
+            spark,
+            general: self,
+            step,
+        };
+        match newton::attempt(&mut attempt, step.h) {
+            Ok(()) => self.finish(spark, step),
+            Err(error) => Err(self.error_of(spark, error)),
+        }
+    }
 }
 
 impl Attempts for SparkAttempt<'_> {

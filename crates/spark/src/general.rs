@@ -1,6 +1,5 @@
-//! Steps of any system: the attempts at the stage equations, by node Schur or full Newton, and the end of the step.
+//! Steps of any system: the stage equations, by node Schur or full Newton, and the end of the step.
 
-use super::attempt::{KeptStages, SparkAttempt};
 use super::equations::StageEquations;
 use super::full_newton::{FullNewton, FullSolver};
 use super::node_schur::NodeSchur;
@@ -30,6 +29,15 @@ pub(super) struct General {
     pub(super) is_by_schur: bool,
 }
 
+/// A solution kept beside the present one.
+#[derive(Clone, Debug)]
+pub(super) struct KeptStages {
+    pub(super) h: f64,
+    pub(super) unknowns: Unknowns,
+    pub(super) z1: Vec<f64>,
+    pub(super) is_by_schur: bool,
+}
+
 impl General {
     #[inline(never)]
     pub(super) fn new(model: &mut Model, tableau: &tableau::Spark, stop: Stop) -> Self {
@@ -48,21 +56,8 @@ impl General {
         }
     }
 
-    /// Solves the equations of a step, which has only to be committed then.
-    pub(super) fn advance(&mut self, spark: &mut Spark, step: Step) -> Result<(), StepError> {
-        let mut attempt = SparkAttempt {
-            spark,
-            general: self,
-            step,
-        };
-        match newton::attempt(&mut attempt, step.h) {
-            Ok(()) => self.finish(spark, step),
-            Err(error) => Err(self.error_of(spark, error)),
-        }
-    }
-
     /// (U1)–(U3), and the polynomials that the next step is extrapolated from.
-    fn finish(&mut self, spark: &mut Spark, step: Step) -> Result<(), StepError> {
+    pub(super) fn finish(&mut self, spark: &mut Spark, step: Step) -> Result<(), StepError> {
         let (model, stages) = (&mut spark.model, &mut self.stages);
         // forces of an earlier iterate would make the energy drift
         let last = stages.tableau.intervals - 1;
@@ -125,7 +120,7 @@ impl General {
     }
 
     /// The error of a step; node Schur alone cannot show that the step is too large, only that it does not converge.
-    fn error_of(&self, spark: &Spark, error: StepError) -> StepError {
+    pub(super) fn error_of(&self, spark: &Spark, error: StepError) -> StepError {
         let (problem, tableau) = (&spark.model.problem, &spark.tableau);
         match error {
             StepError::StepTooLarge { .. } if self.is_schur_only(spark) => {

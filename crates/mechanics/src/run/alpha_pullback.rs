@@ -1,7 +1,7 @@
 //! Pullbacks of the α family.
 
-use super::pullback::{Pullback, StepAdjoint};
-use super::recording::{RecordedSteps, Recording, no_directions};
+use super::pullback::Pullback;
+use super::recording::{RecordedSteps, Recording, StepAdjoint, no_directions};
 use super::{Job, Method, Problem, Starter, System};
 use liouville_alpha::{AlphaAdjoint, AlphaSlopes, AlphaState, AlphaTangents, AlphaTransposed};
 use liouville_base::error::StepError;

@@ -1,7 +1,7 @@
 //! Pullbacks of the index-2 methods.
 
-use super::pullback::{Pullback, StepAdjoint};
-use super::recording::{Recording, no_directions};
+use super::pullback::Pullback;
+use super::recording::{Recording, StepAdjoint, no_directions};
 use super::{Job, Method, Problem, Starter, System};
 use crate::events::SemiExplicitReset;
 use liouville_base::error::StepError;

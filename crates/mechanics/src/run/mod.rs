@@ -5,6 +5,7 @@
 mod alpha;
 mod alpha_pullback;
 mod check;
+mod event_adjoint;
 mod given_times;
 mod index2;
 mod index2_pullback;
@@ -27,7 +28,8 @@ pub use job::{
 pub use members_pullback::{KeptRows, MembersPullback};
 pub use parts::Part;
 pub use pool::Pools;
-pub use pullback::{Follow, Pullback, StepAdjoint};
+pub use pullback::{Follow, Pullback};
+pub use recording::StepAdjoint;
 pub use shared::SharedRun;
 
 use liouville_alpha::Reactions;

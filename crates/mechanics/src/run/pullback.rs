@@ -1,18 +1,19 @@
 //! Pullbacks: a run made again from checkpoints, one piece after another from the last, each followed back.
 
 use super::Starter;
+use super::event_adjoint::EventAdjoint;
 use super::given_times::GivenTimes;
-use super::journal::{Entry, EventAdjoint, EventRecorder, GivenEntry, Journal, replaces_record};
-use super::recording::{RecordedSteps, Recording};
+use super::journal::{Entry, EventRecorder, GivenEntry, Journal, replaces_record};
+use super::recording::{RecordedSteps, Recording, StepAdjoint};
 use super::shared::SharedRun;
 use crate::events::DenseDetector;
 use liouville_base::cancel;
-use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch};
+use liouville_base::checkpoint::CheckpointMismatch;
 use liouville_base::error::StepError;
 use liouville_base::linalg::Matrix;
-use liouville_base::recorder::{Recorded, SharedRecords, StepRecord};
+use liouville_base::recorder::{SharedRecords, StepRecord};
 use liouville_base::run::{Advance, Status};
-use liouville_problem::{Carried, Cotangents, ObservePoint};
+use liouville_problem::{Cotangents, ObservePoint};
 use std::time::Duration;
 
 /// How long steps are repeated without asking whether to stop.
@@ -53,41 +54,6 @@ pub trait Follow: Send + Sync {
     /// Sets cotangents of the events of each kind, a row for each time it was met: of t, y, z and λ, and of y, z and λ
     /// after a reset.
     fn give_events(&mut self, _rows: Vec<Matrix>) {}
-}
-
-/// The adjoint of the recorded steps of a method.
-pub trait StepAdjoint: Send + Sync {
-    /// The state that the method carries from step to step.
-    type State: Carried + Checkpoint + Recorded + Clone;
-
-    /// The adjoint of the values at a point, which takes their cotangents to y, z and τ there.
-    type Point: ObservePoint;
-
-    /// The numbers of cotangents of y, of z and of the carried state, of n coordinates.
-    fn sizes(n: usize) -> [usize; 3];
-
-    /// Takes cotangents from the end of a step to its start.
-    ///
-    /// # Errors
-    /// A derivative that is not finite, or a singular matrix.
-    fn follow(
-        &mut self,
-        record: &StepRecord<Self::State>,
-        point: &mut Self::Point,
-        of: &mut Cotangents,
-    ) -> Result<(), StepError>;
-
-    /// Takes cotangents of the carried state, where a motion begins, to y, z and τ there, unless it was given.
-    ///
-    /// # Errors
-    /// A derivative that is not finite, or a singular matrix.
-    fn leave(
-        &mut self,
-        at: (f64, &Self::State),
-        is_given: bool,
-        point: &mut Self::Point,
-        of: &mut Cotangents,
-    ) -> Result<(), StepError>;
 }
 
 /// The pullback of a run at the steps that it has made.

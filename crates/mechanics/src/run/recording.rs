@@ -2,14 +2,49 @@
 
 use super::Starter;
 use super::member::{BoxedStepper, Member, MonitoredSteps};
-use super::pullback::StepAdjoint;
 use crate::events::LinearReset;
 use liouville_base::checkpoint::Checkpoint;
+use liouville_base::error::StepError;
 use liouville_base::linalg::Matrix;
 use liouville_base::method::{Estimating, Symmetric};
-use liouville_base::recorder::{Recordable, Recorded, Recorder, SharedRecords};
+use liouville_base::recorder::{Recordable, Recorded, Recorder, SharedRecords, StepRecord};
 use liouville_base::run::StepControl;
-use liouville_problem::{Directions, ObservePoint};
+use liouville_problem::{Carried, Cotangents, Directions, ObservePoint};
+
+/// The adjoint of the recorded steps of a method.
+pub trait StepAdjoint: Send + Sync {
+    /// The state that the method carries from step to step.
+    type State: Carried + Checkpoint + Recorded + Clone;
+
+    /// The adjoint of the values at a point, which takes their cotangents to y, z and τ there.
+    type Point: ObservePoint;
+
+    /// The numbers of cotangents of y, of z and of the carried state, of n coordinates.
+    fn sizes(n: usize) -> [usize; 3];
+
+    /// Takes cotangents from the end of a step to its start.
+    ///
+    /// # Errors
+    /// A derivative that is not finite, or a singular matrix.
+    fn follow(
+        &mut self,
+        record: &StepRecord<Self::State>,
+        point: &mut Self::Point,
+        of: &mut Cotangents,
+    ) -> Result<(), StepError>;
+
+    /// Takes cotangents of the carried state, where a motion begins, to y, z and τ there, unless it was given.
+    ///
+    /// # Errors
+    /// A derivative that is not finite, or a singular matrix.
+    fn leave(
+        &mut self,
+        at: (f64, &Self::State),
+        is_given: bool,
+        point: &mut Self::Point,
+        of: &mut Cotangents,
+    ) -> Result<(), StepError>;
+}
 
 /// Steps that are recorded as they are made.
 pub(super) struct RecordedSteps<State: Checkpoint> {
