@@ -103,6 +103,18 @@ def test_an_encoder_at_a_joint_is_fitted_and_the_functions_are_pickled():
     assert found.params["c"] == pytest.approx(0.3, abs=1e-9)
 
 
+def test_two_numbers_are_a_point_of_a_planar_body():
+    m = lv.bodies.Assembly(gravity=(0, -9.81, 0))
+    m.bar("rod", (0, 0), (1, 0), mass=1.0)
+    m.revolute("pin", m.ground, "rod", at=(0, 0))
+    system = m.system()
+    run = lv.integrate(
+        system, lv.Spark(3), **RUN, **m.start(), observe={"tip": system.point("rod", (0.5, 0))}
+    )
+    assert np.array_equal(run.body("rod").point((0.5, 0)), run.body("rod").point((0.5, 0, 0)))
+    np.testing.assert_allclose(run.observed["tip"], run.body("rod").point((0.5, 0)), atol=1e-15)
+
+
 @pytest.mark.parametrize(
     ("call", "says"),
     [

@@ -63,6 +63,49 @@ def test_names_that_are_imported_later_are_listed_and_others_refused():
         _ = lv.stores
 
 
+ROD = lv.bodies.Assembly(gravity=(0, -9.81, 0))
+ROD.bar("rod", (0, 0), (1, 0), mass=1.0)
+ROD.revolute("pin", ROD.ground, "rod", at=(0, 0))
+
+
+@pytest.mark.parametrize(
+    ("owner", "name", "hint"),
+    [
+        (lambda run: lv, "Sparc", "did you mean 'Spark'"),
+        (lambda run: ROD, "hinge", "did you mean 'revolute'"),
+        (lambda run: ROD, "prismatik", "did you mean 'prismatic'"),
+        (lambda run: run, "stat", "did you mean 'stats'"),
+        (lambda run: run.joint("pin"), "torques", "did you mean 'torque'"),
+        (lambda run: run.joint("pin"), "slide", "it has angle"),
+        (lambda run: run.body("rod"), "speed", "it has angular_velocity, name, point"),
+    ],
+)
+def test_an_attribute_that_is_none_is_answered_by_the_nearest(owner, name, hint):
+    """Notebooks show the message alone, without what Python adds to it."""
+    run = lv.integrate(ROD.system(), t=(0, 0.1), h=0.1, **ROD.start())
+    found = pickle.loads(pickle.dumps(owner(run))) if owner(run) is not lv else lv
+    with pytest.raises(AttributeError, match=f"has no .*{name}.*\n?hint: {hint}"):
+        getattr(found, name)
+    assert not hasattr(found, name)
+
+
+def test_what_runs_a_system_has_a_method_by_default():
+    run = {"t": (0.0, 1.0), "h": 0.1}
+    field, motion = euler_top, pendulum
+    x, split = field.start["x"], lv.VolumeSplitting()
+    found = lv.section(field.system, **run, plane="m1", x=[x])
+    assert np.array_equal(found.x, lv.section(field.system, split, **run, plane="m1", x=[x]).x)
+    for call in (lv.analysis.lyapunov, lv.analysis.extrapolate):
+        one, other = (call(motion.system, *m, **run, **motion.start) for m in ((), (lv.Spark(3),)))
+        assert repr(one) == repr(other)
+    for call in (lv.analysis.determinant, lv.analysis.lyapunov):
+        one, other = (call(field.system, *m, **run, x=x) for m in ((), (split,)))
+        assert repr(one) == repr(other)
+    solution, _ = lv.vjp(motion.system, wrt=["q"], **run, **motion.start)
+    assert bits(solution) == bits(lv.integrate(motion.system, lv.Spark(3), **run, **motion.start))
+    assert lv.analysis.check_gradient(motion.system, wrt=["q"], **run, **motion.start).dot < 1e-12
+
+
 @pytest.mark.parametrize("room", ["analysis", "bodies", "plot", "problems"])
 def test_a_room_lists_its_public_names_alone(room):
     module = getattr(lv, room)

@@ -37,6 +37,22 @@ def test_a_disc_that_slides_begins_to_roll_at_two_thirds_of_its_speed(method):
     assert floor.friction[0] == pytest.approx(-0.3 * 2.0 * G, abs=1e-11)
 
 
+def test_places_in_the_plane_have_two_numbers():
+    runs = []
+    for z in ((), (0.0,)):
+        m = Assembly(gravity=(0, -G, 0))
+        disc = m.planar_body("disc", mass=2.0, inertia=0.01, at=(0, 0.5))
+        m.free("flight", disc)
+        ball = Sphere(disc, 0.1, at=(0.02, 0.5, *z))
+        m.contact("floor", Plane("ground", at=(0, 0, *z), normal=(0, 1, *z)), ball)
+        m.contact("rail", Capsule("ground", [(1, 0, *z), (2, 0, *z)], 0.1), ball, restitution=0.5)
+        runs.append(thrown(m, 1, {"flight": (1.5, 0, None, None, None, 0)}))
+    assert np.array_equal(runs[0].q, runs[1].q)
+    m = Assembly()
+    with pytest.raises(ValueError, match="bodies in space, and a place of its shapes has two"):
+        m.contact("floor", Plane("ground", normal=(0, 1)), Sphere(flying(m, "ball"), 0.1))
+
+
 def test_balls_in_space_exchange_velocities_along_the_line_of_their_centres():
     m = Assembly()
     first = flying(m, "first")

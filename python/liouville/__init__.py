@@ -4,6 +4,7 @@ import typing as _typing
 from importlib import import_module as _import_module
 
 from liouville._basics.errors import IntegrationError, OptimizationError
+from liouville._basics.errors import no_attribute as _no_attribute
 from liouville._core import VERSION as _VERSION
 from liouville._methods import (
     HHT,
@@ -177,7 +178,7 @@ def __getattr__(name: str) -> _typing.Any:
     if name in _ROOMS:
         return _import_module(f"liouville.{_ROOMS[name]}")
     if name not in _LATER:
-        raise AttributeError(f"module 'liouville' has no attribute {name!r}", name=name)
+        raise _no_attribute("module 'liouville'", name, __dir__())
     globals()[name] = found = getattr(_import_module(f"liouville.{_LATER[name]}"), name)
     return found
 

@@ -21,6 +21,8 @@ MOST_SHOWN = 20
 
 #: How much a name has in common with one that it may be meant for, as difflib counts.
 NEAR = 0.5
+#: The same of an attribute, of which there are many.
+ALIKE = 0.7
 
 
 class IntegrationError(RuntimeError):
@@ -117,6 +119,35 @@ def meant(name: str, names: Collection[str]) -> str:
     """Return a hint on a name that is none: the nearest one, or all where none is near."""
     near = get_close_matches(name, names, n=1, cutoff=NEAR)
     return f"did you mean {near[0]!r}?" if near else f"there are {', '.join(names)}"
+
+
+def no_attribute(of: str, name: str, known: Collection[str]) -> AttributeError:
+    """Return the error for an attribute that there is not, with the name that was meant."""
+    near = get_close_matches(name, known, n=1, cutoff=ALIKE)
+    sentence = f"{of} has no attribute {name!r}"
+    if near:
+        sentence = hinted(sentence, f"did you mean {near[0]!r}?")
+    elif len(known) <= MOST_SHOWN:
+        sentence = hinted(sentence, f"it has {', '.join(known)}")
+    # without obj=, by which Python would make the same suggestion once more
+    return AttributeError(sentence, name=name)
+
+
+def public(owner: object) -> list[str]:
+    """Return the public attributes of an object."""
+    return [x for x in dir(owner) if not x.startswith("_")]
+
+
+class Suggesting:
+    """A base of results: an attribute that there is not is answered by the nearest one there is."""
+
+    if not TYPE_CHECKING:  # whatever has a type is there
+
+        def __getattr__(self, name: str) -> Any:
+            """Refuse a name that is none."""
+            if name.startswith("_") or hasattr(type(self), name):
+                return object.__getattribute__(self, name)  # raises the error of its own
+            raise no_attribute(f"{type(self).__name__!r} object", name, public(self))
 
 
 def check_name(name: str, names: Collection[str], kind: str, of: str = "solution") -> None:

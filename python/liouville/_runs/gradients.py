@@ -136,7 +136,7 @@ class Pullback:
 
 def vjp(
     system: Mechanics | SemiExplicit | Field | Schrodinger,
-    method: Method | str,
+    method: Method | str = "auto",
     *,
     wrt: Sequence[str],
     t: Sequence[Any] | NDArray[Any],

@@ -8,6 +8,8 @@ from typing import Any
 
 from numpy.typing import NDArray
 
+from liouville._basics.errors import Suggesting
+
 Array = NDArray[Any]
 
 #: What is known of a contact at each record.
@@ -24,7 +26,7 @@ KINDS = {
 
 
 @dataclass(frozen=True)
-class Change:
+class Change(Suggesting):
     """A change of a contact.
 
     Attributes
@@ -48,7 +50,7 @@ class Change:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ContactRecord:
+class ContactRecord(Suggesting):
     """One contact in a run.
 
     Attributes

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from liouville._basics.arguments import Named
-from liouville._basics.errors import check_name, hinted
+from liouville._basics.errors import check_name, hinted, no_attribute, public
 from liouville._solution.points import STATES, Points
 
 if TYPE_CHECKING:
@@ -78,7 +78,9 @@ class States:
             hint = ELSEWHERE.get(name) or self._column_hint(name)
             if hint:
                 raise AttributeError(hinted(f"the solution has no attribute {name!r}", hint))
-            return object.__getattribute__(self, name)  # raises the error of its own
+            if name.startswith("_") or hasattr(type(self), name):
+                return object.__getattribute__(self, name)  # raises the error of its own
+            raise no_attribute("'Solution' object", name, public(self))
 
     def __dir__(self) -> list[str]:
         """Name what there is: no state that this solution has not."""

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from liouville import _core
 from liouville._basics import html
 from liouville._basics.arguments import MOST_STEPS, amount, check_memory, interval, number
-from liouville._basics.errors import IntegrationError, hinted, misshapen
+from liouville._basics.errors import IntegrationError, Suggesting, hinted, misshapen
 from liouville._basics.progress import Progress
 from liouville._methods import VolumeSplitting
 from liouville._runs.choice import runner_of
@@ -41,7 +41,7 @@ ROUNDOFF = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class Section:
+class Section(Suggesting):
     """The points where trajectories cross a plane, in the order of members, then of time.
 
     Attributes
@@ -120,7 +120,7 @@ class Section:
 
 def section(
     system: Field,
-    method: VolumeSplitting | FieldPlan,
+    method: VolumeSplitting | FieldPlan | str = "auto",
     *,
     t: tuple[float, float],
     plane: str | ArrayLike | Callable[..., Any],

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from liouville._basics.errors import hinted
+from liouville._basics.errors import Suggesting, hinted
 from liouville._systems import Schrodinger
 
 Array = NDArray[np.float64]
@@ -31,7 +31,7 @@ NOISE = 1e-3
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Condensate:
+class Condensate(Suggesting):
     r"""A state of norm 1 in which the energy is least, with a potential of the density.
 
     .. math::

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from liouville._basics import html
-from liouville._basics.errors import IntegrationError
+from liouville._basics.errors import IntegrationError, Suggesting
 from liouville._methods import Method, VolumeSplitting
 from liouville._methods.planner import FieldPlan, plan
 from liouville._runs.execute import finished
@@ -20,7 +20,7 @@ from liouville._systems import Field, System
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Study:
+class Study(Suggesting):
     r"""Errors of a method at the end of an interval, for a sequence of step sizes.
 
     Attributes

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 def determinant(
     system: Field,
-    method: VolumeSplitting | FieldPlan | str,
+    method: VolumeSplitting | FieldPlan | str = "auto",
     *,
     t: tuple[float, float],
     h: float | None = None,

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from liouville._basics.arguments import amount
+from liouville._basics.errors import Suggesting
 from liouville._basics.options import started
 from liouville._systems import Mechanics
 from liouville.analysis.point import LARGE, Array, Point, mechanical
@@ -17,7 +18,7 @@ from liouville.analysis.searches import Dense, Sparse
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Equilibrium:
+class Equilibrium(Suggesting):
     """A state of rest.
 
     Attributes

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from liouville._basics.arguments import amount, check_memory, count
-from liouville._basics.errors import IntegrationError, hinted
+from liouville._basics.errors import IntegrationError, Suggesting, hinted
 from liouville._basics.options import started
 from liouville._basics.progress import Progress, reported
 from liouville._methods import Method, VolumeSplitting
@@ -40,7 +40,7 @@ LEAST = 1e-13
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Lyapunov:
+class Lyapunov(Suggesting):
     """The exponents of a trajectory, and how they have settled.
 
     Attributes
@@ -80,7 +80,7 @@ class Lyapunov:
 
 def lyapunov(
     system: System,
-    method: Method | Plan,
+    method: Method | Plan | str = "auto",
     *,
     t: tuple[float, float],
     h: float | None = None,
@@ -202,7 +202,7 @@ def lyapunov(
 
 
 def _flow_of(
-    system: System, method: Method | Plan, h: float, params: Mapping[str, ArrayLike] | None
+    system: System, method: Method | Plan | str, h: float, params: Mapping[str, ArrayLike] | None
 ) -> _Flow:
     if isinstance(system, Mechanics):
         if system.nonholonomic:
@@ -225,7 +225,7 @@ class _Flow(ABC):
     moved: Array
 
     def __init__(
-        self, system: System, method: Method | Plan, params: Mapping[str, ArrayLike] | None
+        self, system: System, method: Method | Plan | str, params: Mapping[str, ArrayLike] | None
     ) -> None:
         self.system, self.method, self.params = system, method, params
 
@@ -273,7 +273,7 @@ class _Field(_Flow):
     def __init__(
         self,
         system: Field,
-        method: Method | Plan,
+        method: Method | Plan | str,
         h: float,
         params: Mapping[str, ArrayLike] | None,
     ) -> None:

@@ -51,7 +51,7 @@ SHORT = 1e-9
 
 def extrapolate(
     system: Mechanics,
-    method: Method | str,
+    method: Method | str = "auto",
     *,
     t: tuple[float, float],
     h: float | None = None,

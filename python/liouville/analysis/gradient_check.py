@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from liouville._basics.arguments import number
-from liouville._basics.errors import hinted
+from liouville._basics.errors import Suggesting, hinted
 from liouville._basics.options import started
 from liouville._methods import Method
 from liouville._runs.choice import runner_of
@@ -36,7 +36,7 @@ LEAST = 1e-3
 
 
 @dataclass(frozen=True)
-class GradientCheck:
+class GradientCheck(Suggesting):
     """How well a gradient agrees with a tangent and with differences.
 
     Attributes
@@ -56,7 +56,7 @@ class GradientCheck:
 
 def check_gradient(
     system: Mechanics | SemiExplicit | Field | Schrodinger,
-    method: Method | str,
+    method: Method | str = "auto",
     *,
     wrt: Sequence[str],
     t: Sequence[Any] | NDArray[Any],

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from liouville._basics.arguments import number
-from liouville._basics.errors import hinted
+from liouville._basics.errors import Suggesting, hinted
 from liouville._systems import Schrodinger
 from liouville._systems.waves.foreign import check_sampled
 from liouville._systems.waves.nonlinearity import Nonlinearity
@@ -24,7 +24,7 @@ ROUNDOFF = 2e-15
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class GroundState:
+class GroundState(Suggesting):
     r"""The states of least energy.
 
     Attributes

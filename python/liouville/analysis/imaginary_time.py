@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from liouville._basics.arguments import number
+from liouville._basics.errors import Suggesting
 from liouville._systems import Schrodinger
 from liouville.analysis.ground_state import Array, Counted, lowest, wave
 from liouville.analysis.thermal_state import COLD, coefficients, cooled
@@ -26,7 +27,7 @@ LONGEST = 1e8
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Cooled:
+class Cooled(Suggesting):
     r"""A state after a time :math:`\tau` in imaginary time.
 
     Attributes

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from liouville import _core
 from liouville._basics.arguments import amount
-from liouville._basics.errors import hinted, misshapen, quoted
+from liouville._basics.errors import Suggesting, hinted, misshapen, quoted
 from liouville._solution.solution import Solution
 from liouville._systems import Mechanics
 from liouville._systems.mechanics.motion import rates as recorded
@@ -31,7 +31,7 @@ APART = 1e-9
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class InverseDynamics:
+class InverseDynamics(Suggesting):
     """Efforts that make a motion, at k times.
 
     Attributes

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from liouville._basics.arguments import amount
-from liouville._basics.errors import check_name, hinted, quoted
+from liouville._basics.errors import Suggesting, check_name, hinted, quoted
 from liouville._basics.options import started
 from liouville._systems import Mechanics
 from liouville.analysis.point import LARGE, Array, Point, Split, mechanical
@@ -20,7 +20,7 @@ APART = 1e-8
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Linearization:
+class Linearization(Suggesting):
     r"""Small deviations from a state, with f positions and r velocities left free.
 
     A deviation is :math:`\delta y = N s`, :math:`\delta z = Z_1 s + Z_2 \sigma`, and

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from liouville._basics import html
 from liouville._basics.arguments import count as counted
-from liouville._basics.errors import hinted
+from liouville._basics.errors import Suggesting, hinted
 from liouville._basics.options import started
 from liouville._basics.scipy import scipy
 from liouville._systems import Mechanics
@@ -30,7 +30,7 @@ SHOWN = 12
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Modes:
+class Modes(Suggesting):
     r"""Modes :math:`\delta y = \operatorname{Re} \phi e^{\lambda t}` in the order of frequencies.
 
     Of a conjugate pair that with the positive imaginary part is listed. Without damping a mode with

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from liouville._basics.arguments import number, times_of
-from liouville._basics.errors import hinted, misshapen
+from liouville._basics.errors import Suggesting, hinted, misshapen
 from liouville._basics.scipy import scipy
 from liouville._methods import WaveMethod
 from liouville._runs.ensemble import ensemble
@@ -73,7 +73,7 @@ def propagator(
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Floquet:
+class Floquet(Suggesting):
     r"""The modes of a period T: states that are themselves a period later, up to a phase.
 
     .. math::

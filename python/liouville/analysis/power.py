@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from liouville._basics.errors import hinted
+from liouville._basics.errors import Suggesting, hinted
 from liouville._solution.parts import system_of
 from liouville._solution.points import Points
 from liouville._solution.solution import Solution
@@ -24,7 +24,7 @@ NODES = 4
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class PowerBalance:
+class PowerBalance(Suggesting):
     """Powers along a run and their integrals, at its k steps.
 
     The names are "forces", which have no potential, with what the energy changes by its own

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from liouville._basics.errors import hinted, misshapen
+from liouville._basics.errors import Suggesting, hinted, misshapen
 from liouville._basics.progress import Progress
 from liouville._methods import VolumeSplitting
 from liouville._runs.ensemble import ensemble
@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Stretching:
+class Stretching(Suggesting):
     """How much the neighbourhoods of starts are stretched.
 
     Attributes
@@ -52,7 +52,7 @@ class Stretching:
 
 def ftle(
     system: Field,
-    method: VolumeSplitting | FieldPlan,
+    method: VolumeSplitting | FieldPlan | str = "auto",
     *,
     t: tuple[float, float],
     h: float | None = None,

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from liouville._basics.arguments import check_memory, count, number
-from liouville._basics.errors import hinted
+from liouville._basics.errors import Suggesting, hinted
 from liouville._basics.scipy import scipy
 from liouville._systems import Schrodinger
 from liouville.analysis.ground_state import Array, Counted, lowest, wave
@@ -29,7 +29,7 @@ FROZEN = 200.0
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ThermalState:
+class ThermalState(Suggesting):
     r"""Random states, whose weighted means are thermal averages.
 
     Attributes

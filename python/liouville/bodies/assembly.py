@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from liouville._basics.arguments import amount
-from liouville._basics.errors import hinted, quoted
+from liouville._basics.errors import hinted, no_attribute, public, quoted
 from liouville._systems.mechanics.contact import Coefficient, check_restitution
 from liouville._systems.tracing import trace as _trace
 from liouville.bodies.acting import Acting
@@ -27,6 +27,12 @@ from liouville.bodies.mechanism import Mechanism
 from liouville.bodies.registry import apart, is_flat, two_points
 from liouville.bodies.shapes import Shape
 from liouville.bodies.touching import Rope, Touch, touch_of
+
+#: What joints and bodies are called elsewhere.
+CALLED = {
+    "hinge": "revolute", "pin": "revolute", "slider": "prismatic", "ball": "spherical",
+    "weld": "fixed", "rod": "bar", "link": "bar", "rigid_body": "body", "particle": "point_mass",
+}  # fmt: skip
 
 
 class Assembly(Acting):
@@ -69,6 +75,17 @@ class Assembly(Acting):
         """Count what it has."""
         bodies = amount(len(self._bodies) - 1, "body", "bodies")
         return f"<Assembly of {bodies} and {amount(len(self._joints), 'joint')}>"
+
+    if not TYPE_CHECKING:  # whatever has a type is there
+
+        def __getattr__(self, name: str) -> Any:
+            """Refuse a name, with what is called so elsewhere."""
+            if name.startswith("_") or hasattr(type(self), name):
+                return object.__getattribute__(self, name)  # raises the error of its own
+            if name in CALLED:
+                sentence = f"'Assembly' object has no attribute {name!r}"
+                raise AttributeError(hinted(sentence, f"did you mean {CALLED[name]!r}?"), name=name)
+            raise no_attribute("'Assembly' object", name, public(self))
 
     def _changed(self) -> None:
         self._system = None

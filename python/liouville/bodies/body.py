@@ -114,6 +114,14 @@ def numbers(what: str, value: Any, shape: tuple[int, ...]) -> NDArray[np.float64
     return found
 
 
+def spot(what: str, value: Any, is_flat: bool) -> NDArray[np.float64]:
+    """Return a place in space; in the plane two numbers are one too, of height zero."""
+    found = _trace.numbers(value)
+    if is_flat and found is not None and found.shape == (2,):
+        return np.append(numbers(what, value, (2,)), 0.0)
+    return numbers(what, value, (3,))
+
+
 def unit(what: str, value: Any, size: int = 3) -> NDArray[np.float64]:
     """Return a direction, or a quaternion, of length one."""
     found = numbers(what, value, (size,))

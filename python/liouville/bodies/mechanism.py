@@ -17,7 +17,7 @@ from liouville._systems.mechanics.general import Mechanics
 from liouville._systems.tape import record
 from liouville._systems.tracing.expressions import Expressions
 from liouville.bodies import turns
-from liouville.bodies.body import Body, Layout, Value, check_numbers, check_size, numbers
+from liouville.bodies.body import Body, Layout, Value, check_numbers, check_size, spot
 from liouville.bodies.chaining import Coupling
 from liouville.bodies.elements import Element, check_matrix, matrix_functions
 from liouville.bodies.joints import RATES, Joint
@@ -222,7 +222,7 @@ class Mechanism(Lagrangian):
         ----------
         body : str
             Its name.
-        at : array_like, shape (3,)
+        at : array_like, shape (3,), of a planar body (2,)
             The point from the centre of mass, in the axes of the body.
 
         Returns
@@ -236,7 +236,8 @@ class Mechanism(Lagrangian):
         ValueError
             There is no such body.
         """
-        k, own = self.body(body), numbers(f"a point of body '{body}'", at, (3,))
+        k = self.body(body)
+        own = spot(f"a point of body '{body}'", at, self._body_layout.kinds[k] == "planar")
 
         def place(t: ca.SX, q: ca.SX, v: ca.SX, *more: Any) -> ca.SX:
             del t, more

@@ -12,7 +12,16 @@ from liouville._basics import casadi as ca
 from liouville._basics.errors import hinted, quoted
 from liouville._systems.tracing import trace as _trace
 from liouville.bodies import rotations as rot
-from liouville.bodies.body import Body, Value, check_size, column, given, numbers, resolved, unit
+from liouville.bodies.body import (
+    Body,
+    Value,
+    check_size,
+    column,
+    given,
+    resolved,
+    spot,
+    unit,
+)
 from liouville.bodies.elements import Element
 from liouville.bodies.joints import ANGLES, KINDS, RATES, Joint
 from liouville.bodies.limits import check_motion, limits_of
@@ -188,10 +197,7 @@ def place_of(what: str, at: Any, flat: bool) -> Value:
     """Return a place in space, from two numbers too if that is `flat`."""
     if callable(at):
         return with_height(given(what, at, ())) if flat else given(what, at, (3,))
-    pair = _trace.numbers(at)
-    if flat and pair is not None and pair.shape == (2,):
-        return np.append(numbers(what, at, (2,)), 0.0)
-    return numbers(what, at, (3,))
+    return spot(what, at, flat)
 
 
 def two_points(of: str, at: Any, flat: bool = False) -> tuple[Value, Value]:

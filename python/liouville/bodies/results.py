@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from liouville._basics.arguments import amount
-from liouville._basics.errors import hinted
+from liouville._basics.errors import Suggesting, hinted
 from liouville._solution.parts import system_of
 from liouville._systems.mechanics.redundant import _gradients
 from liouville.bodies import rotations as rot
-from liouville.bodies.body import numbers
+from liouville.bodies.body import spot
 from liouville.bodies.joints import RATES
 from liouville.bodies.mechanism import Mechanism
 from liouville.bodies.model import Place
@@ -36,7 +36,7 @@ FORCE, TORQUE = (
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class BodyMotion:
+class BodyMotion(Suggesting):
     """The motion of a body, in the world, at the k kept steps.
 
     Attributes
@@ -59,20 +59,24 @@ class BodyMotion:
     rotation: Array
     velocity: Array
     angular_velocity: Array
+    _is_flat: bool = False
 
     def __repr__(self) -> str:
         """Name the body and its records."""
         return f"<motion of body {self.name!r}: {amount(len(self.t), 'record')}>"
 
     def point(self, at: ArrayLike) -> Array:
-        """Return the path, shape (k, 3), of a point at rest in its axes, from its centre."""
-        own = numbers(f"a point of body '{self.name}'", at, (3,))
+        """Return the path, shape (k, 3), of a point at rest in its axes, from its centre.
+
+        Of a planar body two numbers are a point.
+        """
+        own = spot(f"a point of body '{self.name}'", at, self._is_flat)
         path: Array = self.position + np.stack(rot.rotate(self.rotation.T, own), axis=1)
         return path
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class JointMotion:
+class JointMotion(Suggesting):
     """The motion of a joint and the wrench in it, at the k kept steps.
 
     Force and torque are those that keep the joint, and that prescribe its motion; they act on its
@@ -206,9 +210,10 @@ def body_of(solution: Solution, name: str) -> BodyMotion:
     body, layout = system.body(name), system._body_layout
     q, v = solution.q, solution.v
     x, e = layout.pose(q, body)
-    velocity, omega = layout.twist(q, v, body)
-    parts = (np.stack(part, axis=1) for part in (x, e, velocity, omega))
-    return BodyMotion(name, solution.t, *parts)
+    parts = (x, e, *layout.twist(q, v, body))
+    position, rotation, velocity, omega = (np.stack(part, axis=1) for part in parts)
+    is_flat = layout.kinds[body] == "planar"
+    return BodyMotion(name, solution.t, position, rotation, velocity, omega, is_flat)
 
 
 def joint_of(solution: Solution, name: str, frame: str = "world") -> JointMotion:

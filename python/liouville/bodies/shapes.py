@@ -34,6 +34,8 @@ class Shape(ABC):
     """
 
     body: Body | str
+    #: Whether its places have two numbers: its bodies move in a plane.
+    is_flat = False
 
     @property
     def rounding(self) -> Value:
@@ -65,9 +67,9 @@ class Plane(Shape):
     ----------
     body : Body or str
         The body that it is fixed to, or its name.
-    at : array_like, shape (3,), or callable, default (0, 0, 0)
+    at : array_like, shape (3,), in the plane (2,), or callable, default (0, 0, 0)
         A point of it in the world as drawn.
-    normal : array_like, shape (3,), default (0, 0, 1)
+    normal : array_like, shape (3,), in the plane (2,), default (0, 0, 1)
         Its direction to the side that is free, of any length, in the world as drawn.
     """
 
@@ -76,8 +78,8 @@ class Plane(Shape):
 
     def __post_init__(self) -> None:
         """Refuse what is no plane."""
-        object.__setattr__(self, "at", given("at= of a plane", self.at, (3,)))
-        object.__setattr__(self, "normal", unit("normal= of a plane", self.normal))
+        object.__setattr__(self, "at", given("at= of a plane", _in_space(self, self.at), (3,)))
+        object.__setattr__(self, "normal", unit("normal= of a plane", _in_space(self, self.normal)))
 
     def points(self, body: Body) -> Sequence[Value]:
         """Return its point."""
@@ -107,7 +109,7 @@ class Sphere(Shape):
         The body that it is fixed to, or its name.
     radius : float or callable, default 0
         Its radius.
-    at : array_like, shape (3,), or callable, optional
+    at : array_like, shape (3,), in the plane (2,), or callable, optional
         Its centre in the world as drawn, by default that of the body.
     """
 
@@ -118,7 +120,7 @@ class Sphere(Shape):
         """Refuse what is no sphere."""
         _keep_radius(self, self.radius, "sphere")
         if self.at is not None:
-            object.__setattr__(self, "at", given("at= of a sphere", self.at, (3,)))
+            object.__setattr__(self, "at", given("at= of a sphere", _in_space(self, self.at), (3,)))
 
     def points(self, body: Body) -> Sequence[Value]:
         """Return its centre."""
@@ -137,7 +139,7 @@ class Capsule(Shape):
     ----------
     body : Body or str
         The body that it is fixed to, or its name.
-    ends : array_like, shape (2, 3)
+    ends : array_like, shape (2, 3), in the plane (2, 2)
         Both ends of that line in the world as drawn.
     radius : float or callable
         The radius.
@@ -149,7 +151,9 @@ class Capsule(Shape):
     def __post_init__(self) -> None:
         """Refuse what is no capsule."""
         _keep_radius(self, self.radius, "capsule")
-        object.__setattr__(self, "ends", numbers("ends= of a capsule", self.ends, (2, 3)))
+        object.__setattr__(
+            self, "ends", numbers("ends= of a capsule", _in_space(self, self.ends), (2, 3))
+        )
 
     def points(self, body: Body) -> Sequence[Value]:
         """Return its ends."""
@@ -270,6 +274,15 @@ class Polygon(Shape):
         deepest = ca.mmax(ca.vertcat(*beyond))
         outside = ca.mmin(ca.vertcat(*(_off(point, a, b) for a, b in edges)))
         return ca.if_else(deepest > 0, outside, deepest)
+
+
+def _in_space(shape: Shape, value: Any) -> Any:
+    """Return places and directions, with heights of zero where they are those of a plane."""
+    own = _trace.numbers(value)
+    if own is None or own.shape[-1:] != (2,):
+        return value
+    object.__setattr__(shape, "is_flat", True)
+    return np.concatenate([own, np.zeros((*own.shape[:-1], 1))], axis=-1)
 
 
 def _keep_radius(shape: Any, radius: Value, kind: str) -> None:

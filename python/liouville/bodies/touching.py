@@ -221,6 +221,9 @@ def touch_of(
     is_flat = {a.kind, b.kind} <= {"planar", "ground"}
     if "polygon" in kinds and not is_flat:
         raise ValueError(f"{of} has a polygon, which planar bodies have")
+    if not is_flat and (first.is_flat or second.is_flat):
+        sentence = f"{of} is of bodies in space, and a place of its shapes has two numbers"
+        raise ValueError(hinted(sentence, "give three coordinates"))
     if "polygon" in kinds and not isinstance(second, Plane) and _is_sharp(first, second):
         hint = "give one of them a radius, which rounds its corners off"
         raise ValueError(hinted(f"{of} is of a corner on a corner, which has no direction", hint))

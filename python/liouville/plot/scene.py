@@ -13,7 +13,7 @@ from liouville._solution.solution import Array, Solution
 from liouville._systems.tracing.trace import Namespace
 from liouville.bodies import Mechanism
 from liouville.bodies import rotations as rot
-from liouville.bodies.body import numbers
+from liouville.bodies.body import spot
 from liouville.plot.curves import check_solution, of_chosen
 from liouville.plot.parts import Part
 from liouville.plot.shapes import parts_of, planar, poses_of, springs_of
@@ -175,9 +175,11 @@ def _points(system: Mechanism, trace: Trace | None) -> list[tuple[int, Array]]:
     """Return bodies and points on them, their centres where none is given."""
     names: Any = () if trace is None else [trace] if isinstance(trace, str) else trace
     given = names if isinstance(names, Mapping) else dict.fromkeys(names, (0.0, 0.0, 0.0))
+    kinds = system._body_layout.kinds
+    bodies = {name: system.body(name) for name in given}
     return [
-        (system.body(name), numbers(f"trace of body '{name}'", point, (3,)))
-        for name, point in given.items()
+        (k, spot(f"trace of body '{name}'", given[name], kinds[k] == "planar"))
+        for name, k in bodies.items()
     ]
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from liouville._basics.arguments import amount
-from liouville._basics.errors import hinted
+from liouville._basics.errors import Suggesting, hinted
 from liouville._solution.solution import Solution
 from liouville._studies.fitting.freedoms import values_of
 from liouville._studies.fitting.profile import Profile, interval
@@ -27,7 +27,7 @@ DIGITS = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class Fitted:
+class Fitted(Suggesting):
     """One trial as it was fitted.
 
     Attributes
@@ -49,7 +49,7 @@ class Fitted:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Fit:
+class Fit(Suggesting):
     """The best fit, and its uncertainty.
 
     Attributes
