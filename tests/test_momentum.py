@@ -61,6 +61,47 @@ def test_spectra_of_bosons_of_all_momenta_are_that_of_the_whole(sector, length):
     assert runs[0].observed["n"][-1] == pytest.approx(runs[1].observed["n"][-1], abs=1e-7)
 
 
+HOPS = [("+- + h.c.", -np.exp(0.3j)), ("nn", 0.7)]
+HUBBARD = [("+-| + h.c.", -np.exp(0.2j)), ("|+- + h.c.", -1.0), ("n|n", 4.0)]
+
+
+@pytest.mark.parametrize(
+    ("terms", "sector", "length"),
+    [
+        (HOPS, {"particles": 2}, 6),
+        (HOPS, {"particles": 3}, 6),
+        ([*HOPS, ("++ + h.c.", 0.4j)], {"parity": 0}, 5),
+        ([*HOPS, ("+- + h.c.", 0.3, [(i, (i + 2) % 4) for i in range(4)])], {}, 4),
+        (HUBBARD, {"particles": (2, 1)}, 4),
+        (HUBBARD, {"particles": (2, 2)}, 4),
+        ([*HUBBARD, ("+|- + h.c.", 0.3)], {"particles": 3, "spinful": True}, 3),
+        ([*HUBBARD, ("+|+ + h.c.", 0.3)], {"spinful": True}, 3),
+    ],
+)
+def test_sectors_of_fermions_are_the_whole(terms, sector, length):
+    """Signs of fermions that go round the ring are in spectra, starts and observables."""
+    whole = lv.FermionSystem(length, terms, periodic=True, **sector)
+    density = ("n|n" if whole.spinful else "nn", 1.0)
+    local = np.random.default_rng(0).normal(size=(whole._basis.sites, 2))
+    start, found, parts = whole.product_state(local), [], []
+    for k in range(length):
+        try:
+            own = lv.FermionSystem(length, terms, periodic=True, momentum=k, **sector)
+        except ValueError:  # no state has this momentum
+            continue
+        assert f"momentum={k}" in repr(own)
+        h = matrix(own)
+        assert np.abs(h - h.conj().T).max() < 1e-13
+        found.append(np.linalg.eigvalsh(h))
+        psi = own._basis.projected(start)
+        parts.append([np.vdot(psi, a @ psi).real for a in (np.eye(own.size), h)])
+        parts[-1].append((abs(psi) ** 2) @ np.real(own.operator(*density)))
+    assert np.abs(np.sort(np.concatenate(found)) - np.linalg.eigvalsh(matrix(whole))).max() < 1e-12
+    wanted = [1.0, np.vdot(start, matrix(whole) @ start).real]
+    wanted.append((abs(start) ** 2) @ np.real(whole.operator(*density)))
+    assert np.abs(np.sum(parts, axis=0) - wanted).max() < 1e-12
+
+
 def test_a_run_in_its_sector_is_that_of_the_whole():
     terms = [("xx",), ("yy",), ("zz",)]
     whole = lv.SpinSystem(8, terms, periodic=True, up=4)

@@ -350,7 +350,7 @@ def test_a_chain_of_24_fits_and_what_does_not_is_refused_with_numbers(monkeypatc
         lv.BosonSystem(12, ["n"], cutoff=12)
     with pytest.raises(MemoryError, match=r"hint: .* by up=, parity= or momentum="):
         lv.SpinSystem(40, ["xx"])
-    with pytest.raises(MemoryError, match=r"hint: fix particles= or parity= where"):
+    with pytest.raises(MemoryError, match=r"hint: fix particles=, parity= or momentum= where"):
         lv.FermionSystem(30, ["n"])
 
 

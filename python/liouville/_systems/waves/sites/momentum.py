@@ -2,18 +2,37 @@ r"""Sectors of a momentum: one state for each orbit of basis states under transl
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from liouville._systems.waves.sites.basis import Basis, Charge, Integers
-from liouville._systems.waves.sites.terms import Factor, Moved, Sum
+from liouville._systems.waves.sites.basis import Basis, Integers
+from liouville._systems.waves.sites.terms import Moved, Sum
 
 #: Bytes of a basis state of the whole while orbits are made.
 ORBITS = 48.0
+
+
+@dataclass(frozen=True)
+class Orbits:
+    r"""Orbits under translations, by basis state: :math:`|s\rangle = \pm T^m |r\rangle`.
+
+    Attributes
+    ----------
+    least, shift, sign : ndarray of int
+        The rank of r, the least state of the orbit; m; and the sign.
+    period, returned : ndarray of int
+        The number p of states of the orbit, and the sign of :math:`T^p |s\rangle = \pm |s\rangle`.
+    """
+
+    least: Integers
+    shift: Integers
+    sign: Integers
+    period: Integers
+    returned: Integers
 
 
 @dataclass(frozen=True)
@@ -26,15 +45,23 @@ class MomentumBasis(Basis):
 
         |r, k\rangle = \frac{1}{\sqrt p} \sum_{j < p} e^{-2 \pi i k j / L}\, T^j |r\rangle,
 
-    where :math:`k p` is a multiple of L; other orbits have no state of this momentum.
+    where :math:`T^p |r\rangle = e^{2 \pi i k p / L} |r\rangle`; other orbits have no state of this
+    momentum. A fermion that comes from the last site to the first passes all others of its spin,
+    so that T and :math:`T^p` have signs.
 
     Attributes
     ----------
     momentum : int
         k, from 0 to L - 1.
+    length : int
+        L; with spin the digits of all sites are there for spin up, then for spin down.
+    is_fermionic : bool
+        Whether digits are numbers of fermions.
     """
 
     momentum: int = 0
+    length: int = 0
+    is_fermionic: bool = False
 
     @property
     def asked(self) -> str:
@@ -42,14 +69,13 @@ class MomentumBasis(Basis):
         own = " and ".join(filter(None, [super().asked, f"momentum={self.momentum}"]))
         if self.size or not self.whole.size:
             return own
-        periods = np.unique(self._orbits[2])
-        there = [k for k in range(self.sites) if (k * periods % self.sites == 0).any()]
+        there = [k for k in range(self.length) if self._is_there(k).any()]
         return f"{own}: the momenta there are {', '.join(map(str, there))}"
 
     @property
     def is_real(self) -> bool:
         """Whether all phases are 1 or -1."""
-        return 2 * self.momentum % self.sites == 0
+        return 2 * self.momentum % self.length == 0
 
     @property
     def whole(self) -> Basis:
@@ -72,33 +98,36 @@ class MomentumBasis(Basis):
 
         They are those of the momentum's states where a state of the basis, `origin`, is moved.
         """
-        least, shift, period = (part[self.rank(moved)] for part in self._orbits)
-        places: Integers = self._places[least]
-        own = self._orbits[2][self.rank(origin)]
-        amplitudes = self._phases[self.momentum * shift % self.sites] * np.sqrt(own / period)
+        ranks, orbits = self.rank(moved), self._orbits
+        places: Integers = self._places[orbits.least[ranks]]
+        sizes = np.sqrt(orbits.period[self.rank(origin)] / orbits.period[ranks])
+        phases = self._phases[self.momentum * orbits.shift[ranks] % self.length]
+        amplitudes = phases * (orbits.sign[ranks] * sizes)
         return places, amplitudes.real if self.is_real else amplitudes
 
     def place(self, state: int) -> int | None:
         """Return the place of the orbit of a state, None if it has none of this momentum."""
         place = self.whole.place(state)
-        found = -1 if place is None else int(self._places[self._orbits[0][place]])
+        found = -1 if place is None else int(self._places[self._orbits.least[place]])
         return None if found < 0 else found
 
     def projected(self, psi: NDArray[Any]) -> NDArray[Any]:
         r"""Return the part :math:`\langle r, k | \psi \rangle` of a state of all momenta."""
         found = np.zeros(self.size, dtype=complex)
-        states = self.states
-        for j in range(self.sites):
-            phase = self._phases[self.momentum * j % self.sites]
-            found += phase * psi[self.whole.rank(states)]
+        states, sign = self.states, np.ones(self.size)
+        for j in range(self.length):
+            phase = self._phases[self.momentum * j % self.length]
+            found += phase * sign * psi[self.whole.rank(states)]
+            sign *= self._sign(states)
             states = self._translated(states)
-        period = self._orbits[2][self._leasts[self._is_kept]]
-        found *= np.sqrt(period) / self.sites
+        period = self._orbits.period[self._leasts[self._is_kept]]
+        found *= np.sqrt(period) / self.length
         return found.real if self.is_real and not np.iscomplexobj(psi) else found
 
     def __getstate__(self) -> dict[str, object]:
         """Leave out what can be computed again."""
-        return {**super().__getstate__(), "momentum": self.momentum}
+        own = {"momentum": self.momentum, "length": self.length, "is_fermionic": self.is_fermionic}
+        return {**super().__getstate__(), **own}
 
     @cached_property
     def _every(self) -> Integers:
@@ -106,38 +135,60 @@ class MomentumBasis(Basis):
 
     @cached_property
     def _phases(self) -> NDArray[np.complex128]:
-        found: NDArray[np.complex128] = np.exp(2j * np.pi * np.arange(self.sites) / self.sites)
+        found: NDArray[np.complex128] = np.exp(2j * np.pi * np.arange(self.length) / self.length)
         return found
 
     def _translated(self, states: Integers) -> Integers:
-        bits = self.width * (self.sites - 1)
-        found: Integers = (states & ((1 << bits) - 1)) << self.width | states >> bits
+        """Return states whose digits are moved by one site."""
+        bits = self.width * (self.length - 1)
+        firsts = sum(1 << (self.width * site) for site in range(0, self.sites, self.length))
+        first = firsts * ((1 << self.width) - 1)
+        found: Integers = (states & ~(first << bits)) << self.width | states >> bits & first
+        return found
+
+    def _sign(self, states: Integers) -> Integers:
+        """Return the sign of each state as all its fermions are moved by one site."""
+        passed = np.zeros_like(states)
+        if self.is_fermionic:
+            for first in range(0, self.sites, self.length):
+                own = states >> first & ((1 << self.length) - 1)
+                passed += (own >> (self.length - 1)) * (np.bitwise_count(own) - 1)
+        found: Integers = 1 - 2 * (passed & 1)
         return found
 
     @cached_property
-    def _orbits(self) -> tuple[Integers, Integers, Integers]:
-        """Rank of the least state of an orbit, shift to it, and period, by basis state."""
+    def _orbits(self) -> Orbits:
         every = self._every
-        least, back, period = every.copy(), np.zeros_like(every), np.full_like(every, self.sites)
+        least, back = every.copy(), np.zeros_like(every)
+        period = np.full_like(every, self.length)
+        sign, turned, returned = np.ones((3, every.size), np.int64)
         moved = every
-        for j in range(1, self.sites):
+        for j in range(1, self.length):
+            turned = turned * self._sign(moved)
             moved = self._translated(moved)
             is_less = moved < least
-            least[is_less], back[is_less] = moved[is_less], j
-            period[(moved == every) & (period == self.sites)] = j
-        return self.rank(least), (-back) % self.sites, period
+            least[is_less], back[is_less], sign[is_less] = moved[is_less], j, turned[is_less]
+            is_back = (moved == every) & (period == self.length)
+            period[is_back], returned[is_back] = j, turned[is_back]
+        return Orbits(self.rank(least), (-back) % self.length, sign, period, returned)
 
     @cached_property
     def _leasts(self) -> Integers:
         """The ranks of the least states of all orbits."""
-        found: Integers = np.unique(self._orbits[0])
+        found: Integers = np.unique(self._orbits.least)
+        return found
+
+    def _is_there(self, momentum: int) -> NDArray[np.bool_]:
+        """Return which orbits have a state of a momentum."""
+        period, returned = (x[self._leasts] for x in (self._orbits.period, self._orbits.returned))
+        turns = 2 * momentum * period + self.length * (returned < 0)
+        found: NDArray[np.bool_] = turns % (2 * self.length) == 0
         return found
 
     @cached_property
     def _is_kept(self) -> NDArray[np.bool_]:
         """Which orbits have a state of this momentum."""
-        found: NDArray[np.bool_] = self.momentum * self._orbits[2][self._leasts] % self.sites == 0
-        return found
+        return self._is_there(self.momentum)
 
     @cached_property
     def _places(self) -> Integers:
@@ -148,31 +199,10 @@ class MomentumBasis(Basis):
         return found
 
 
-def with_momentum(basis: Basis, momentum: int) -> MomentumBasis:
-    """Return the states of a momentum in a basis."""
-    charges: tuple[Charge, ...] = basis.charges
-    return MomentumBasis(basis.sites, basis.levels, charges, momentum)
-
-
-def moving(products: Sum, sites: int) -> Moved | None:
-    """Return a product of a sum whose translation by one site has another coefficient, if any."""
-    plain = {_ordered(key): z for key, z in products.amplitudes.items()}
-    largest = max(map(abs, plain.values()), default=0.0)
+def moving(products: Sum, translated: Sum) -> Moved | None:
+    """Return a product of a sum that has another coefficient in the translated sum, if any."""
+    largest = max(map(abs, products.amplitudes.values()), default=0.0)
     for key, z in products.amplitudes.items():
-        other = plain.get(_ordered(_translated(key, sites)), 0.0)
-        if abs(other - z) > 1e-12 * largest:
+        if abs(translated.amplitudes.get(key, 0.0) - z) > 1e-12 * largest:
             return key
     return None
-
-
-def _translated(key: Moved, sites: int) -> Moved:
-    steps = tuple(((site + 1) % sites, step) for site, step in key.steps)
-    factors = tuple(replace(each, site=(each.site + 1) % sites) for each in key.factors)
-    return Moved(steps, factors, key.mask)
-
-
-def _ordered(key: Moved) -> Moved:
-    def by_site(each: Factor) -> tuple[int, tuple[float, ...]]:
-        return each.site, each.values
-
-    return Moved(tuple(sorted(key.steps)), tuple(sorted(key.factors, key=by_site)), key.mask)

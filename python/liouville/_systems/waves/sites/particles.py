@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from liouville._basics.arguments import amount
-from liouville._basics.errors import hinted
 from liouville._systems.waves.sites.basis import Basis, Charge
 from liouville._systems.waves.sites.system import SiteSystem, counted, parity_of, whole
 from liouville._systems.waves.sites.terms import Letters
@@ -33,12 +32,14 @@ class FermionSystem(SiteSystem):
         Whether their number is even, which pairing keeps where it does not keep the number.
     spinful : bool, optional
         Whether they have spin one half; so if `particles` is a pair, else not.
+    momentum : int, optional
+        Fixes the momentum of a periodic chain, as that of :class:`SpinSystem`.
     periodic : bool, default False
         Whether the last site is a neighbour of the first; L is then at least 3.
 
     Attributes
     ----------
-    sites, terms, particles, parity, spinful, periodic
+    sites, terms, particles, parity, spinful, momentum, periodic
         As given.
     basis : ndarray
         The basis states in order: bit i is set where site i is taken, with spin up, and bit L + i
@@ -71,7 +72,9 @@ class FermionSystem(SiteSystem):
     400
     """
 
-    _fewer = "fix particles= or parity= where the sum conserves them, or take fewer sites"
+    _fewer = (
+        "fix particles=, parity= or momentum= where the sum conserves them, or take fewer sites"
+    )
 
     def __init__(
         self,
@@ -81,13 +84,9 @@ class FermionSystem(SiteSystem):
         particles: int | tuple[int, int] | None = None,
         parity: int | None = None,
         spinful: bool | None = None,
+        momentum: int | None = None,
         periodic: bool = False,
-        **others: Any,
     ) -> None:
-        for name in others:
-            sentence = f"FermionSystem takes no {name}="
-            hint = "moved fermions have signs; spins and bosons have sectors of a momentum"
-            raise TypeError(hinted(sentence, hint) if name == "momentum" else sentence)
         length = counted("sites", sites, periodic)
         is_pair = isinstance(particles, (tuple, list, np.ndarray))
         self.spinful = is_pair if spinful is None else bool(spinful)
@@ -118,13 +117,14 @@ class FermionSystem(SiteSystem):
         lowering = np.diag([1.0 + 0j], 1)
         matrices = {"+": lowering.T, "-": lowering, "n": np.diag([0j, 1.0])}
         self._letters = Letters(matrices, fermionic="+-", has_species=self.spinful)
-        super().__init__(length, terms, periodic)
+        super().__init__(length, terms, periodic, momentum)
 
     def __repr__(self) -> str:
         """Name the number of sites and of fermions."""
         kind = " with spin" if self.spinful else ""
         sector = "" if self.particles is None else f", particles={self.particles}"
         sector += "" if self.parity is None else f", parity={self.parity}"
+        sector += "" if self.momentum is None else f", momentum={self.momentum}"
         return f"FermionSystem({amount(self.sites, 'site')}{kind}{sector})"
 
 
@@ -214,11 +214,10 @@ class BosonSystem(SiteSystem):
             self.parity = charges[-1].total
         self.cutoff = most
         self._basis = Basis(length, most + 1, charges)
-        self._fix_momentum(momentum, periodic)
         lowering = np.diag(np.sqrt(np.arange(1.0, most + 1)) + 0j, 1)
         counting = np.diag(np.arange(most + 1) + 0j)
         self._letters = Letters({"+": lowering.T, "-": lowering, "n": counting})
-        super().__init__(length, terms, periodic)
+        super().__init__(length, terms, periodic, momentum)
 
     def __repr__(self) -> str:
         """Name the numbers of sites and of bosons."""

@@ -120,9 +120,8 @@ class SpinSystem(SiteSystem):
             charges += (parity_of(parity, "the number of steps down", length),)
             self.parity = charges[-1].total
         self._basis = Basis(length, steps + 1, charges)
-        self._fix_momentum(momentum, periodic)
         self._letters = Letters(_matrices(steps, 2.0 if pauli else 1.0))
-        super().__init__(length, terms, periodic)
+        super().__init__(length, terms, periodic, momentum)
 
     def __repr__(self) -> str:
         """Name the number of spins and the sector."""

@@ -15,7 +15,7 @@ from liouville._systems.waves.entries import numbers as array_of
 from liouville._systems.waves.exchange import BUILDING, Exchange
 from liouville._systems.waves.sites.basis import Basis, Charge
 from liouville._systems.waves.sites.matrix import Matrix
-from liouville._systems.waves.sites.momentum import ORBITS, moving, with_momentum
+from liouville._systems.waves.sites.momentum import ORBITS, MomentumBasis, moving
 from liouville._systems.waves.sites.terms import (
     Expansion,
     Letters,
@@ -24,6 +24,7 @@ from liouville._systems.waves.sites.terms import (
     check_hermitian,
     conjugated,
     read,
+    translated,
 )
 
 #: Bytes of a basis state: its integer, and a state vector.
@@ -55,7 +56,9 @@ class SiteSystem:
     #: The momentum of a periodic chain, None where it is not fixed.
     momentum: int | None = None
 
-    def __init__(self, sites: int, terms: Sequence[Any], periodic: bool) -> None:
+    def __init__(
+        self, sites: int, terms: Sequence[Any], periodic: bool, momentum: int | None
+    ) -> None:
         self.sites, self.periodic = sites, bool(periodic)
         if isinstance(terms, str) or not isinstance(terms, Sequence) or not len(terms):
             raise TypeError(
@@ -63,12 +66,14 @@ class SiteSystem:
             )
         self.terms = tuple(terms)
         self._check_basis()
+        self._fix_momentum(momentum)
         if not self._basis.size:
             raise ValueError(f"{sites} sites have no state with {self._basis.asked}")
         self._check_memory(STATE * self.size)
-        own, other = self._sums([(f"term {k}", term) for k, term in enumerate(terms)])
+        written = self._written([(f"term {k}", term) for k, term in enumerate(terms)])
+        own, other = self._sums(written)
         check_hermitian(own, other)
-        self._check_sector(own)
+        self._check_sector(own, written)
         self._products = own
         self.exchange = self._exchange()
         each = BUILDING
@@ -170,8 +175,9 @@ class SiteSystem:
         """
         given = [(letters, coefficient, sites)] if isinstance(letters, str) else list(letters)
         names = [f"term {k}" if len(given) > 1 else "the term" for k in range(len(given))]
-        own, other = self._sums(list(zip(names, given, strict=True)))
-        self._check_sector(own)
+        written = self._written(list(zip(names, given, strict=True)))
+        own, other = self._sums(written)
+        self._check_sector(own, written)
         matrix = Matrix(self._basis, other)
         if matrix.is_diagonal:
             return matrix.diagonal().conj()
@@ -189,23 +195,27 @@ class SiteSystem:
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Compute it again."""
         self.__dict__.update(state)
-        self._products = self._sums([("", term) for term in self.terms])[0]
+        self._products = self._sums(self._written([("", term) for term in self.terms]))[0]
         self.exchange = self._exchange()
 
     def __copy__(self) -> Self:
         """Return the model itself, which never changes."""
         return self
 
-    def _sums(self, terms: Sequence[tuple[str, Any]]) -> tuple[Sum, Sum]:
-        """Return a sum of terms, and its Hermitian conjugate."""
-        written: list[Written] = []
+    def _written(self, terms: Sequence[tuple[str, Any]]) -> list[Written]:
+        """Read terms, each with its name in messages."""
+        found: list[Written] = []
         for name, term in terms:
-            written += read(term, name, self._letters, self.sites, self.periodic)
+            found += read(term, name, self._letters, self.sites, self.periodic)
+        return found
+
+    def _sums(self, written: Sequence[Written]) -> tuple[Sum, Sum]:
+        """Return a sum of terms, and its Hermitian conjugate."""
         expansion = Expansion(self._letters)
         adjoint = [conjugated(term, self._letters) for term in written]
         return expansion.add(written), expansion.add(adjoint)
 
-    def _check_sector(self, products: Sum) -> None:
+    def _check_sector(self, products: Sum, written: Sequence[Written]) -> None:
         """Refuse a sum that leaves the sector, by the first term that does."""
         for key in products.amplitudes:
             for charge in self._basis.charges:
@@ -213,26 +223,28 @@ class SiteSystem:
                     what = f"changes {charge.name}, so that {charge.asked} is no sector"
                     hint = f"leave {charge.asked.split('=')[0]}= out, or the term"
                     raise ValueError(hinted(f"{products.origins[key]}, {what}", hint))
-
-        found = None if self.momentum is None else moving(products, self.sites)
-        if found is not None:
+        if self.momentum is None:
+            return
+        moved = [translated(term, self.sites) for term in written]
+        if (found := moving(products, Expansion(self._letters).add(moved))) is not None:
             sentence = f"{products.origins[found]}, changes when all sites are moved by one"
             hint = "leave momentum= out, or sum the term over all sites of the ring"
             raise ValueError(hinted(f"{sentence}, so that there is no momentum", hint))
 
-    def _fix_momentum(self, momentum: int | None, periodic: bool) -> None:
+    def _fix_momentum(self, momentum: int | None) -> None:
         """Take the states of a momentum alone, where one is given."""
         if momentum is None:
             return
-        length = self._basis.sites
-        if not periodic:
+        if not self.periodic:
             hint = "give periodic=True, or leave momentum= out"
             raise ValueError(hinted("an open chain has no momentum", hint))
-        self.momentum = whole("momentum", momentum, 0, length - 1, f" for {length} sites")
-        self._check_basis()
+        self.momentum = whole("momentum", momentum, 0, self.sites - 1, f" for {self.sites} sites")
         states = self._basis.size
         check_memory(f"the orbits of {states} states", ORBITS * states, self._fewer)
-        self._basis = with_momentum(self._basis, self.momentum)
+        basis, is_fermionic = self._basis, bool(self._letters.fermionic)
+        self._basis = MomentumBasis(
+            basis.sites, basis.levels, basis.charges, self.momentum, self.sites, is_fermionic
+        )
 
     def _check_memory(self, needed: float) -> None:
         check_memory(f"{self!r} of {self.size} states, with a state,", needed, self._fewer)

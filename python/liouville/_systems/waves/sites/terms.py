@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -163,6 +163,12 @@ def conjugated(term: Written, letters: Letters) -> Written:
     """Return the Hermitian conjugate."""
     word, values = letters.conjugate(term.letters), term.coefficients.conj()
     return Written(term.name, word, values, term.sites[:, ::-1], term.digits[:, ::-1])
+
+
+def translated(term: Written, sites: int) -> Written:
+    """Return a term that acts on the next site of a ring each."""
+    digits = term.digits - term.digits % sites + (term.digits + 1) % sites
+    return replace(term, sites=(term.sites + 1) % sites, digits=digits)
 
 
 def _sites(
