@@ -68,7 +68,7 @@ system
 # The start closes the loop, which stays closed to roundoff.
 
 solution = lv.integrate(system, lv.Spark(3), t=(0, 2), h=0.005, **robot.start())
-max(np.abs(x).max() for x in solution.residuals.values())
+print(f"{max(np.abs(x).max() for x in solution.residuals.values()):.1e}")
 
 # %%
 # Elbows and tip are ends of bars, whose centres are in the middle.

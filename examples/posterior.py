@@ -71,7 +71,8 @@ sampler = numpyro.infer.MCMC(
 )
 sampler.run(jax.random.PRNGKey(0))
 drawn = {name: np.asarray(x) for name, x in sampler.get_samples().items()}
-{name: (x.mean().round(3), x.std().round(3)) for name, x in drawn.items()}
+for name, x in drawn.items():
+    print(f"{name} = {x.mean():.3f} ± {x.std():.3f}")
 
 # %%
 # The damping has a tail; the normal of the fit goes below zero.

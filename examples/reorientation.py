@@ -66,7 +66,7 @@ first
 
 found = lv.optimal_control(satellite, lv.Spark(2), steps=80, guess=first, **task)
 about_the_axis = 2 * np.sqrt(np.radians(150) * 5621 / 50)
-found.t[-1], about_the_axis
+print(f"{found.t[-1]:.4f} s, about the axis {about_the_axis:.1f} s")
 
 # %%
 # Jets are at their bounds nearly always, and switch.

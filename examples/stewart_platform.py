@@ -60,7 +60,8 @@ system = m.system(params={"pull": 400.0})
 # Thirteen bodies have 91 coordinates and 85 constraints: the six freedoms of the plate are left.
 
 solution = lv.integrate(system, lv.Spark(3), t=(0, 8), h=0.02, **m.start())
-len(system.coordinates), len(system.constraints), solution.residuals["constraint"].max()
+print(len(system.coordinates), "coordinates,", len(system.constraints), "constraints")
+print(f"constraints off by {solution.residuals['constraint'].max():.1e}")
 
 # %%
 # Drag the picture to turn it, scroll to come nearer after a click on it; space stops the motion. A

@@ -57,6 +57,22 @@ def test_a_page_has_the_motion_of_all_bodies_and_needs_nothing_else(solution, tm
     )
 
 
+def test_lines_of_a_body_that_travels_far_stay_visible():
+    """The picture shows the whole way, on which a line as thick as the body asks for vanishes."""
+    widths = []
+    for speed in (0.0, 5.0):
+        m = lv.bodies.Assembly()
+        rod = m.bar("rod", (0, 0), (1, 0), mass=1.0)
+        tail = m.bar("tail", (1, 0), (2, 0), mass=1.0)
+        m.free("flight", rod)
+        m.revolute("pin", rod, tail, at=(1, 0))
+        start = m.start(rates={"flight": (speed, 0, None, None, None, 0)})
+        run = lv.integrate(m.system(), lv.Spark(2), t=(0, 1), h=0.1, **start)
+        parts = motion_of(plot.view(run))["parts"]
+        widths.append(max(part["size"][0] for part in parts if part["role"] == "line"))
+    assert widths[1] > 1.5 * widths[0]
+
+
 def test_the_code_of_the_page_puts_shapes_where_the_bodies_are(solution):
     motion = motion_of(plot.view(solution, trace={"rod": (0.5, 0, 0)}))
     page = MiniRacer()

@@ -38,6 +38,9 @@ JOINTS = {
 }
 #: A line is as thick as this part of the whole.
 LINE = 0.009
+#: What travels far is drawn as if it reached over this part of its way, but up to so many times
+#: what it does.
+TRAVEL, MOST = 0.5, 4.0
 #: Nothing is thinner than this part of it, nor nearer to another point.
 LEAST = 1e-6
 
@@ -85,7 +88,8 @@ def parts_of(
     outlines = outlines_of(system, values, at)
     reach = _reach(system, poses[0], own, boxes)
     reach = max(reach, *(outline.size for outline in outlines), LEAST)
-    thick = LINE * reach
+    travel = float(np.linalg.norm(np.ptp(poses[..., :3].reshape(-1, 3), axis=0)))
+    thick = LINE * max(reach, min(TRAVEL * travel, MOST * reach))
     found: list[Part] = []
     for body in range(len(system.bodies)):
         ends = _apart(own[body], 0.5 * thick)
