@@ -20,11 +20,13 @@ use pyo3::prelude::*;
 use std::sync::Arc;
 
 /// A control of the steps: (rtol, atol, first step or 0, least step) by errors, or reversible (first step, least
-/// step, a tape with whether it depends on z' or None).
+/// step, a tape with whether it depends on z' or None), or held to given ends.
 #[derive(FromPyObject)]
 enum ControlOf<'py> {
     Adaptive(f64, PyReadonlyArray1<'py, f64>, f64, f64),
     Reversible(f64, f64, Option<(PyRef<'py, convert::Tape>, bool)>),
+    #[pyo3(transparent)]
+    Held(PyReadonlyArray1<'py, f64>),
 }
 
 impl ControlOf<'_> {
@@ -46,6 +48,7 @@ impl ControlOf<'_> {
                     monitor: monitor.map(|(tape, of_z_dot)| (Tape::clone(&tape.0), *of_z_dot)),
                 })
             }
+            Self::Held(ends) => Ok(Control::Held(ends.as_slice()?.to_vec())),
         }
     }
 }

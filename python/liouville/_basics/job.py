@@ -67,9 +67,10 @@ class Job:
         Parameters, with a row for each member of an ensemble or one for all.
     states : bool
         Whether states are recorded.
-    control : tuple or None
+    control : tuple, ndarray or None
         ``(rtol, atol, first step or 0, least step)``, or of reversible steps ``(first step, least
-        step, tape of the monitor with whether it needs z' or None)``.
+        step, tape of the monitor with whether it needs z' or None)``, or the times between the
+        steps of another run.
     watch : tuple or None
         Order of the method, times of the records or None, and events.
     tangents : tuple, ndarray of shape (d, n) or None
@@ -106,7 +107,7 @@ class Job:
     observer: _core.Tape | tuple[Array, float, float | None, int] | str | list[tuple[object, ...]]
     params: Array = field(default_factory=lambda: np.empty(0))
     states: bool = True
-    control: tuple[object, ...] | None = None
+    control: tuple[object, ...] | Array | None = None
     watch: tuple[int, Array | None, list[Event]] | None = None
     tangents: Tangents | Array | None = None
     watched: WatchedSteps = (None, None)

@@ -72,4 +72,7 @@ class Adjoint(ABC):
 
     @abstractmethod
     def moved(self, directions: Mapping[str, np.ndarray], size: float) -> Mapping[str, np.ndarray]:
-        """Return the states of the same discrete run, moved by so much of all directions."""
+        """Return the states of the same discrete run, moved by so much of all directions.
+
+        Records that an event or a switch has passed, in one of the runs alone, are NaN.
+        """

@@ -15,11 +15,12 @@ from liouville._basics.arguments import number
 from liouville._basics.errors import Suggesting, hinted
 from liouville._basics.options import started
 from liouville._methods import Method
+from liouville._runs.adjoint import Adjoint
 from liouville._runs.choice import runner_of
 from liouville._runs.execute import execute, finished
 from liouville._runs.gradients import vjp
 from liouville._runs.runner import Request
-from liouville._runs.tangents import ALPHA, ENDS, PARAMS
+from liouville._runs.tangents import ENDS, PARAMS
 from liouville._solution.solution import Solution
 from liouville._solution.tangents import Tangent
 from liouville._systems import Field, Mechanics, Schrodinger, SemiExplicit
@@ -73,8 +74,9 @@ def check_gradient(
 
     The two tests see different things. The pairing of tangent and pullback is exact, but agrees
     even where a model bends within a step; differences see that, with their own error. They are of
-    a run with the same steps: controlled ones are made one by one. Of a Schrödinger equation
-    bounds, windows and numbers of terms are the same.
+    a run with the same steps: controlled ones end where those of the run did, but for events and
+    switches, which are met wherever they are; records that these pass are left out. Of a
+    Schrödinger equation bounds, windows and numbers of terms are the same.
     Members of an ensemble are moved in the same direction.
 
     Parameters
@@ -98,8 +100,8 @@ def check_gradient(
     Raises
     ------
     TypeError, ValueError
-        As of :func:`liouville.vjp`; controlled steps with events or switches, or of the alpha
-        family, an event that ends moved runs after other numbers of states, or those of members.
+        As of :func:`liouville.vjp`; an event that ends moved runs after other numbers of states,
+        or those of members.
     IntegrationError
         A step of the run, or of a moved one, failed, or the run was interrupted.
     KeyboardInterrupt
@@ -122,13 +124,12 @@ def check_gradient(
     if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0:
         raise TypeError(f"seed must be an integer from 0 on, not {seed!r}")
     solution, pullback = vjp(system, method, wrt=wrt, t=t, params=params, **run)
-    is_controlled = run.get("rtol") is not None or run.get("control") is not None
-    if isinstance(system, Mechanics | SemiExplicit) and is_controlled:
-        _check_repeated(system, pullback.adjoint.runner.choice, run.get("events"))
     if solution.members is not None and solution.endings:
         sentence = "events end runs of members, which then have other numbers of states"
         raise ValueError(hinted(sentence, "check members one by one"))
     rng, adjoint = np.random.default_rng(seed), pullback.adjoint
+    # what bends is to be seen by differences, and not refused
+    adjoint.refuses_kinks = False
 
     def random(shape: tuple[int, ...], is_complex: bool) -> np.ndarray:
         real = np.asarray(rng.standard_normal(shape))
@@ -146,35 +147,51 @@ def check_gradient(
     request = Request(
         t=t, params=params, tangents=alike, start=start, is_ensemble=is_many, **own
     )  # fmt: skip
-    # what bends is to be seen by differences, and not refused
-    adjoint.refuses_kinks = False
-    moving = finished(_moving(system, method, request, run.get("progress")))
-    found = moving.tangents
+    found = finished(_moving(system, method, request, run.get("progress"))).tangents
     parts = {x: _part(solution, tangent) for x, tangent in found.items()}
     directions = {
         x: np.broadcast_to(parts[x] * own, adjoint.directions[x][0]) for x, own in alike.items()
     }
-    terms = [
-        parts[name] * np.conj(states[x]) * tangent.states[x]
-        for name, tangent in found.items()
+    moves = {  # a row for each direction
+        x: np.array([parts[name] * tangent.states[x] for name, tangent in found.items()])
         for x in states
-    ]
-    forward, unit = (float(sum(f(x).real.sum() for x in terms)) for f in (np.asarray, np.abs))
+    }
+    unit = sum(float(np.abs(c * moves[x]).sum()) for x, c in states.items())
+    forward = sum(float(np.vdot(c, moves[x].sum(axis=0)).real) for x, c in states.items())
     gradients = pullback(**states)
     back = sum(float(np.vdot(gradients[x], own).real) for x, own in directions.items())
-    slope = 0.0
-    for count, weight in WEIGHTS.items():
-        for sign in (1, -1):
-            moved = adjoint.moved(directions, sign * count * size)
-            if any(moved[name].shape != x.shape for name, x in states.items()):
-                sentence = "an event ends a moved run after another number of states"
-                raise ValueError(hinted(sentence, f"take a size below {size:g}, or a larger every"))
-            pairing = sum(float(np.vdot(x, moved[name]).real) for name, x in states.items())
-            slope += sign * weight / size * pairing
+    slopes = _differences(adjoint, directions, size, states)
+    rest = [np.conj(c) * (slopes[x] - moves[x].sum(axis=0)) for x, c in states.items()]
+    off = sum(float(np.nansum(x).real) for x in rest)
     # a run that hardly moves, or not at all, is not measured by the roundoff of its states
     sums = sum(float(np.abs(x * solution.states[name]).sum()) for name, x in states.items())
     unit = max(unit, LEAST * sums, sys.float_info.min)
-    return GradientCheck(dot=abs(back - forward) / unit, differences=abs(slope - forward) / unit)
+    return GradientCheck(dot=abs(back - forward) / unit, differences=abs(off) / unit)
+
+
+def _differences(
+    adjoint: Adjoint, directions: Mapping[str, Any], size: float, like: Mapping[str, np.ndarray]
+) -> dict[str, np.ndarray]:
+    """Return derivatives of states like these by runs nearby, NaN where an event passes a record.
+
+    Raises
+    ------
+    ValueError
+        A run nearby has other records, or events pass them all.
+    """
+    found = {name: np.zeros_like(x) for name, x in like.items()}
+    for count, weight in WEIGHTS.items():
+        for sign in (1, -1):
+            moved = adjoint.moved(directions, sign * count * size)
+            if any(moved[name].shape != x.shape for name, x in found.items()):
+                sentence = "an event ends a moved run after another number of states"
+                raise ValueError(hinted(sentence, f"take a size below {size:g}, or a larger every"))
+            for name in found:
+                found[name] = found[name] + sign * weight / size * moved[name]
+    if not any(np.isfinite(x).any() for x in found.values()):
+        sentence = "events or switches pass every record of runs nearby"
+        raise ValueError(hinted(sentence, f"take a size below {size:g}, or other times"))
+    return found
 
 
 def _moving(system: Any, method: Method | str, request: Request, progress: Any) -> Solution:
@@ -185,17 +202,6 @@ def _moving(system: Any, method: Method | str, request: Request, progress: Any) 
 
         return contacts.integrate(system, method, request, progress)
     return execute(runner_of(system, method, request), progress)
-
-
-def _check_repeated(system: Mechanics | SemiExplicit, method: Any, events: Any) -> None:
-    """Refuse controlled steps that moved runs do not repeat one by one."""
-    sentence = ""
-    if events or getattr(system, "switch_tapes", None):
-        sentence = "events and switches part controlled steps, and those of moved runs elsewhere"
-    elif isinstance(method, ALPHA):
-        sentence = f"controlled steps of {method!r} begin with more than a state"
-    if sentence:
-        raise TypeError(hinted(sentence, "give h or steps: equal ones are checked"))
 
 
 def _values(solution: Solution, name: str, shape: tuple[int, ...], span: float) -> np.ndarray:

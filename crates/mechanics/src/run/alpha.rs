@@ -5,7 +5,7 @@ use super::{Begun, Control, MethodStart, Starter};
 use liouville_alpha::{Alpha, AlphaRestart, AlphaState, Reactions};
 use liouville_base::error::StepError;
 use liouville_base::method::Estimating;
-use liouville_base::run::{Fixed, Reversible, StepControl};
+use liouville_base::run::{Reversible, StepControl};
 use liouville_base::tableau;
 use liouville_problem::{Carried, Kinetic, SecondOrder, SecondOrderModel};
 use std::sync::Arc;
@@ -82,8 +82,7 @@ impl Starter {
     {
         let span = self.job.span;
         let Some(sizes) = sizes else {
-            let stepper = Box::new(stepper);
-            return Box::new(Fixed::new(stepper, span.t0, span.h(), span.steps));
+            return Box::new(self.fixed_steps(Box::new(stepper)));
         };
         if !self.job.is_reversible {
             return self.adaptive_control(stepper, sizes);

@@ -58,7 +58,7 @@ impl System {
     /// The controls that the method has, by the names of their kinds.
     fn has(&self, control: &Control) -> bool {
         match control {
-            Control::Fixed => true,
+            Control::Fixed | Control::Held(_) => true,
             Control::Adaptive { .. } => {
                 matches!(
                     self,
@@ -233,6 +233,7 @@ impl Job {
             } if tape.inputs() != [1, n, l, l, params] || tape.outputs() != 2 => {
                 invalid("a monitor is a tape of (t, y, z, z', params) with two values")
             }
+            Control::Held(ends) if ends.len() < 2 => invalid("steps lie between two times or more"),
             _ => Ok(()),
         }
     }

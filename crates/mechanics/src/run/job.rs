@@ -72,6 +72,8 @@ pub enum Control {
         /// acceleration.
         monitor: Option<(Tape, bool)>,
     },
+    /// Steps from the first of these times to the next ones: those of another run.
+    Held(Vec<f64>),
 }
 
 impl Control {
@@ -81,6 +83,7 @@ impl Control {
             Self::Fixed => "none",
             Self::Adaptive { .. } => "error",
             Self::Reversible { .. } => "reversible",
+            Self::Held(_) => "held",
         }
     }
 }

@@ -236,7 +236,19 @@ impl Starter {
                 let (ends, sizes) = ((span.t0, span.t1), (h_first, h_min));
                 Box::new(Reversible::new(stepper, ends, sizes, monitor, state))
             }
-            None => Box::new(Fixed::new(stepper, span.t0, span.h(), span.steps)),
+            None => Box::new(self.fixed_steps(stepper)),
+        }
+    }
+
+    /// Equal steps, or those of another run.
+    pub(super) fn fixed_steps<State: Checkpoint>(
+        &self,
+        stepper: BoxedStepper<State>,
+    ) -> Fixed<State> {
+        let span = self.job.span;
+        match &self.job.control {
+            Control::Held(ends) => Fixed::between(stepper, ends.clone()),
+            _ => Fixed::new(stepper, span.t0, span.h(), span.steps),
         }
     }
 

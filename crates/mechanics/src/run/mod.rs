@@ -214,7 +214,7 @@ impl Starter {
         let steps = match self.job.control {
             Control::Fixed => span.steps as f64,
             Control::Reversible { h_first, .. } => ((span.t1 - span.t0) / h_first).abs(),
-            Control::Adaptive { .. } => 0.0, // their errors are larger than the sum of what the iteration leaves
+            Control::Held(_) | Control::Adaptive { .. } => 0.0, // their errors are larger than the sum of what the iteration leaves
         };
         Stop::of_run(steps).tolerance
     }

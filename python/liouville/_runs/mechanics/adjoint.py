@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -44,7 +45,6 @@ class ConstrainedAdjoint(Adjoint):
         self.directions = {name: (shape, False) for name, shape in shapes.items()}
         self.checkpoints = Checkpoints(None if runner.steps.control else runner.steps.count)
         self.kinks = Kinks.of(runner, request, shapes)
-        self._held: HeldSteps | None = None
 
     def shapes(self, solution: Solution) -> dict[str, tuple[int, ...]]:
         """Return the shapes of what has cotangents, by the names of the states."""
@@ -171,32 +171,69 @@ class ConstrainedAdjoint(Adjoint):
         sentence, hint, quantity = self.runner.describe(error)
         return IntegrationError(hinted(sentence, hint), quantity=quantity)
 
+    @cached_property
+    def _held(self) -> HeldSteps:
+        """The controlled steps of the run."""
+        return HeldSteps(self.runner, self._request)
+
     def moved(self, directions: Mapping[str, np.ndarray], size: float) -> Mapping[str, np.ndarray]:
-        """Return the states of the run, moved by so much of all directions, on the constraints."""
-        system, request = self.runner.system, self._request
-        values: dict[str, Any] = {**system.params, **(request.params or {})}
+        """Return the states of the run, moved by so much of all directions; see :class:`Adjoint`.
+
+        The start moves along its constraints.
+        """
+        run = self._moved(directions, size)
+        sides = self._sides(run)
+        if sides.shape != self._own_sides.shape:  # as many records as another run
+            return run.states
+        is_passed = (sides != self._own_sides).any(axis=1)
+        return {name: np.where(is_passed[:, None], np.nan, x) for name, x in run.states.items()}
+
+    @cached_property
+    def _own_sides(self) -> np.ndarray:
+        """The sides of the records of the run itself."""
+        return self._sides(self._moved({}, 0.0))
+
+    def _sides(self, run: Solution) -> np.ndarray:
+        """Return a row for each record: how many resets were before it, and signs of switches.
+
+        Times of controlled steps are held, but for those at switches.
+        """
+        system, steps = self.runner.system, self.runner.steps
+        way, times = steps.t1 - steps.t0, np.zeros(len(run.t))
+        if steps.control is not None:
+            times[: -1 if ended(run) else None] = run.t[: -1 if ended(run) else None]
+        columns = [
+            ((run.t[:, None] - points.t) * way >= 0).sum(axis=1)
+            for points in run.events.values()
+            if f"{system.states[0]}{AFTER}" in points.states
+        ]
+        switches = self.runner.at_switches(run, system.values(run.params))
+        return np.column_stack([times, *columns, *np.sign(switches).T])
+
+    def _moved(self, directions: Mapping[str, np.ndarray], size: float) -> Solution:
+        runner, request = self.runner, self._request
+        values: dict[str, Any] = {**runner.system.params, **(request.params or {})}
         for name, x in directions.items():
             if name.startswith(PARAMS):
                 which = name.removeprefix(PARAMS)
                 values[which] = np.asarray(values[which]) + size * x
-        given = zip(system.states, system.start(request.start), strict=True)
+        given = zip(runner.system.states, runner.system.start(request.start), strict=True)
         # along the constraints: beside them redundant ones contradict each other
-        changes = self.runner.moved_along(directions)
+        changes = runner.moved_along(directions) if directions else np.zeros((2, 1))
         own: dict[str, Any] = {  # z that follows from y has no changes
             name: x + size * dx if dx.size else x
             for (name, x), dx in zip(given, changes, strict=True)
         }
         ends = [request.t[k] + size * directions.get(f"t{k}", 0.0) for k in (0, 1)]
-        start = {**request.start, **system.consistent(t=ends[0], params=values, **own)}
-        if self.runner.steps.control is not None:
-            if self._held is None:
-                self._held = HeldSteps(self.runner, request)
-            return self._held.states(replace(request, params=values, start=start))
+        start = {**request.start, **runner.system.consistent(t=ends[0], params=values, **own)}
+        request = replace(request, params=values, start=start)
+        if runner.steps.control is not None:
+            return finished(execute(self._held.runner(request)))
         moved = replace(  # as many steps, whatever the ends
-            request, t=tuple(map(float, ends)), steps=self.runner.steps.count, h=None,
-            params=values, start=start, has_pullback=False,
+            request, t=tuple(map(float, ends)), steps=runner.steps.count, h=None,
+            has_pullback=False,
         )  # fmt: skip
-        return finished(execute(type(self.runner)(system, self.runner.choice, moved))).states
+        return finished(execute(type(runner)(runner.system, runner.choice, moved)))
 
 
 class LockStep:

@@ -73,9 +73,8 @@ class TracedRunner(Runner):
         self._order = int(getattr(method, "order", 0))
         span = (self.steps.t0, self.steps.t1)
         self._watch = Watch(request.events, request.t_eval, span, self.every)
-        switches = system.switch_tapes if self._sees_switches else {}
         self._watched = request.watched or self._watch.to_core(
-            system, self._order, switches, self._is_differentiated
+            system, self._order, self.switches, self._is_differentiated
         )
         self._take(request)
         self.params = {**system.params, **(request.params or {})}
@@ -87,6 +86,7 @@ class TracedRunner(Runner):
         self._check_sizes(request)
         self._directions: ConstrainedDirections | None = None
         self._parts: list[tuple[float, float, int]] = []
+        self._held: np.ndarray | None = None
         #: Tangents at events, by their names.
         self._moved_events: dict[str, tuple[np.ndarray, np.ndarray | None]] = {}
 
@@ -163,11 +163,17 @@ class TracedRunner(Runner):
             observer=self._observer, params=self._values, states=self._states,
             control=control, watch=self._watched, is_differentiated=self._is_differentiated,
         )  # fmt: skip
+        if self._held is not None:
+            job.control = self._held
         if self._states:
             job.turning = self.system.turning
         if self._parts:
             job.parts, job.is_ensemble, job.params = self._parts, True, self._values[None]
         return job
+
+    def hold(self, ends: np.ndarray) -> None:
+        """Take the steps from the first of these times to the next ones, whatever their errors."""
+        self._held = ends
 
     def take_parts(
         self, starts: tuple[np.ndarray, ...], parts: list[tuple[float, float, int]], times: Any
@@ -346,6 +352,20 @@ class TracedRunner(Runner):
     def _sees_switches(self) -> bool:
         """Whether steps end at the switches of the system."""
         return self._control == "error"
+
+    @property
+    def switches(self) -> Mapping[str, _core.Tape]:
+        """The functions of the system at whose zeros steps end."""
+        return self.system.switch_tapes if self._sees_switches else {}
+
+    def at_switches(self, run: Solution, values: np.ndarray) -> np.ndarray:
+        """Return the values of these functions at records, shape (k, s)."""
+        points = [run.t[:, None], *(run.states[name] for name in self.system.states)]
+        args = [np.ascontiguousarray(x) for x in points]
+        found = [np.empty((len(run.t), 0))]
+        for tape in self.switches.values():  # which do not see multipliers
+            found.append(tape.map(values, [*args, np.zeros((len(run.t), tape.inputs[3]))]))
+        return np.concatenate(found, axis=1)
 
     @property
     def _extra_states(self) -> tuple[str, ...]:

@@ -1,16 +1,18 @@
-//! Steps of equal size.
+//! Steps of equal size, or to given ends.
 
 use super::StepControl;
 use crate::checkpoint::Checkpoint;
 use crate::error::StepError;
 use crate::method::Stepper;
 
-/// Steps of equal size; times are t0 + n h, computed and not summed up.
+/// Steps of equal size, whose ends are t0 + n h, computed and not summed up, or steps to given ends.
 pub struct Fixed<State: Checkpoint> {
     stepper: Box<dyn Stepper<State = State>>,
     t0: f64,
     h: f64,
     steps: usize,
+    /// The start and the ends of the steps, where these are given.
+    given: Vec<f64>,
     n: usize,
     /// Where the next step begins, if that is within it.
     cut: Option<f64>,
@@ -24,13 +26,25 @@ impl<State: Checkpoint> Fixed<State> {
             t0,
             h,
             steps,
+            given: Vec::new(),
             n: 0,
             cut: None,
         }
     }
 
+    /// Steps from the first of these times to the next ones.
+    pub fn between(stepper: Box<dyn Stepper<State = State>>, given: Vec<f64>) -> Self {
+        let steps = given.len() - 1;
+        let h = (given[steps] - given[0]) / steps as f64;
+        Self {
+            given,
+            ..Self::new(stepper, 0.0, h, steps)
+        }
+    }
+
     fn end_of(&self, n: usize) -> f64 {
-        self.t0 + n as f64 * self.h
+        let equal = || self.t0 + n as f64 * self.h;
+        self.given.get(n).copied().unwrap_or_else(equal)
     }
 
     fn present(&self) -> f64 {
@@ -57,8 +71,8 @@ impl<State: Checkpoint> StepControl<State> for Fixed<State> {
 
     fn step(&mut self, state: &mut State) -> Result<(), StepError> {
         let h = match self.cut {
-            None => self.h,
-            Some(t) => self.end_of(self.n + 1) - t,
+            None if self.given.is_empty() => self.h,
+            _ => self.end_of(self.n + 1) - self.present(),
         };
         self.stepper.step(self.present(), h, state)?;
         self.n += 1;
@@ -83,6 +97,11 @@ impl<State: Checkpoint> StepControl<State> for Fixed<State> {
             self.n -= usize::from(self.cut.is_none());
             self.cut = Some(t);
         }
+    }
+
+    fn shorten(&mut self, t: f64) {
+        self.n -= 1;
+        self.cut = Some(t);
     }
 }
 

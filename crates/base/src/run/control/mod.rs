@@ -60,8 +60,8 @@ pub trait StepControl<State: Checkpoint>: Checkpoint {
     /// runs with events only.
     fn restart(&mut self, _t: f64, _state: &State) {}
 
-    /// Ends the last step earlier, at this time, from which the next one is as short as the first of a run. Called
-    /// on controls by errors only.
+    /// Ends the last step earlier, at this time, from which the next one is as short as the first of a run, or goes to
+    /// its given end. Called on controls by errors, and on those that repeat their steps, only.
     fn shorten(&mut self, _t: f64) {}
 
     /// How many steps were rejected.
