@@ -369,6 +369,53 @@ def test_jax_differentiates_through_impacts_of_members(jax, steps):
     np.testing.assert_allclose(slopes, [bounced(g, 0.5)[1][0] for g in gs], atol=1e-9)
 
 
+#: The ball of :data:`BALL` with its floor as a contact.
+TOUCHING = lv.Lagrangian(
+    lambda t, q, v, params: v[0] ** 2 / 2 - params.g * q[0], q=("x",), params={"g": 1.0, "e": 0.5},
+    contacts={"floor": lv.Contact(lambda t, q, params: q[0], restitution=lambda params: params.e)},
+)  # fmt: skip
+TOUCHED = {"wrt": ("params.g", "params.e"), "returns": "v", "q": [0.5], "v": [0.0]}
+
+
+@pytest.mark.parametrize("records", [{"every": 5}, {"t_eval": [0.3, 0.7, 1.1, 1.5]}], ids=str)
+def test_jax_differentiates_through_contacts_of_members(jax, records):
+    """States at hits are not among those returned, and members that fail have NaN."""
+    solve = lv.jax.solver(TOUCHING, METHOD, t=(0, 1.5), steps=15, **records, **TOUCHED)
+    assert solve(1.0, 0.5).shape == (4, 1)
+    gs, es = np.array([0.9, 1.0, 1.0, 1.21]), np.array([0.5, 0.5, 1.5, 0.6])
+    found = jax.jit(jax.vmap(jax.grad(lambda g, e: solve(g, e)[-1, 0], argnums=(0, 1))))(gs, es)
+    wanted = [bounced(g, e)[1] if e < 1 else (np.nan, np.nan) for g, e in zip(gs, es, strict=True)]
+    np.testing.assert_allclose(np.transpose(found), wanted, atol=1e-9)
+    assert list(solve.failures) == [2]
+    assert "restitution of contact 'floor' must be from 0 to 1, not 1.5" in solve.failures[2]
+    push = jax.jvp(lambda e: solve(1.0, e)[-1, 0], (0.5,), (1.0,))
+    assert [float(x) for x in push] == pytest.approx([-0.0, 1.0], abs=1e-9)
+
+
+def test_casadi_differentiates_through_contacts():
+    call = {"t": (0, 1.5), "steps": 15, "every": 15, **TOUCHED}
+    symbols = [ca.MX.sym("g"), ca.MX.sym("e")]
+    end = lv.casadi.solver(TOUCHING, METHOD, **call)(*symbols)[-1, 0]
+    found = ca.Function("f", symbols, [ca.gradient(end, x) for x in symbols])(1.21, 0.5)
+    assert [float(x) for x in found] == pytest.approx(bounced(1.21, 0.5)[1], abs=1e-9)
+
+
+def test_torch_differentiates_through_contacts(torch):
+    call = {"t": (0, 1.5), "steps": 15, "every": 15, **TOUCHED}
+    point = [torch.tensor(x, dtype=torch.float64, requires_grad=True) for x in (1.21, 0.5)]
+    lv.torch.solver(TOUCHING, METHOD, **call)(*point)[-1, 0].backward()
+    assert [float(x.grad) for x in point] == pytest.approx(bounced(1.21, 0.5)[1], abs=1e-9)
+
+
+@pytest.mark.parametrize(("changes", "sentence"), [
+    ({"rtol": 1e-6}, "runs with contacts want equal steps: give h or steps"),
+    ({"steps": 15, "wrt": ("t1",)}, "runs with contacts go without 't0' and 't1'"),
+])  # fmt: skip
+def test_what_contacts_have_no_gradients_of_is_refused_when_a_solver_is_made(changes, sentence):
+    with pytest.raises(TypeError, match=sentence):
+        lv.casadi.solver(TOUCHING, METHOD, **{"t": (0, 1.5), **TOUCHED, **changes})
+
+
 def test_jax_takes_whole_numbers_and_names_and_is_pickled(jax):
     import pickle
 

@@ -351,9 +351,6 @@ REFUSED = {
     "extrapolation knows of no contacts": lambda: lv.analysis.extrapolate(
         block(), lv.Spark(2), t=(0, 1), h=0.1, q=[0, 0], v=[0, 0]
     ),
-    "a run as a function knows of no contacts, .*\\n.*lv.vjp and tangents=": lambda: (
-        lv.casadi.solver(block(), lv.Spark(2), wrt=["q"], t=(0, 1), h=0.1, v=[0, 0])
-    ),
     "equilibrium knows of no contacts": lambda: lv.analysis.equilibrium(block(), q=[0, 0]),
     "friction needs slip=": lambda: lv.Contact(lambda t, q, params: q[0], friction=0.1),
     "restitution must be from 0 to 1, not 2": lambda: lv.Contact(print, restitution=2),

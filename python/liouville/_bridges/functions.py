@@ -142,7 +142,28 @@ class SemiExplicitFunction(ConstrainedFunction):
 
 
 class MechanicalFunction(ConstrainedFunction):
-    """A run of a mechanical system; see :class:`RunFunction`."""
+    """A run of a mechanical system; see :class:`RunFunction`.
+
+    Of one with contacts the states returned are at the ends of the equal steps: a run keeps those
+    at changes besides, as many as there are.
+    """
+
+    def _named(self, wrt: Any, request: Request) -> dict[str, tuple[int, ...]]:
+        if self.system.contacts is not None:
+            # imported here: few systems have contacts
+            from liouville._runs import contacts
+
+            steps = request.steps_of(self.system, takes_of(self.method, "Spark or HHT"))
+            contacts.check_inputs(self.system, wrt, steps)
+            if request.t_eval is None:
+                ends = np.linspace(steps.t0, steps.t1, steps.count + 1)
+                kept = [*range(0, steps.count, count("every", request.every)), steps.count]
+                request = replace(request, t_eval=ends[kept])
+        return super()._named(wrt, request)
+
+    def takes_members(self, varied: set[str]) -> bool:
+        """Whether runs that differ in these inputs are those of an ensemble."""
+        return super().takes_members(varied) and (not varied or self.system.contacts is None)
 
     def _known(self, request: Request) -> dict[str, tuple[int, ...]]:
         rows, n = self._rows, len(self.system.coordinates)

@@ -53,7 +53,8 @@ def solver(
         As for :func:`liouville.vjp`: a mechanical or semi-explicit system or a field with equal
         steps, whose number is that of `t`, also where its ends are inputs; or a Schrödinger
         equation, whose psi is complex. With `rtol` the states returned are those at `t_eval`, as
-        the number of steps is not known before; events end no run.
+        the number of steps is not known before; events end no run. With contacts
+        steps are equal, states those at their ends or at `t_eval`, and ends of runs no inputs.
     wrt : sequence of str
         What the run is a function of: states of the system such as ``"q"`` and ``"v"``,
         ``"params.name"``, ``"t0"`` and ``"t1"``, and ``"drive[k]"`` for the samples of a drive.

@@ -62,10 +62,6 @@ def check_covered(system: Any, method: Any, request: Request) -> None:
         return  # its method is seen when it is planned
     if not isinstance(system, Mechanics):
         return  # and that of others when they are run
-    if request.has_pullback:
-        system.check_smooth(
-            "a run as a function", "lv.vjp and tangents= are those through contacts"
-        )
     if not isinstance(base, Spark | LobattoPair | ALPHA):
         from liouville._runs.choice import no_runner  # whose module imports this one
 

@@ -6,6 +6,7 @@ another; see :doc:`/theory/contacts`.
 """
 
 from liouville._runs.contacts.members import ensemble as ensemble
+from liouville._runs.contacts.pullback import check_inputs as check_inputs
 from liouville._runs.contacts.pullback import vjp as vjp
 from liouville._runs.contacts.single import integrate as integrate
 from liouville._systems.mechanics.contact import Contact as Contact

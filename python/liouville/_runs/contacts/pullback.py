@@ -28,6 +28,7 @@ from liouville._solution.solution import Solution
 
 if TYPE_CHECKING:
     from liouville._methods import Method
+    from liouville._methods.control import Steps
     from liouville._methods.planner import Plan
     from liouville._runs.contacts.joined import Part
     from liouville._runs.runner import Request
@@ -44,6 +45,16 @@ def vjp(
     return adjoint.run(progress), adjoint
 
 
+def check_inputs(system: Mechanics, wrt: Any, steps: Steps) -> tuple[str, ...]:
+    """Return names of what gradients are by, where the steps have pullbacks."""
+    if steps.control is not None:
+        raise TypeError("pullbacks of runs with contacts want equal steps: give h or steps")
+    names = check_wrt(system, wrt, steps)
+    if any(name in ENDS for name in names):
+        raise TypeError("pullbacks of runs with contacts go without 't0' and 't1'")
+    return names
+
+
 class ContactsAdjoint(Adjoint):
     """The transposed derivative of a run with contacts; see :class:`Adjoint`."""
 
@@ -53,11 +64,7 @@ class ContactsAdjoint(Adjoint):
         self, system: Mechanics, method: Method | Plan | str, request: Request, wrt: Any
     ) -> None:
         steps = request.steps_of(system, Takes(repr(method), CONTROLS, LEAST_TOLERANCE / 100))
-        names = check_wrt(system, wrt, steps)
-        if steps.control is not None:
-            raise TypeError("pullbacks of runs with contacts want equal steps: give h or steps")
-        if any(name in ENDS for name in names):
-            raise TypeError("pullbacks of runs with contacts go without 't0' and 't1'")
+        names = check_inputs(system, wrt, steps)
         self.directions = {x: (shape, False) for x, shape in shapes_of(system, names).items()}
         self._system, self._method, self._request = system, method, request
 
