@@ -133,3 +133,44 @@ def test_two_numbers_are_a_point_of_a_planar_body():
 def test_names_that_are_not_there_are_refused(call, says):
     with pytest.raises(ValueError, match=says):
         call()
+
+
+def test_tangents_of_joint_forces_are_those_of_differences():
+    """Of a load that slides along a boom, in the world and in the axes of the joint."""
+    v = SYSTEM.consistent(t=0.0, **START)["v"]
+    run = lv.integrate(SYSTEM, lv.Spark(3), **RUN, **START, tangents={"v": v})
+    size = 1e-5
+    nearby = [
+        lv.integrate(SYSTEM, lv.Spark(3), **RUN, q=START["q"], v=v * (1 + x)) for x in (size, -size)
+    ]
+    for joint in ("hinge", "slide", "ball"):
+        for frame in ("world", "joint"):
+            ends = [x.joint(joint, frame) for x in nearby]
+            for what, function in (("force", SYSTEM.joint_force), ("torque", SYSTEM.joint_torque)):
+                slope = np.subtract(*(getattr(x, what) for x in ends)) / (2 * size)
+                found = run.tangent_of(function(joint, frame))["v"]
+                np.testing.assert_allclose(found, slope, rtol=0, atol=1e-7)
+    with pytest.raises(ValueError, match="frame must be 'world' or 'joint', not 'body'"):
+        SYSTEM.joint_force("hinge", "body")
+
+
+def test_a_mass_is_fitted_to_the_force_of_a_load_cell():
+    """The swing of a rod is the same whatever its mass, which the force in its pin tells."""
+    m = lv.bodies.Assembly(gravity=(0, -9.81, 0))
+    m.planar_body("rod", mass=lambda p: p.m, inertia=lambda p: p.m / 12, at=(0.5, 0))
+    m.revolute("pin", "ground", "rod", at=(0, 0, 0), axis=Z)
+    system = m.system(params={"m": 2.5})
+    start = m.start(values={"pin": 0.3})
+    run = lv.integrate(system, lv.Spark(3), t=(0, 1), h=0.02, **start)
+    load = run.joint("pin").force
+    assert abs(load[:, 1]).max() > 10
+    found = lv.fit(
+        system, lv.Spark(3), {"t": run.t, "load": load}, params={"m": 1.0}, h=0.02,
+        observe={"load": system.joint_force("pin")}, **start,
+    )  # fmt: skip
+    assert found.params["m"] == pytest.approx(2.5, rel=1e-9)
+    tension = lambda t, q, v, lam, params: lam[0] ** 2 + lam[1] ** 2  # noqa: E731
+    slopes = lv.integrate(
+        system, lv.Spark(3), t=(0, 1), h=0.02, **start, tangents={"params.m": 1.0}
+    ).tangent_of(tension)["params.m"]
+    np.testing.assert_allclose(slopes, 2 * (run.lam**2).sum(axis=1) / 2.5, rtol=1e-9)

@@ -14,6 +14,7 @@ from liouville._systems.derivatives.invariants import pulled_invariants
 
 if TYPE_CHECKING:
     from liouville._solution.solution import Solution
+    from liouville._solution.tangents import Tangent
 
 Array = NDArray[Any]
 
@@ -32,9 +33,9 @@ def tangent_of(solution: Solution, what: Any) -> dict[str, Array]:
         raise TypeError(hinted(sentence, "along dψ the mean of A changes by 2 Re <ψ|A|dψ>"))
     slopes, is_scalar = _slopes(system, what)
     if solution.members is None:
-        found = _along(solution, system, slopes)
+        found = _along(solution, system, what, slopes)
     else:
-        each = [_along(_whole(solution, k), system, slopes) for k in range(solution.members)]
+        each = [_along(_whole(solution, k), system, what, slopes) for k in range(solution.members)]
         found = {name: np.stack([x[name] for x in each], axis=1) for name in solution.tangents}
     return {name: x[..., 0] if is_scalar else x for name, x in found.items()}
 
@@ -74,19 +75,34 @@ def _whole(solution: Solution, member: int) -> Solution:
     return own if not missing else solution.sel(member=member)
 
 
+def _of_multipliers(tangent: Tangent, lam: Array, by: Array) -> Array:
+    """Return the derivatives of the multipliers, zero where there are none and none are needed."""
+    if "lam" in tangent.states:
+        return tangent.states["lam"]
+    first = next(iter(tangent.states.values()))
+    count, size = 1 + 2 * first.shape[-1], lam.shape[1]
+    if by[:, count : count + size].any():
+        raise ValueError("multipliers of redundant constraints have no derivatives here")
+    return np.zeros((*first.shape[:-1], size))
+
+
 def _along(
-    solution: Solution, system: Mechanics | SemiExplicit | Field, slopes: Slopes
+    solution: Solution, system: Mechanics | SemiExplicit | Field, what: Any, slopes: Slopes
 ) -> dict[str, Array]:
     """Return the derivatives of a run, shape (k, ..., w)."""
     values = system.values(solution.params)
     states = tuple(solution.states[name] for name in system.states)
+    if callable(what) and isinstance(system, Mechanics):
+        states += (solution.states["lam"],)
     widths = {name: len(system.places[name]) for name in system.states}
-    if any(x.shape[1] != width for x, width in zip(states, widths.values(), strict=True)):
+    if any(x.shape[1] != width for x, width in zip(states, widths.values(), strict=False)):
         sentence = "the solution has some of the coordinates only"
         raise ValueError(hinted(sentence, "differentiate the whole one, and select then"))
     by, found, last = slopes(solution.t, states, values), {}, ended(solution)
     for name, tangent in solution.tangents.items():
         rows = [tangent.states[state] for state in system.states]
+        if len(states) > len(rows):
+            rows.append(_of_multipliers(tangent, states[-1], by))
         many = [x if x.ndim == 3 else x[:, None] for x in rows]
         moves = tangent.moves
         if moves is None:

@@ -338,6 +338,8 @@ class Solution(States, Drifts, Motions):
         what : str or callable
             The name of an invariant, such as ``"energy"``, or a function as for ``observe=``, of
             (t, q, v, params), (t, x, params) or what the system calls these: a number or a vector.
+            With an argument ``lam``, as an event's has, it may depend on multipliers: those of an
+            assembly are behind ``system.joint_force("A")``.
 
         Returns
         -------

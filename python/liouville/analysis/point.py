@@ -15,7 +15,7 @@ from liouville._basics.scipy import scipy
 from liouville._systems import Mechanics, Structure
 from liouville._systems.mechanics.motion import linearized
 from liouville._systems.mechanics.singular import dense, unit
-from liouville._systems.mechanics.traced import FLOOR, ROUNDINGS, finite_time
+from liouville._systems.mechanics.violations import FLOOR, ROUNDINGS, finite_time
 from liouville._systems.tracing.linear import Pattern
 from liouville.bodies import Mechanism, scales
 

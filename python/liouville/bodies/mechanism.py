@@ -12,18 +12,18 @@ from liouville import _core
 from liouville._basics import casadi as ca
 from liouville._basics.errors import Description, hinted, quoted
 from liouville._basics.job import Turning
-from liouville._systems import Lagrangian, members
+from liouville._systems import members
 from liouville._systems.mechanics.general import Mechanics
 from liouville._systems.tape import record
 from liouville._systems.tracing.expressions import Expressions
 from liouville.bodies import turns
-from liouville.bodies.body import Body, Layout, Value, check_numbers, check_size, spot
+from liouville.bodies.body import Body, Layout, Value, check_numbers, check_size
 from liouville.bodies.chaining import Coupling
 from liouville.bodies.elements import Element, check_matrix, matrix_functions
-from liouville.bodies.joints import RATES, Joint
-from liouville.bodies.model import Model, Place
+from liouville.bodies.joints import Joint
+from liouville.bodies.measured import Measured
+from liouville.bodies.model import Model
 from liouville.bodies.normal_forces import Rubs
-from liouville.bodies.poses import Poses
 from liouville.bodies.touching import Rope, Touch, looks
 
 if TYPE_CHECKING:
@@ -35,7 +35,7 @@ Array = NDArray[np.float64]
 Function = Callable[..., Any]
 
 
-class Mechanism(Lagrangian):
+class Mechanism(Measured):
     """A :class:`~liouville.Lagrangian` of bodies and joints, by :meth:`Assembly.system`.
 
     The coordinates of a spatial body are its centre of mass and the unit quaternion from its axes
@@ -140,14 +140,6 @@ class Mechanism(Lagrangian):
 
         return [int(unit) for unit in of_coordinates(self, 0.0)]
 
-    def output(self, name: str, params: NDArray[np.float64], *at: ArrayLike) -> NDArray[np.float64]:
-        """Return the value of an output of :meth:`Model.outputs` at (t, q, v)."""
-        if name not in self._output_tapes:
-            s = self._symbols
-            self._output_tapes[name] = record(name, s.inputs(z=s.z), self._outputs.columns[name])
-        rows = [np.ascontiguousarray(np.reshape(x, (np.size(at[0]), -1)), float) for x in at]
-        return self._output_tapes[name].map(params, rows)
-
     @property
     def turning(self) -> Turning | None:
         """The tape of angles that a run continues and their rates, and their periods."""
@@ -168,117 +160,6 @@ class Mechanism(Lagrangian):
         rows = [np.ascontiguousarray(x) for x in (t[:, None], q, v)]
         found = self.turning[0].map(params, rows)
         return dict(zip(self.turned, turns.continued(t, found, self.turning[1]).T, strict=True))
-
-    def coordinate(self, name: str) -> Function:
-        """Return a coordinate of a joint as a function of (t, q, v, params), such as "A.angle".
-
-        It is for ``observe=`` of :func:`liouville.integrate` and of :func:`liouville.fit`, for
-        events and for costs: ``lv.Event(system.coordinate("A.angle"))`` where the angle is zero.
-        Angles are those of ``solution.joint("A").values``.
-
-        Parameters
-        ----------
-        name : str
-            The joint and its coordinate; the coordinate alone may be left out where there is one.
-
-        Returns
-        -------
-        callable
-            A scalar of expressions.
-
-        Raises
-        ------
-        ValueError
-            There is no such joint, or it has no such coordinate.
-        """
-        return self._measured("values", name)
-
-    def rate(self, name: str) -> Function:
-        """Return the rate of a coordinate of a joint, as :meth:`coordinate` returns its value.
-
-        Ball joints have rates alone: ``system.rate("A.spin_x")`` about the world's axes.
-
-        Parameters
-        ----------
-        name : str
-            A joint, with its coordinate where it has several: ``"A"``, ``"hip.reach"``.
-
-        Returns
-        -------
-        callable
-            A function of (t, q, v, params), in radians or units of length a unit of time.
-
-        Raises
-        ------
-        TypeError, ValueError
-            The name is none of a joint's coordinate.
-        """
-        return self._measured("rates", name)
-
-    def point(self, body: str, at: ArrayLike = (0.0, 0.0, 0.0)) -> Function:
-        """Return the place of a point of a body in the world as a function of (t, q, v, params).
-
-        Parameters
-        ----------
-        body : str
-            Its name.
-        at : array_like, shape (3,), of a planar body (2,)
-            The point from the centre of mass, in the axes of the body.
-
-        Returns
-        -------
-        callable
-            A column of three expressions: ``lambda t, q, v, params: tip(t, q, v)[2]`` is the height
-            of one.
-
-        Raises
-        ------
-        ValueError
-            There is no such body.
-        """
-        k = self.body(body)
-        own = spot(f"a point of body '{body}'", at, self._body_layout.kinds[k] == "planar")
-
-        def place(t: ca.SX, q: ca.SX, v: ca.SX, *more: Any) -> ca.SX:
-            del t, more
-            poses = Poses(self._body_layout, q, v)
-            directors = poses.directors  # columns of the rotation, by component
-            found: ca.SX = ca.vertcat(*(
-                poses.x[i][k] + sum(directors[j][i][k] * own[j] for j in range(3))
-                for i in range(3)
-            ))  # fmt: skip
-            return found
-
-        return place
-
-    def _measured(self, what: str, name: str) -> Function:
-        if not isinstance(name, str):
-            raise TypeError(f"a coordinate of a joint must be a name, 'A.angle', not {name!r}")
-        joint, _, coordinate = name.rpartition(".")
-        if joint not in self._places:
-            joint, coordinate = name, ""
-        place = self.place(joint)
-        known = [x for x in place.coordinates if what == "rates" or x not in RATES]
-        if not coordinate and len(known) == 1:
-            coordinate = known[0]
-        if coordinate not in known:
-            of = "rate" if what == "rates" else "coordinate"
-            own = " or ".join(f"'{joint}.{x}'" for x in known)
-            hint = f"write {own}" if known else f"it leaves no {of} free"
-            raise ValueError(hinted(f"joint '{joint}' has no {of} '{coordinate}'", hint))
-        k = self._column(joint, coordinate)
-
-        def measured(t: ca.SX, q: ca.SX, v: ca.SX, *more: Any) -> ca.SX:
-            del more  # multipliers, and parameters, which are those of the system
-            s, expression = self._symbols, self._outputs.columns[what][k]
-            found: ca.SX = ca.substitute([expression], [s.t, s.y, s.z], [t, q, v])[0]
-            return found
-
-        return measured
-
-    def _column(self, joint: str, coordinate: str) -> int:
-        place = self._places[joint]
-        return place.first + place.coordinates.index(coordinate)
 
     def rubs(self, params: Array, t: Array, q: Array, v: Array) -> list[Rubs] | None:
         """Return the numbers that determine normal forces at k states, or None without friction.
@@ -396,24 +277,3 @@ class Mechanism(Lagrangian):
         ):
             return place.angles
         return tuple(x for x in place.angles if (name, x) in layout.counted)
-
-    def place(self, name: str) -> Place:
-        """Return a joint by its name."""
-        if name not in self._places:
-            known = ", ".join(self._places) or "none"
-            if name in self.constraints:
-                sentence = f"{name!r} is a constraint, and no joint"
-                hint = (
-                    f"solution.reaction({name!r}) has its force on each of "
-                    "solution.names['coordinates']"
-                )
-                raise ValueError(hinted(sentence, hint))
-            raise ValueError(hinted(f"there is no joint {name!r}", f"joints are {known}"))
-        return self._places[name]
-
-    def body(self, name: str) -> int:
-        """Return the place of a body by its name."""
-        if name not in self.bodies:
-            known = ", ".join(self.bodies)
-            raise ValueError(hinted(f"there is no body {name!r}", f"bodies are {known}"))
-        return self.bodies.index(name)

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -27,12 +26,6 @@ Array = NDArray[np.float64]
 
 #: Entries of directions that multipliers are free along, below which a multiplier is determined.
 FREE = 1e-8
-#: Kinds of bodies by what they know of a joint's force, and of its torque: a spatial body all, a
-#: point mass no torque, a planar body the part in its plane.
-FORCE, TORQUE = (
-    ("spatial", "point", "planar", "ground"),
-    ("spatial", "planar", "point", "ground"),
-)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -220,13 +213,8 @@ def joint_of(solution: Solution, name: str, frame: str = "world") -> JointMotion
     """Return the motion of a joint and the wrench in it; see :meth:`Solution.joint`."""
     system = _mechanism(solution, f"joint '{name}'")
     place = system.place(name)
-    if frame not in ("world", "joint"):
-        raise ValueError(f"frame must be 'world' or 'joint', not {frame!r}")
-    force, torque = _wrench(system, solution, place)
-    if frame == "joint":
-        _, e = system._body_layout.pose(solution.q, place.bodies[1])
-        back = rot.conjugate(rot.product(e, place.frames[1]))
-        force, torque = rot.rotate(back, force), rot.rotate(back, torque)
+    params, at = system.values(solution.params), (solution.t, solution.q, solution.v, solution.lam)
+    wrench = system.wrenches(name, frame, params, *at)
     values, rates, efforts = (
         _columns(system, solution, place, what) for what in ("values", "rates", "efforts")
     )
@@ -234,8 +222,8 @@ def joint_of(solution: Solution, name: str, frame: str = "world") -> JointMotion
     return JointMotion(
         name,
         solution.t,
-        np.stack(force, axis=1),
-        np.stack(torque, axis=1),
+        wrench[:, :3],
+        wrench[:, 3:],
         coordinates,
         rates,
         efforts,
@@ -265,43 +253,9 @@ def _columns(system: Mechanism, solution: Solution, place: Place, what: str) -> 
     return {name: found[:, place.first + k] for k, name in enumerate(place.coordinates)}
 
 
-def _wrench(system: Mechanism, solution: Solution, place: Place) -> tuple[Any, Any]:
-    """Return force and torque on the second body, about the joint's point there."""
-    q, params = solution.q, system.values(solution.params)
-    names = solution.names["constraints"]
-    lam = np.zeros_like(solution.lam)
-    own = [names.index(row) for row in place.rows]
-    lam[:, own] = solution.lam[:, own]
-    reaction = system.reaction(solution.t, q, lam, solution.params, solution.v)
-    layout = system._body_layout
-    points = system.output("points", params, solution.t[:1], q[:1], solution.v[:1])[0]
-    points = points.reshape(-1, 2, 3)[system.joints.index(place.name)]
-    x, e = layout.pose(q, place.bodies[1])
-    at = rot.plus(x, rot.rotate(e, points[1]))
-
-    def on_second(order: Sequence[str]) -> tuple[Any, Any]:
-        """Return both by the body whose kind comes first in an order."""
-        ranks = [order.index(_kind(system, body)) for body in place.bodies]
-        side, sign = (0, -1.0) if ranks[0] < ranks[1] else (1, 1.0)
-        force, torque = layout.wrench(q, reaction, place.bodies[side])
-        centre, _ = layout.pose(q, place.bodies[side])
-        about = rot.minus(torque, rot.cross(rot.minus(at, centre), force))
-        if _kind(system, place.bodies[side]) == "planar":
-            about = (np.zeros(len(q)), np.zeros(len(q)), about[2])
-        # the opposite wrench acts on the first body, about the same point
-        return rot.times(sign, force), rot.times(sign, about)
-
-    return on_second(FORCE)[0], on_second(TORQUE)[1]
-
-
-def _kind(system: Mechanism, body: int) -> str:
-    """Return the kind of a body, the ground last."""
-    return (*system._body_layout.kinds, "ground")[body]
-
-
 def _is_loaded_across(system: Mechanism, solution: Solution, place: Place) -> bool:
     """Return whether a joint that knows the plane only may hold a force across it."""
-    if {_kind(system, body) for body in place.bodies} - {"planar", "ground"}:
+    if {system.kind(body) for body in place.bodies} - {"planar", "ground"}:
         return False
     q, v = (np.zeros((1, len(system.coordinates))) for _ in range(2))
     gravity = system.output("gravity", system.values(solution.params), 0.0, q, v)[0]

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from liouville._basics.errors import hinted, quoted
 from liouville._systems.mechanics.singular import unit
-from liouville._systems.mechanics.traced import finite_time
+from liouville._systems.mechanics.violations import finite_time
 from liouville._systems.tracing import trace as _trace
 from liouville.bodies import scales, turns
 from liouville.bodies.joints import MOTION, RATES

@@ -49,22 +49,33 @@ class Observed:
         """Return derivatives of all quantities in d directions, shape (k, d, w).
 
         `along` has those of the states by name, each of shape (k, d, n), `of_params` those of the
-        parameters, shape (d, P). That of a function g is g_y dy + g_z dz + g_θ dθ. Multipliers
-        without derivatives have NaN.
+        parameters, shape (d, P). That of a function g is g_y dy + g_z dz + g_lam dlam + g_theta
+        dtheta. Multipliers without derivatives, and functions of these, have NaN.
         """
         k, d = next(iter(along.values())).shape[:2]
-        first, second = self.system.states
-        params = np.broadcast_to(of_params, (k, *of_params.shape))
-        moves = np.concatenate([along[first], along[second], params], axis=2)
-        by = self._mapped(run, values)[:, self._width :].reshape(k, moves.shape[2], self._width)
-        states = [
-            along[name] if name in along else np.full((k, d, len(own)), np.nan)
+        moved = {
+            name: along[name] if name in along else np.full((k, d, len(own)), np.nan)
             for name, own in self.system.places.items()
-        ]
-        return np.concatenate([*states, np.einsum("kdi,kiw->kdw", moves, by)], axis=2)
+        }
+        names = [*self.system.states, *self._lam]
+        moves = [*(moved[x] for x in names), np.broadcast_to(of_params, (k, *of_params.shape))]
+        ends = np.cumsum([x.shape[2] for x in moves])
+        by = self._mapped(run, values)[:, self._width :].reshape(k, ends[-1], self._width)
+        # what a function does not depend on needs no derivative
+        terms = []
+        for x, own in zip(moves, np.split(by, ends[:-1], axis=1), strict=True):
+            depends = np.asarray(own.any(axis=1))[:, None]
+            terms.append(np.where(depends, np.einsum("kdi,kiw->kdw", x, own), 0.0))
+        return np.concatenate([*moved.values(), np.sum(terms, axis=0)], axis=2)
+
+    @property
+    def _lam(self) -> list[str]:
+        """The name of the multipliers, where the system has a state that is called so."""
+        return ["lam"] if "lam" in self.system.places else []
 
     def _mapped(self, run: Solution, values: Array) -> Array:
-        y, z = (run.states[name] for name in self.system.states)
-        args = [np.ascontiguousarray(x) for x in (run.t[:, None], y, z)]
+        states = [run.states[name] for name in (*self.system.states, *self._lam)]
+        states += [] if self._lam else [np.empty((len(run.t), 0))]
+        args = [np.ascontiguousarray(x) for x in (run.t[:, None], *states)]
         found: Array = self._tape.map(values, args)
         return found

@@ -27,14 +27,8 @@ from liouville._systems.mechanics.form import (
     total_derivative,
 )
 from liouville._systems.mechanics.singular import nearly_dependent
-from liouville._systems.mechanics.traced import (
-    FLOOR,
-    SWITCH,
-    TOLERANCE,
-    TracedSystem,
-    finite_time,
-    missed,
-)
+from liouville._systems.mechanics.traced import SWITCH, TracedSystem
+from liouville._systems.mechanics.violations import FLOOR, TOLERANCE, finite_time, missed
 from liouville._systems.program import elements
 from liouville._systems.tape import record
 from liouville._systems.tracing import trace as _trace

@@ -14,15 +14,13 @@ from liouville._basics import casadi as ca
 from liouville._basics.arguments import amount
 from liouville._basics.errors import Description, hinted, shown
 from liouville._systems.mechanics.form import record_blocks, total_derivative
-from liouville._systems.mechanics.traced import (
+from liouville._systems.mechanics.traced import Function, TracedSystem, traced_invariants
+from liouville._systems.mechanics.violations import (
     FLOOR,
     ROUNDINGS,
     TOLERANCE,
-    Function,
-    TracedSystem,
     check_residual,
     finite_time,
-    traced_invariants,
 )
 from liouville._systems.program import elements
 from liouville._systems.tape import record

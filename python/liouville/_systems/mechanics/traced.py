@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
@@ -24,16 +23,6 @@ from liouville._systems.tape import record
 from liouville._systems.tracing import trace as _trace
 from liouville._systems.tracing.expressions import Expressions, Pickled, Symbols, recorded
 from liouville._systems.tracing.layout import POINT, Layout
-
-#: A start may miss its constraints by this much of the size of what they are made of.
-TOLERANCE = 1e-10
-
-#: Coordinates that are all below this start at zero but for roundoff, which is as large.
-FLOOR = 1e-14
-
-#: A start may miss its constraints by so many times what roundings make of them.
-ROUNDINGS = 64
-
 
 #: The prefix of invariants among the expressions and in a record.
 INVARIANT = "invariant "
@@ -224,28 +213,38 @@ class TracedSystem(Pickled, ABC):
         return tape, {name: x.numel() for name, x in parts.items()}
 
     def measured(self, functions: Mapping[str, Function]) -> tuple[_core.Tape, dict[str, int]]:
-        """Record functions of (t, y, z, params), then their derivatives by y, z and params.
+        """Record functions of (t, y, z, params), or of (t, y, z, lam, params), and derivatives.
 
-        Returns the tape, whose derivatives stand one column of the Jacobian after another, and the
-        width of each function.
+        Returns the tape, whose derivatives by y, z, lam and params stand one column of the Jacobian
+        after another, and the width of each function.
         """
-        s = self._symbols
         columns = {
-            name: _trace.column(f"observed '{name}'", function, s.args)
+            name: self._expression(f"observed '{name}'", function)
             for name, function in _trace.mapping("observe", functions).items()
         }
         values = ca.vertcat(ca.SX(0, 1), *columns.values())
-        slopes = ca.jacobian(values, ca.vertcat(s.y, s.z, s.params.vector))
-        tape = record("measured", s.inputs(z=s.z), values, slopes)
+        inputs = self._inputs_of_functions
+        by = ca.vertcat(*(x for name, x in inputs.items() if name != "t"))
+        tape = record("measured", inputs, values, ca.densify(ca.jacobian(values, by)))
         return tape, {name: x.numel() for name, x in columns.items()}
 
     def slopes_of(self, function: Function) -> tuple[_core.Tape, int]:
-        """Record the Jacobian of a function by (t, y, z, params), by columns, and its width."""
-        s = self._symbols
-        value = _trace.column("the function", function, s.args)
-        by = ca.vertcat(s.t, s.y, s.z, s.params.vector)
-        tape = record("slopes", s.inputs(z=s.z), ca.densify(ca.jacobian(value, by)))
+        """Record the Jacobian by (t, y, z, lam, params), by columns, and the function's width."""
+        value, inputs = self._expression("the function", function), self._inputs_of_functions
+        by = ca.vertcat(*inputs.values())
+        tape = record("slopes", inputs, ca.densify(ca.jacobian(value, by)))
         return tape, value.numel()
+
+    def _expression(self, what: str, function: Function) -> ca.SX:
+        """Return the expressions of a function, which may have multipliers as an argument."""
+        has_lam = _trace.takes_multipliers(function) and self._multipliers is not None
+        args = self._args_of_events if has_lam else self._symbols.args
+        return _trace.column(what, function, args)
+
+    @property
+    def _inputs_of_functions(self) -> dict[str, ca.SX]:
+        lam = ca.SX(0, 1) if self._multipliers is None else self._multipliers
+        return self._symbols.inputs(z=self._symbols.z, lam=lam)
 
     @abstractmethod
     def _parts(self, states: bool) -> dict[str, ca.SX]:
@@ -370,44 +369,3 @@ def traced_switches(switches: Mapping[str, Function] | None, args: _trace.Args) 
         name: _trace.scalar(f"switch '{name}'", function, args)
         for name, function in _trace.mapping("switches", switches).items()
     }
-
-
-def finite_time(t: Any) -> float:
-    """Return a time as a number; ValueError if it is none."""
-    time = _trace.numbers(t)
-    if time is None or time.shape != () or not np.isfinite(time):
-        raise ValueError(f"t must be a finite number, not {t!r}")
-    return float(time)
-
-
-def check_residual(
-    what: str,
-    symbol: str,
-    names: tuple[str, ...],
-    value: np.ndarray,
-    limit: np.ndarray,
-    t: float,
-    hint: str,
-) -> None:
-    """Refuse values of constraints at the start that are not finite or over their limits."""
-    with np.errstate(invalid="ignore"):
-        over = np.abs(value) - limit
-    k = int(np.argmin(np.isfinite(value))) if not np.isfinite(value).all() else int(np.argmax(over))
-    if not over[k] <= 0:
-        raise ValueError(missed(what, symbol, names[k], value[k], limit[k], t, hint))
-
-
-def missed(
-    what: str, symbol: str, name: str, value: float, limit: float, t: float, hint: str
-) -> str:
-    """Return the fault of a constraint's value at the start."""
-    if not math.isfinite(value):
-        sentence = f"the {what} '{name}' is {value} at the start, t = {t:g}"
-        return hinted(
-            sentence, "look for a division by zero, a root or a logarithm of the model there"
-        )
-    sentence = (
-        f"start violates the {what} '{name}': |{symbol}| = {abs(value):.1e} "
-        f"at t = {t:g}, and at most {limit:.1e} is taken"
-    )
-    return hinted(sentence, hint)
