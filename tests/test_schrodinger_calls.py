@@ -434,10 +434,3 @@ def test_a_complex_potential_is_told_without_its_numbers():
     with pytest.raises(TypeError, match="not one of str") as caught:
         lv.Grid(-1, 1, 300, potential=["a"] * 300)
     assert len(str(caught.value)) < 100
-
-
-def test_a_momentum_of_fermions_is_refused_by_a_sentence():
-    hop = [("+- + h.c.", -1.0)]
-    sentence = "FermionSystem takes no momentum=\nhint: moved fermions have signs"
-    with pytest.raises(TypeError, match=sentence):
-        lv.FermionSystem(6, hop, momentum=0)
