@@ -306,7 +306,7 @@ REFUSED = {
     ),
     "friction of contacts": ({"geom": ""}, "shapes 'rod.geom1'"),
     "limits": ({"ball": 'range="0 1"'}, "ball joints 'socket'"),
-    "friction loss": ({"joint": 'frictionloss="0.1"'}, "joints 'pin'"),
+    "friction loss": ({"ball": 'frictionloss="0.1"'}, "ball joints 'socket'"),
     "tendons": (
         {"more": '<tendon><fixed name="cord"><joint joint="pin" coef="1"/></fixed></tendon>'},
         "tendons 'cord'",

@@ -203,7 +203,7 @@ def test_friction_keeps_the_order_and_the_constraints():
 AXES = [("turn", (0, 1, 0), (0, 0, 0)), ("slide", (1, 0, 0))]
 BOTH = (Coulomb(mu=0.1, v_s=0.1, radius=1),) * 2
 BAD = {
-    "friction= of joint 'J0' must be a Coulomb or Stribeck, not 0.2": lambda: rods(1, 0.2),
+    "friction= of joint 'J0' must be a Dry, Coulomb or Stribeck, not 0.2": lambda: rods(1, 0.2),
     "joint 'J0': the joint wants the radius": lambda: rods(1, Coulomb(mu=0.1, v_s=0.1)),
     "slides, and has no radius": lambda: block(
         "prismatic", (1, 1, 1), Coulomb(mu=0.1, v_s=0.1, radius=1), axis=SLOPE

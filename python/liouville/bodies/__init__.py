@@ -2,6 +2,7 @@
 
 from liouville.bodies.assembly import Assembly
 from liouville.bodies.body import Body
+from liouville.bodies.dry import Dry
 from liouville.bodies.files import from_mjcf, from_urdf
 from liouville.bodies.friction import Coulomb, Stribeck
 from liouville.bodies.joints import Joint
@@ -17,6 +18,7 @@ __all__ = [
     "Box",
     "Capsule",
     "Coulomb",
+    "Dry",
     "Joint",
     "JointMotion",
     "Limits",

@@ -13,7 +13,7 @@ from liouville._basics.errors import hinted
 from liouville.bodies import rotations as rot
 from liouville.bodies.adding import Adding
 from liouville.bodies.body import Body, Value, check_size, given, numbers, unit
-from liouville.bodies.friction import frictions_of_axes
+from liouville.bodies.dry import frictions_of_axes
 from liouville.bodies.joints import RATES, Axis, Joint
 from liouville.bodies.limits import check_motion, limits_of
 from liouville.bodies.registry import check_damping, coordinate_values, functions_of
@@ -96,8 +96,9 @@ class Chaining(Adding):
             Of the only coordinate, or a sequence with one each: inertia of a rotor, coefficient of
             a damper, a function ``f(t, angle, rate, params)``, stiffness, and where it rests; a
             function ``f(t, params)`` that the coordinate follows; a
-            :class:`~liouville.bodies.Coulomb` that is pressed by the joint's force across the axis;
-            a pair of values with stops, or :class:`~liouville.bodies.Limits`.
+            :class:`~liouville.bodies.Dry`, or a :class:`~liouville.bodies.Coulomb` that is pressed
+            by the joint's force across the axis; a pair of values with stops, or
+            :class:`~liouville.bodies.Limits`.
 
         Returns
         -------
@@ -156,7 +157,7 @@ class Chaining(Adding):
             motions=motions,
             springs={own: (value, rests.get(own, 0.0)) for own, value in stiffness.items()},
             limits=stops,
-            friction=frictions_of_axes(of, {axis.name: axis.turns for axis in found}, friction),
+            **frictions_of_axes(of, {axis.name: axis.turns for axis in found}, friction),
         )
 
     def _axis(self, of: str, sides: tuple[Body, Body], name: str, axis: Any) -> Axis:

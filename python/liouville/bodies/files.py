@@ -34,7 +34,8 @@ def from_mjcf(
     Bodies and joints keep their names, bodies without joints are parts of those that carry them.
     The file is drawn at its reference pose, so a value of a joint is that of MuJoCo less its
     ``ref``. Armature, damping and springs of joints, equality constraints (connect, weld and joint,
-    here exact), actuators and limits of hinges and slides come along. So do contacts of spheres,
+    here exact), actuators, and limits and friction loss of hinges and slides come along; friction
+    sticks, as :class:`~liouville.bodies.Dry`. So do contacts of spheres,
     capsules and boxes with planes, and of spheres with all of these; limits and contacts are rigid,
     without softness and margins. Friction of contacts is that of mechanisms whose hinges are
     parallel, which move in a plane. What an assembly has not is refused by name. Other files that
@@ -184,7 +185,7 @@ def _read(model: Any, data: Any, without: Sequence[str], controls: Any, restitut
     unmodelled.check_names(without)
     pairs = pairs_of(model, data, without)
     unmodelled.check(model, without, refused(pairs))
-    reader = Reader(model, data, controls, has_limits="limits" not in without)
+    reader = Reader(model, data, controls, without)
     reader.read_contacts(pairs, restitution)
     return reader
 

@@ -42,23 +42,6 @@ EDGES = {"v_s": (1, 3, 8), "v_stribeck": (1, 2, 4)}
 #: Several normal forces turn together where their size is below so many of what rounds it off.
 WIDTH = 10
 
-#: The coordinates that make up each slip, by kind of joint; those of compound joints slip alone.
-SLIPS: dict[str, tuple[tuple[str, ...], ...]] = {
-    "revolute": (("angle",),),
-    "prismatic": (("slide",),),
-    "cylindrical": (("angle", "slide"),),
-    "screw": (("angle", "slide"),),
-    "universal": (("angle",), ("second angle",)),
-    "spherical": (SPINS,),
-    "planar": (("slide_x", "slide_y"),),
-    "guide": (("move_x", "move_y", "move_z"),),
-}
-#: Kinds of joints whose slip is a turn about a pin or a ball with a radius.
-TURNING = ("revolute", "cylindrical", "screw", "universal", "spherical")
-
-#: Dry friction by the coordinates that make up its slip.
-Frictions = Mapping[tuple[str, ...], "Coulomb"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class Coulomb:
@@ -75,7 +58,8 @@ class Coulomb:
     itself. Torques that a joint holds add nothing to N.
     Planar bodies do not know the force across their plane: N is of the part in it. Friction that
     gravity along z would press, and that of a planar joint between them, is refused.
-    A joint does not stick: at rest under a load it creeps, slower than ``v_s``.
+    A joint does not stick: at rest under a load it creeps, slower than ``v_s``. What sticks is
+    :class:`~liouville.bodies.Dry`.
 
     Attributes
     ----------
@@ -170,44 +154,6 @@ class Stribeck(Coulomb):
         """Return the coefficient of friction at the square of a slip."""
         mu, static, v = (column(x, params, 1) for x in (self.mu, self.mu_static, self.v_stribeck))
         return mu + (static - mu) * ca.exp(-square / v**2)
-
-
-HINT = "write lv.bodies.Coulomb(mu=0.2, v_s=1e-3, radius=0.01) or lv.bodies.Stribeck"
-
-
-def frictions(of: str, kind: str, friction: Any) -> Frictions:
-    """Return friction by slips, and refuse what a joint of this kind cannot have."""
-    if friction is None:
-        return {}
-    _check(of, friction, kind in TURNING)
-    return dict.fromkeys(SLIPS[kind], friction)
-
-
-def frictions_of_axes(of: str, turns: Mapping[str, bool], friction: Any) -> Frictions:
-    """Return friction by slips of a compound joint, whose axes turn or do not."""
-    if friction is None:
-        return {}
-    own = friction if isinstance(friction, Sequence) else [friction]
-    if len(own) != len(turns):
-        names = ", ".join(turns)
-        sentence = f"friction= of {of} must be a friction or None for each of {names}"
-        raise ValueError(f"{sentence}, not {friction!r}")
-    found: dict[tuple[str, ...], Coulomb] = {}
-    for name, x in zip(turns, own, strict=True):
-        if x is not None:
-            _check(f"'{name}' of {of}", x, turns[name])
-            found[name,] = x
-    return found
-
-
-def _check(of: str, friction: Any, turns: bool) -> None:
-    if not isinstance(friction, Coulomb):
-        raise TypeError(
-            hinted(f"friction= of {of} must be a Coulomb or Stribeck, not {friction!r}", HINT)
-        )
-    if turns == (friction.radius is None):
-        missing = "wants the radius of its pin" if turns else "slides, and has no radius"
-        raise ValueError(f"friction= of {of}: the joint {missing}")
 
 
 def _ways(joint: Joint, names: Sequence[str], params: Any) -> ca.SX:

@@ -11,7 +11,8 @@ from numpy.typing import ArrayLike
 from liouville._basics.errors import hinted
 from liouville.bodies.body import Value, given, numbers
 from liouville.bodies.chaining import Effort, Which
-from liouville.bodies.friction import Coulomb, frictions
+from liouville.bodies.dry import Dry, frictions
+from liouville.bodies.friction import Coulomb
 from liouville.bodies.joints import Joint
 from liouville.bodies.linking import Linking
 from liouville.bodies.registry import along, check_plane, is_flat, pair_of, points_of
@@ -27,8 +28,8 @@ class Joining(Linking):
     both zero as drawn. `damping` times the rate is a torque or force against it; `torque` and
     `force` are functions ``f(t, angle, rate, params)``; `spring` times the way from `rest` is one
     with an energy; `motion` is a function ``f(t, params)`` that the coordinate follows; `friction`
-    is a :class:`~liouville.bodies.Coulomb` or a :class:`~liouville.bodies.Stribeck`; `limits` are
-    values with stops, pairs or :class:`~liouville.bodies.Limits`.
+    is a :class:`~liouville.bodies.Dry`, Coulomb or :class:`~liouville.bodies.Stribeck`; `limits`
+    are values with stops, pairs or :class:`~liouville.bodies.Limits`.
     """
 
     def revolute(
@@ -44,7 +45,7 @@ class Joining(Linking):
         spring: Value = 0.0,
         rest: Value = 0.0,
         motion: Effort | None = None,
-        friction: Coulomb | None = None,
+        friction: Coulomb | Dry | None = None,
         limits: Any = None,
     ) -> Joint:
         """Let b turn about an axis of a: a hinge.
@@ -70,8 +71,8 @@ class Joining(Linking):
             Stiffness, in N m / rad, and the angle at which it is without torque.
         motion : callable, optional
             ``f(t, params)``, the angle that the joint is made to follow.
-        friction : Coulomb or Stribeck, optional
-            Dry friction, pressed by the joint's own reaction.
+        friction : Dry, Coulomb or Stribeck, optional
+            Dry friction: of a given size, which sticks, or pressed by the joint's own reaction.
         limits : tuple of two, or Limits, optional
             The least and the largest value, each with a stop, or None.
 
@@ -101,7 +102,7 @@ class Joining(Linking):
         spring: Value = 0.0,
         rest: Value = 0.0,
         motion: Effort | None = None,
-        friction: Coulomb | None = None,
+        friction: Coulomb | Dry | None = None,
         limits: Any = None,
     ) -> Joint:
         """Let b slide along an axis of a, without turning.
@@ -126,8 +127,8 @@ class Joining(Linking):
             Stiffness, in N / m, and the slide at which it is without force.
         motion : callable, optional
             ``f(t, params)``, the slide that the joint is made to follow.
-        friction : Coulomb or Stribeck, optional
-            Dry friction, pressed by the joint's own reaction.
+        friction : Dry, Coulomb or Stribeck, optional
+            Dry friction: of a given size, which sticks, or pressed by the joint's own reaction.
         limits : tuple of two, or Limits, optional
             The least and the largest value, each with a stop, or None.
 
@@ -272,7 +273,7 @@ class Joining(Linking):
         spring: Any = 0.0,
         rest: Any = 0.0,
         motion: Any = None,
-        friction: Coulomb | None = None,
+        friction: Coulomb | Dry | None = None,
         limits: Any = None,
     ) -> Joint:
         """Let b turn about two axes that cross at a right angle, the first of a, the second of b.
@@ -289,8 +290,8 @@ class Joining(Linking):
             The axis in a and that in b, in the world as drawn.
         damping, torque, spring, rest, motion : sequence, optional
             As for :meth:`revolute`: pairs, of both angles.
-        friction : Coulomb or Stribeck, optional
-            Dry friction, pressed by the joint's own reaction.
+        friction : Dry, Coulomb or Stribeck, optional
+            Dry friction: of a given size, which sticks, or pressed by the joint's own reaction.
         limits : sequence, optional
             For each coordinate a pair of values with stops, Limits or None.
 
@@ -315,7 +316,7 @@ class Joining(Linking):
             (a, b),
             points_of(of, at),
             frames,
-            friction=frictions(of, "universal", friction),
+            **frictions(of, "universal", friction),
             **along(of, "universal", damping, torque, spring, rest, motion, limits),
         )
 
@@ -381,13 +382,13 @@ class Joining(Linking):
         motion: Any = None,
         limits: Any = None,
         sizes: Mapping[str, Value] | None = None,
-        friction: Coulomb | None = None,
+        friction: Coulomb | Dry | None = None,
     ) -> Joint:
         of = f"joint '{name}'"
-        dry = frictions(of, kind, friction)
+        rubs = frictions(of, kind, friction)
         a, b = self._sides(of, *sides)
         frames = self._frames(of, a, b, axis=axis)
         check_plane(of, kind, a, b, pair_of(of, axis)[0])
         free = along(of, kind, damping, effort, spring, rest, motion, limits)
-        more = {"sizes": dict(sizes or {}), "friction": dry, **free}
+        more = {"sizes": dict(sizes or {}), **rubs, **free}
         return self._add(kind, name, sides, points_of(of, at, is_flat(a, b)), frames, **more)

@@ -24,6 +24,7 @@ from liouville.bodies.poses import Poses, constants, drawn
 from liouville.bodies.rolling import height
 
 if TYPE_CHECKING:
+    from liouville.bodies.dry import Dry
     from liouville.bodies.friction import Coulomb
     from liouville.bodies.limits import Limits
 
@@ -132,7 +133,9 @@ class Joint:
     armature : dict
         Inertia of rotors by coordinate.
     friction : dict
-        Dry friction by the coordinates that make up its slip.
+        Friction by its own force, by the coordinates that make up its slip.
+    dry : dict of str to Dry
+        Dry friction of a given size by coordinate.
     limits : dict of str to Limits
         Limits of its coordinates by name.
     """
@@ -152,6 +155,7 @@ class Joint:
     axes: tuple[Axis, ...] = ()
     armature: Mapping[str, Value] = field(default_factory=dict)
     friction: Mapping[tuple[str, ...], Coulomb] = field(default_factory=dict)
+    dry: Mapping[str, Dry] = field(default_factory=dict)
     limits: Mapping[str, Limits] = field(default_factory=dict)
 
     def __repr__(self) -> str:
@@ -179,9 +183,11 @@ class Joint:
         found += [("spring", stiffness, 1) for stiffness, _ in self.springs.values()]
         found += [("rest", rest, 1) for _, rest in self.springs.values()]
         found += [("lead" if name == "pitch" else name, x, 1) for name, x in self.sizes.items()]
-        for what, laws in (("friction", self.friction), ("limits", self.limits)):
-            for own in laws.values():
-                found += [(f"{name} of {what}", x, 1) for name, x in own.functions().items()]
+        laws: list[tuple[str, Any]] = [("friction", x) for x in self.friction.values()]
+        laws += [("friction", x) for x in self.dry.values()]
+        laws += [("limits", x) for x in self.limits.values()]
+        for what, own in laws:
+            found += [(f"{name} of {what}", x, 1) for name, x in own.functions().items()]
         yield from (x for x in found if callable(x[1]))
 
     @property

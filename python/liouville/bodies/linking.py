@@ -11,7 +11,8 @@ from numpy.typing import ArrayLike
 from liouville._basics.errors import hinted
 from liouville.bodies.body import Value, check_rows, check_size, given, unit
 from liouville.bodies.chaining import Chaining, Which
-from liouville.bodies.friction import Coulomb, frictions
+from liouville.bodies.dry import frictions
+from liouville.bodies.friction import Coulomb
 from liouville.bodies.joints import Joint
 from liouville.bodies.registry import (
     along,
@@ -98,7 +99,7 @@ class Linking(Chaining):
         """
         of = f"joint '{name}'"
         more = along(of, "spherical", damping, None, 0.0, 0.0, None)
-        more["friction"] = frictions(of, "spherical", friction)
+        more |= frictions(of, "spherical", friction)
         stiffness = given(f"spring= of {of}", spring, ())
         if callable(stiffness) or stiffness != 0:
             more["sizes"] = {"stiffness": stiffness}
@@ -180,8 +181,8 @@ class Linking(Chaining):
         first, second = self._sides(of, a, b)
         check_rows(f"equations of {of}", tried(f"equations of {of}", equations, AT_PLACE, None))
         point = second.at if at is None else given(f"at= of {of}", at, (3,))
-        points, dry = (np.zeros(3), point), frictions(of, "guide", friction)
-        return self._add("guide", name, (first, second), points, equations=equations, friction=dry)
+        points, rubs = (np.zeros(3), point), frictions(of, "guide", friction)
+        return self._add("guide", name, (first, second), points, equations=equations, **rubs)
 
     def free(self, name: str, b: Which) -> Joint:
         """Let b fly freely.

@@ -25,6 +25,7 @@ from liouville.bodies.body import (
 )
 from liouville.bodies.chaining import Coupling, Gear
 from liouville.bodies.compound import grouped, rotors
+from liouville.bodies.dry import sticking
 from liouville.bodies.elements import (
     Efforts,
     Element,
@@ -260,6 +261,7 @@ class Model:
     def contacts(self) -> dict[str, Contact]:
         """Return the contacts, whose functions are expressions of the symbols of the Lagrangian."""
         found = {name: own for joint in self.joints for name, own in stops(self, joint)}
+        found |= {name: own for joint in self.joints for name, own in sticking(self, joint)}
         return found | {name: own for x in self.touches for name, own in x.contacts(self)}
 
     def places(self) -> list[Place]:

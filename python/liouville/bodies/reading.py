@@ -15,12 +15,14 @@ from liouville.bodies import rotations as rot
 from liouville.bodies.actuation import Actuation, controls_of
 from liouville.bodies.assembly import Assembly
 from liouville.bodies.body import Body
+from liouville.bodies.dry import Dry
 from liouville.bodies.geoms import Pair, plane_of, restitution_of, shape_of
 from liouville.bodies.joints import KINDS, Joint
 from liouville.bodies.unmodelled import (
     EQUALITIES,
     JOINTS,
     active,
+    has_friction_loss,
     has_limits,
     is_off,
     named,
@@ -59,8 +61,8 @@ class Reader:
         The assembly.
     """
 
-    def __init__(self, model: Any, data: Any, controls: Any, *, has_limits: bool = True) -> None:
-        self.model, self.data, self.has_limits = model, data, has_limits
+    def __init__(self, model: Any, data: Any, controls: Any, without: Sequence[str] = ()) -> None:
+        self.model, self.data, self.without = model, data, without
         gravity = np.zeros(3) if is_off(model, "gravity") else np.array(model.opt.gravity)
         self.assembly = Assembly(gravity=gravity)
         self.bodies: dict[int, Body] = {0: self.assembly.ground}
@@ -202,12 +204,19 @@ class Reader:
             "rest": float(model.qpos_spring[at] - model.qpos0[at]),
             "effort": effort,
             "limits": self._limits(joint),
+            "friction": self._friction(dof),
         }
+
+    def _friction(self, dof: int) -> Dry | None:
+        """Return the friction loss of a hinge or slide."""
+        loss = float(self.model.dof_frictionloss[dof])
+        is_left_out = "friction loss" in self.without or not has_friction_loss(self.model)
+        return None if is_left_out or not loss else Dry(loss)
 
     def _limits(self, joint: int) -> tuple[float, float] | None:
         """Return the limits of a hinge or slide, from where it is drawn."""
         model = self.model
-        if not (self.has_limits and has_limits(model, joint)):
+        if "limits" in self.without or not has_limits(model, joint):
             return None
         low, high = model.jnt_range[joint] - model.qpos0[model.jnt_qposadr[joint]]
         return float(low), float(high)

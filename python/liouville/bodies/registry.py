@@ -124,6 +124,12 @@ class Registry:
             point = (b if b.kind == "point" else a).name
             hint = "take a body, or a rod without mass: m.distance"
             raise ValueError(hinted(f"{of} would turn '{point}', a point mass, which cannot", hint))
+        both = {*more.get("dry", ())} & {*more.get("motions", ())}
+        if both:
+            sentence = f"'{min(both)}' of {of} has both friction= and motion="
+            raise ValueError(
+                hinted(sentence, "a motion that is given does not stick: leave one out")
+            )
         joint = Joint(self._new(name), kind, a, b, points, frames or self._frames(of, a, b), **more)
         self._joints[name] = joint
         return joint

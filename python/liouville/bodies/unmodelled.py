@@ -41,7 +41,7 @@ KNOWN: dict[str, str] = {
     "contact shapes": "shapes",
     "friction of contacts": "shapes",
     "limits": "ball joints",
-    "friction loss": "joints",
+    "friction loss": "ball joints",
     "tendons": "tendons",
     "muscles": "actuators",
     "activation": "actuators",
@@ -128,7 +128,6 @@ def _some(items: list[str]) -> str:
 def _found(model: Any) -> dict[str, list[str]]:
     """Return contents of a model that an assembly does not support, with where they are."""
     joints, bodies = range(model.njnt), range(model.nbody)
-    constrained = not is_off(model, "constraint")
     dofs = model.dof_jntid
 
     def somewhere(values: NDArray[Any]) -> NDArray[Any]:
@@ -143,6 +142,7 @@ def _found(model: Any) -> dict[str, list[str]]:
 
     springs = not is_off(model, "spring")
     measured = [k for k in joints if JOINTS[model.jnt_type[k]] in ("slide", "hinge")]
+    sliding = {named(model, "jnt", k) for k in measured}
     flying = [k for k in joints if model.jnt_type[k] == 0 and model.jnt_stiffness[k]]
     bent = np.column_stack([model.jnt_stiffnesspoly, model.jnt_springyield])
     all_found: dict[str, Callable[[], list[str]]] = {
@@ -150,8 +150,8 @@ def _found(model: Any) -> dict[str, list[str]]:
             named(model, "jnt", k) for k in joints if has_limits(model, k) and k not in measured
         ],
         "friction loss": lambda: (
-            at_dofs(model.dof_frictionloss)
-            if constrained and not is_off(model, "friction loss")
+            [x for x in at_dofs(model.dof_frictionloss) if x not in sliding]
+            if has_friction_loss(model)
             else []
         ),
         "tendons": lambda: [named(model, "tendon", k) for k in range(model.ntendon)],
@@ -183,6 +183,11 @@ def has_limits(model: Any, joint: int) -> bool:
     """Return whether a joint has stops."""
     is_on = not is_off(model, "constraint") and not is_off(model, "limits")
     return is_on and bool(model.jnt_limited[joint])
+
+
+def has_friction_loss(model: Any) -> bool:
+    """Return whether the file leaves friction loss on."""
+    return not is_off(model, "constraint") and not is_off(model, "friction loss")
 
 
 def active(model: Any) -> list[int]:
