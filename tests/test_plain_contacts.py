@@ -211,3 +211,45 @@ def test_the_alpha_family_ends_by_name_where_a_contact_sticks():
         np.testing.assert_allclose(caught.value.solution.q[-1], [4 / G, 0], atol=1e-6)
         run = lv.integrate(block(0.0), method, **call)
         np.testing.assert_allclose(run.q[-1], [2, 0], atol=1e-14)
+
+
+def touching(static, of_belt):
+    """Return a block whose slip is (1 - t)^2 at friction 5, on ground or on a belt."""
+
+    def belt(t):
+        return 10 - 5 * t - (1 - t) ** 2 if of_belt else 0
+
+    floor = lv.Contact(
+        lambda t, q, params: q[1],
+        friction=0.5,
+        static_friction=static,
+        slip=lambda t, q, v, params: v[0] - belt(t),
+    )
+    return lv.Lagrangian(
+        lambda t, q, v, params: ca.sumsqr(v) / 2 - 10 * q[1],
+        q=2,
+        force=None if of_belt else lambda t, q, v, params: [3 + 2 * t, 0],
+        contacts={"floor": floor},
+    )
+
+
+@pytest.mark.parametrize("of_belt", [False, True])
+@pytest.mark.parametrize("steps", [*STEPS, {"h": 0.07}, {"steps": 2}])
+@pytest.mark.parametrize("method", METHODS, ids=repr)
+def test_a_slip_that_touches_zero_sticks_where_static_friction_holds(method, steps, of_belt):
+    call = {"t": (0, 2), "q": [0, 0], "v": [10.0 if of_belt else 1.0, 0], **steps}
+    run = lv.integrate(touching(0.75, of_belt), method, **call)
+    assert [x.kind for x in run.contacts["floor"].changes] == ["close", "stick"]
+    assert run.contacts["floor"].changes[1].t == pytest.approx(1, abs=1e-7)
+    assert run.q[-1, 0] == pytest.approx(10 - 1 / 3 if of_belt else 1 / 3, abs=1e-13)
+    on = lv.integrate(touching(0.5, of_belt), method, **call)
+    assert on.q[-1, 0] == pytest.approx(10 if of_belt else 2 / 3, abs=1e-13)
+
+
+def test_derivatives_refuse_a_slip_that_touches_zero():
+    call = {"t": (0, 2), "h": 0.1, "q": [0, 0], "v": [1.0, 0]}
+    with pytest.raises(lv.IntegrationError, match=r"'floor: stop' .* t = 1"):
+        lv.integrate(touching(0.75, False), lv.Spark(2), tangents={"v": [1.0, 0]}, **call)
+    run, pullback = lv.vjp(touching(0.75, False), lv.Spark(2), wrt=["v"], **call)
+    with pytest.raises(lv.IntegrationError, match=r"'floor: stop' .* t = 1"):
+        pullback(q=np.ones_like(run.q))

@@ -56,12 +56,13 @@ impl ControlOf<'_> {
 /// Order of the method, times to record at or None, and events.
 pub(crate) type Watch<'py> = (usize, Option<PyReadonlyArray1<'py, f64>>, Vec<EventOf<'py>>);
 
-/// An event: tape, direction, how many end the run or 0, whether it needs lam, its reset or None, whether it is a switch,
+/// An event: tape, direction, how many end the run or 0, the size of a minimum that is zero, whether it needs lam, its reset or None, whether it is a switch,
 /// and its derivatives or None.
 type EventOf<'py> = (
     PyRef<'py, convert::Tape>,
     i8,
     usize,
+    f64,
     bool,
     Option<ResetOf<'py>>,
     bool,
@@ -101,13 +102,14 @@ pub(crate) fn detection((order, times, events): &Watch<'_>) -> PyResult<Detectio
     let copied = |tape: &PyRef<'_, convert::Tape>| Tape::clone(&tape.0);
     let events = events.iter().enumerate();
     let events = events.map(
-        |(index, (tape, direction, terminal, needs_lam, reset, is_switch, derivatives))| {
+        |(index, (tape, direction, terminal, touch, needs_lam, reset, is_switch, derivatives))| {
             EventFunction {
                 tape: copied(tape),
                 rule: EventRule {
                     index,
                     direction: *direction,
                     terminal: *terminal,
+                    touch: *touch,
                 },
                 needs_lam: *needs_lam,
                 reset: reset.as_ref().map(|(tape, is_impact, rate)| {

@@ -29,10 +29,10 @@ AlphaSlopes = tuple[_core.Tape, Any, _core.Tape, _core.Tape, _core.Tape]
 #: The same with their transposes: by unknowns from the end, by all else from both, of the start.
 AlphaTransposed = tuple[AlphaSlopes, _core.Tape, _core.Tape, _core.Tape]
 
-#: An event as it crosses the border: its tape, its direction, how many end the run, whether it
-#: needs multipliers, its reset, whether it is no event but a switch, and its derivatives where they
-#: are wanted.
-Event = tuple[_core.Tape, int, int, bool, Reset | None, bool, Slopes | None]
+#: An event as it crosses the border: its tape, its direction, how many end the run, the size of
+#: a minimum that counts as zero, whether it needs multipliers, its reset, whether it is no event
+#: but a switch, and its derivatives where they are wanted.
+Event = tuple[_core.Tape, int, int, float, bool, Reset | None, bool, Slopes | None]
 
 #: Derivatives of a mechanical or semi-explicit system by time and parameters.
 Sensitivity = _core.Sensitivity | _core.SemiExplicitSensitivity

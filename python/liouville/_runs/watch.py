@@ -14,7 +14,7 @@ from liouville._basics import job as _job
 from liouville._basics.errors import hinted
 from liouville._solution.points import Points, with_ends
 from liouville._systems import Field, Mechanics, SemiExplicit
-from liouville._systems.events import AFTER, DIRECTIONS, Event, Impact, named
+from liouville._systems.events import AFTER, DIRECTIONS, Event, Impact, Touch, named
 from liouville._systems.mechanics.traced import INVARIANT
 
 #: The watch as it crosses the border: the order of the method, the times, and the events.
@@ -70,12 +70,13 @@ class Watch:
             slopes = None
             if is_differentiated and isinstance(system, Mechanics | SemiExplicit):
                 slopes = event_slopes(system, name, event)
-            events.append((tape, way, terminal, needs_lam, reset, False, slopes))
+            touch = event.size if isinstance(event, Touch) else 0.0
+            events.append((tape, way, terminal, touch, needs_lam, reset, False, slopes))
         for name, tape in switches.items():
             slopes = None
             if is_differentiated and isinstance(system, Mechanics):
                 slopes = switch_slopes(system, name)
-            events.append((tape, 0, 0, False, None, True, slopes))
+            events.append((tape, 0, 0, 0.0, False, None, True, slopes))
         return order, self.times, events
 
     def events_of(

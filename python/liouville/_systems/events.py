@@ -153,6 +153,13 @@ class Event:
             raise TypeError(hinted(sentence, hint))
 
 
+@dataclass(frozen=True)
+class Touch(Event):
+    """An event that is met too where its function is down to `size` and turns back."""
+
+    size: float = 0.0
+
+
 def named(events: Any) -> dict[str, Event]:
     """Return events by name, functions as events of default options."""
     if events is None:

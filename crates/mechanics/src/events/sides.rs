@@ -118,7 +118,9 @@ impl<State: Carried + Checkpoint + Clone, M: Dynamics> DenseDetector<State, M> {
         let steepest = [&before, &after, &own].map(|side| side.rate.abs());
         let most = steepest.into_iter().fold(0.0, f64::max) * 2.0 * near.abs();
         let least = values[0].abs().min(values[1].abs());
-        if there.abs() > ZERO * least || (values[1] - values[0]).abs() > STEEP * most {
+        let jumps = there.abs() > ZERO * least || (values[1] - values[0]).abs() > STEEP * most;
+        // what touches zero has one sign
+        if jumps && values[0] * values[1] <= 0.0 {
             return Some(Obstacle::Jump);
         }
         let is_bent = match [before.rate == 0.0, after.rate == 0.0] {

@@ -141,8 +141,8 @@ fn the_alpha_family_goes_on() {
 fn rule(index: usize, terminal: usize) -> EventRule {
     EventRule {
         index,
-        direction: 0,
         terminal,
+        ..EventRule::default()
     }
 }
 

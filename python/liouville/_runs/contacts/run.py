@@ -13,11 +13,11 @@ from liouville._runs.contacts.complementarity import Array
 from liouville._runs.contacts.joined import PENETRATES, Link, Part, Stretch, check, joined
 from liouville._runs.contacts.margin import Shared, shared
 from liouville._runs.contacts.mode import ModeSystem, of_own
-from liouville._runs.contacts.switching import EPS, Switching
+from liouville._runs.contacts.switching import AT_REST, EPS, Switching
 from liouville._runs.contacts.tangent import Moving, at_end, ended_by, moving, through
 from liouville._runs.contacts.traced import Contacts, Matrices
 from liouville._runs.watch import given
-from liouville._systems.events import Event, named
+from liouville._systems.events import Event, Touch, named
 from liouville._systems.mechanics.contact import Mode
 
 if TYPE_CHECKING:
@@ -46,7 +46,15 @@ def _recorded(*args: Any) -> Any:
 
 
 #: What ends a mode: its tape is that of the mode.
-ENDING = Event(_recorded, "down", terminal=True)
+ENDING = Touch(_recorded, "down", terminal=True)
+
+
+def endings(system: ModeSystem, rest: Array) -> dict[str, Event]:
+    """Return the events that end a mode; slips stop too where they are so small and turn back."""
+    return {
+        name: replace(ENDING, size=float(rest[k]) if kind == "stop" else 0.0)
+        for name, (k, kind) in system.own_events.items()
+    }
 
 
 class Course:
@@ -138,7 +146,8 @@ class Course:
         bounces = self._has_window(system, until)
         if bounces and h is not None:
             until = min(until, now.t + self.window * h)
-        asked = self._asked(system, (now.t, until), h, start, bounces=bounces)
+        ending = endings(system, AT_REST * at.sizes[now.c :])
+        asked = self._asked((system, ending), (now.t, until), h, start, bounces=bounces)
         names = None if self.moving is None else self.moving.directions(system)
         try:
             run = self.make(*asked, None, names)
@@ -236,15 +245,15 @@ class Course:
 
     def _asked(
         self,
-        system: ModeSystem,
+        ended: tuple[ModeSystem, dict[str, Event]],
         span: tuple[float, float],
         h: float | None,
         start: dict[str, Array],
         *,
         bounces: bool,
     ) -> tuple[Any, ...]:
-        """Return the arguments of a stretch."""
-        events = dict.fromkeys(system.own_events, ENDING)
+        """Return the arguments of a stretch of a system with what ends its mode."""
+        system, events = ended
         if bounces:
             most = self.window * MOST_HITS
             events |= {name: replace(x, terminal=most) for name, x in system.resets().items()}

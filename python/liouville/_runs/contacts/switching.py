@@ -84,7 +84,7 @@ class Switching:
         closing: dict[int, float | None] = {}
         for _ in range(MOST_AT_ONCE):
             at = self.at(self.t, y, z)
-            sizes = np.abs(at.rows[-2 * self.c :]).sum(axis=1) * at.speed
+            sizes = at.sizes
             still = AT_REST * sizes[: self.c]
             touching = at.gap <= CLOSED * at.size + ROUNDINGS * EPS * np.abs(at.rate) * abs(self.t)
             touching &= ~at.is_pressed
@@ -270,7 +270,7 @@ class Switching:
         the rate of this.
         """
         at = self.at(self.t, y, z)
-        still = AT_REST * np.abs(at.rows[-2 * self.c : -self.c]).sum(axis=1) * at.speed
+        still = AT_REST * at.sizes[: self.c]
         is_open = np.array([mode is Mode.OPEN for mode in self.modes])
         low = is_open & (at.gap <= CLOSED * at.size)
         thrown, lifted = low & (at.rate > 0) & (self.lifts < 0), low & (self.lifts > 0)

@@ -194,8 +194,7 @@ def _is_grazed(run: Solution, now: Switching, k: int) -> bool:
     """Whether a contact is hit with a rate of none at the end of a stretch that began open."""
     y, z = (run.states[name] for name in now.contacts.system.states)
     at = now.at(now.t, y[-1], z[-1])
-    size = np.abs(at.rows[-2 * now.c + k]).sum() * at.speed
-    if abs(at.rate[k]) > GRAZED * size:
+    if abs(at.rate[k]) > GRAZED * at.sizes[k]:
         return False
     start = now.contacts.at(float(run.t[0]), y[0], z[0], now.params, now.h)
     return bool(start.gap[k] > CLOSED * start.size[k])  # else it bounces

@@ -101,6 +101,12 @@ class Matrices:
     load: Array
     is_pressed: Array
 
+    @property
+    def sizes(self) -> Array:
+        """Sizes of the terms of rates, and of slips behind them."""
+        found: Array = np.abs(self.rows[-len(self.b) :]).sum(axis=1) * self.speed
+        return found
+
 
 class Contacts:
     """The contacts of a system, traced.

@@ -13,6 +13,9 @@ pub struct EventRule {
     pub direction: i8,
     /// The number of events that ends the run; none does if it is 0.
     pub terminal: usize,
+    /// Up to this size a minimum of |e| without a change of sign counts as a zero, of either direction, where e was
+    /// larger before; none does if it is 0.
+    pub touch: f64,
 }
 
 /// A function e of time and state, and its signs and values so far.
@@ -30,6 +33,8 @@ pub struct WatchedFunction {
     pub earlier: Option<(f64, f64)>,
     /// e at the samples of a step.
     pub samples: Vec<f64>,
+    /// The largest size of e in the steps before.
+    pub peak: f64,
     /// How many of its zeros have counted.
     pub count: usize,
 }
@@ -45,6 +50,7 @@ impl WatchedFunction {
             last: f64::NAN,
             earlier: None,
             samples: Vec::new(),
+            peak: 0.0,
             count: 0,
         }
     }
@@ -78,12 +84,14 @@ impl Checkpoint for WatchedFunction {
     fn save(&self, member: usize, out: &mut dyn Numbers) {
         (self.sign, self.last).save(member, out);
         (self.earlier, self.count).save(member, out);
+        self.peak.save(member, out);
     }
 
     fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
         self.sign.restore(member, saved)?;
         self.last.restore(member, saved)?;
         self.earlier.restore(member, saved)?;
-        self.count.restore(member, saved)
+        self.count.restore(member, saved)?;
+        self.peak.restore(member, saved)
     }
 }

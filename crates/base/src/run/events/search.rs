@@ -4,8 +4,9 @@
 //! is e after one step of θ h from the start of this one: of the method's own accuracy, and continuous from step
 //! to step. The interpolated function is sampled at equal distances, once beyond each end of the step. Between two
 //! samples of opposite sign there is a zero. Where |e| has a local minimum without a change of sign, parabolas locate
-//! the minimum, until the sign changes or the minimum is found not to reach zero. Values near zero are replaced by
-//! those of the exact function, on which the zero is located by the iteration of [`crate::bracket`], to roundoff in t.
+//! the minimum, until the sign changes or the minimum is found not to reach zero; where the event has a size that still
+//! counts as zero, it is one if it is that small. Values near zero are replaced by those of the exact function, on which
+//! the zero is located by the iteration of [`crate::bracket`], to roundoff in t.
 
 use super::WatchedFunction;
 use crate::bracket::Bracket;
@@ -43,11 +44,12 @@ pub(super) struct Node {
     pub(super) is_exact: bool,
 }
 
-/// A zero, and the sign of the function after it.
+/// A zero, the sign of the function after it, and whether it was that before.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Zero {
     pub(super) x: f64,
     pub(super) sign: f64,
+    pub(super) touches: bool,
 }
 
 /// How far the interpolated function may be from the exact one.
@@ -104,11 +106,19 @@ pub(super) fn find_zeros(
         }
     }
     for k in (1..nodes.len() - 1).rev() {
+        let touch = in_step.function().rule.touch;
         if let Some(node) =
             turning_point(in_step, [nodes[k - 1], nodes[k], nodes[k + 1]], accuracy)?
         {
-            let at = nodes.partition_point(|other| other.x <= node.x);
-            nodes.insert(at, node);
+            let sign = nodes[k + 1].value.signum();
+            if node.value * sign < 0.0 {
+                let at = nodes.partition_point(|other| other.x <= node.x);
+                nodes.insert(at, node);
+            } else if touch > 0.0 && node.value.abs() <= touch && touch < peak(in_step, &nodes[..k])
+            {
+                let (x, touches) = (node.x, true);
+                zeros.push(Zero { x, sign, touches });
+            }
         }
     }
     nodes.retain(|node| (0.0..=1.0).contains(&node.x));
@@ -128,11 +138,22 @@ pub(super) fn find_zeros(
                 continue;
             };
             *sign = now.signum();
-            zeros.push(Zero { x, sign: *sign });
+            zeros.push(Zero {
+                x,
+                sign: *sign,
+                touches: false,
+            });
         }
         k += 1;
     }
     Ok(())
+}
+
+/// The largest size of the function so far, to the last of these nodes.
+fn peak(in_step: &mut impl FunctionInStep, nodes: &[Node]) -> f64 {
+    let peak = in_step.function().peak;
+    let here = nodes.iter().filter(|node| node.x >= 0.0); // before the step may be before the start
+    here.fold(peak, |peak, node| peak.max(node.value.abs()))
 }
 
 /// Gives a node the exact value.
@@ -144,7 +165,8 @@ fn make_exact(in_step: &mut impl FunctionInStep, node: &mut Node) -> Result<(), 
     Ok(())
 }
 
-/// A node whose sign is not that of three samples, if |e| has a minimum around the middle one that crosses zero.
+/// The lowest exact node found, if |e| of three samples has a minimum around the middle one that may reach zero: the
+/// first one whose sign is not theirs.
 fn turning_point(
     in_step: &mut impl FunctionInStep,
     samples: [Node; 3],
@@ -159,7 +181,7 @@ fn turning_point(
         return Ok(None);
     }
     if samples.iter().all(|node| node.is_exact) {
-        return negative_point(in_step, sign, points);
+        return lowest_point(in_step, sign, points).map(Some);
     }
     let (x, value) = minimize(|x| Ok(sign * in_step.interpolated(x)?), points)?;
     let beyond = accuracy.margin.max(BEYOND);
@@ -175,25 +197,26 @@ fn turning_point(
     for (x, value) in &mut exact {
         *value = sign * in_step.exact(*x)?;
     }
-    negative_point(in_step, sign, exact)
+    lowest_point(in_step, sign, exact).map(Some)
 }
 
-/// A point where `sign` times the exact function is negative, if parabolas through three points lead to one.
-fn negative_point(
+/// The first point where `sign` times the exact function is negative, or the lowest that parabolas through three points
+/// lead to.
+fn lowest_point(
     in_step: &mut impl FunctionInStep,
     sign: f64,
     points: [(f64, f64); 3],
-) -> Result<Option<Node>, StepError> {
+) -> Result<Node, StepError> {
     let first = points.into_iter().find(|(_, value)| *value < 0.0);
     let (x, value) = match first {
         Some(found) => found,
         None => minimize(|x| Ok(sign * in_step.exact(x)?), points)?,
     };
-    Ok((value < 0.0).then_some(Node {
+    Ok(Node {
         x,
         value: sign * value,
         is_exact: true,
-    }))
+    })
 }
 
 /// The minimum that parabolas through three points lead to, or the first negative point.

@@ -76,6 +76,8 @@ impl Search {
                     value: sign * f64::MIN_POSITIVE,
                     is_exact: true,
                 });
+            } else if is_on_it && in_step.function().rule.touch > 0.0 {
+                before.value = f64::NAN; // what begins on zero does not touch it there
             }
         }
         nodes.push(before);
@@ -97,11 +99,14 @@ impl Search {
         find_zeros(in_step, nodes, &mut sign, (accuracy, resolution), zeros)?;
         let function = in_step.function();
         function.sign = sign;
+        let size = |size: f64, value: &f64| size.max(value.abs());
+        let samples = &function.samples[..SAMPLES];
+        function.peak = samples.iter().fold(function.peak, size);
         found.extend(zeros.iter().map(|zero| Crossing {
             x: zero.x,
             index,
             sign: zero.sign,
-            counts: function.counts(zero.sign),
+            counts: zero.touches || function.counts(zero.sign),
         }));
         Ok(())
     }
