@@ -152,7 +152,7 @@ def test_tables_and_datasets_have_what_contacts_did():
 def test_a_file_whose_contacts_are_none_is_refused(tmp_path):
     run = thrown(ball())
     for name, value, words in (
-        ("contact_mode", 7, "'contact_mode' of .* must be from 0 to 4"),
+        ("contact_mode", 7, "'contact_mode' of .* must be from 0 to 5"),
         ("change_contact", 1, "'change_contact' of .* must be from 0 to 0"),
         ("change_kind", -1, "'change_kind' of .* must be from 0 to 4"),
     ):

@@ -88,6 +88,23 @@ def test_a_load_may_be_a_function_of_time_coordinates_and_parameters():
     assert by.tangents["params.load"].q[-1, 0] == pytest.approx(-run.q[-1, 0] / 8, abs=1e-12)
 
 
+def test_a_load_of_coordinates_keeps_the_order_and_the_derivatives():
+    """It moves by x'' = -(1 + x)."""
+    sledge = lv.Lagrangian(
+        lambda t, q, v, params: v[0] ** 2 / 2,
+        q=1,
+        contacts={
+            "snow": lv.Contact(
+                load=lambda t, q, params: 1 + q[0], friction=1.0, slip=lambda t, q, v, params: v[0]
+            )
+        },
+    )
+    call = {"t": (0, 1), "h": 0.25, "q": [0], "v": [2.0]}
+    run = lv.integrate(sledge, lv.Spark(4), tangents={"v": [1.0]}, **call)
+    assert run.q[-1, 0] == pytest.approx(np.cos(1) + 2 * np.sin(1) - 1, abs=1e-11)
+    assert run.tangents["v"].q[-1, 0] == pytest.approx(np.sin(1), abs=1e-11)
+
+
 def test_gradients_go_through_a_brake_that_stops_a_wheel():
     clamped = wheel(rising, brake=brake(lambda t, q, params: params.load, 0.5, 0.75))
     call = {"t": (0, 5), "h": 0.1, "q": [0.0], "v": [0.5]}

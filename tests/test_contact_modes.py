@@ -285,8 +285,9 @@ def test_random_problems_of_lemke_are_solved_and_poisson_gains_no_energy():
         A, rates = rows @ rows.T, rng.normal(size=2 * c)
         rates[:c] = -abs(rates[:c])
         found = impact(
-            A, rates, np.ones(c, bool), rng.uniform(0, 1, c), rng.uniform(0.1, 1, c), "poisson"
-        )
+            A, rates, np.ones(c, bool), rng.uniform(0, 1, c), rng.uniform(0.1, 1, c),
+            np.arange(c), "poisson",
+        )  # fmt: skip
         assert found.normal.min() >= 0
         assert found.across.min() > -1e-9
         impulses = np.append(found.normal, found.friction)
@@ -297,7 +298,7 @@ def test_random_problems_of_lemke_are_solved_and_poisson_gains_no_energy():
 def test_one_contact_has_the_forces_of_coulomb():
     for push, friction, along in ((1, -1, 0), (6, -4.905, 1.095), (-6, 4.905, -1.095)):
         b = np.array([-G, push])
-        found = solve(np.eye(2), b, np.array([True]), np.array([0]), np.array([0.5]))
+        found = solve(np.eye(2), b, np.array([True]), np.array([0]), np.array([0.5]), np.array([0]))
         assert found.normal[0] == pytest.approx(G)
         assert (found.friction[0], found.along[0]) == pytest.approx((friction, along))
 
@@ -472,7 +473,9 @@ def test_bounces_of_many_at_rest_do_not_hide_one():
     A = np.eye(4)
     A[1, 1] = A[3, 3] = 1e-6
     before = np.array([-1e-17, -1e-8, 3.0, -2e-9])
-    found = impact(A, before, np.ones(2, bool), np.zeros(2), np.full(2, 0.5), "poisson")
+    found = impact(
+        A, before, np.ones(2, bool), np.zeros(2), np.full(2, 0.5), np.arange(2), "poisson"
+    )
     np.testing.assert_allclose(found.normal, [0.0, 1e-2], rtol=1e-12, atol=1e-16)
     np.testing.assert_allclose(found.friction[1], 2e-3, rtol=1e-12)
 

@@ -164,7 +164,8 @@ def test_what_contacts_have_not_is_refused_by_name():
             lv.bodies.from_mjcf(text, **more)
         return str(raised.value)
 
-    assert "friction of contacts (shapes 'ball.floor')" in refused(falling())
+    spinning = falling('friction="1 0.1 0.1" condim="4"')
+    assert "friction of contacts (shapes 'ball.floor')" in refused(spinning)
     rolling = planar('friction="0.5 0.1 0.1" condim="6"')
     assert "friction of contacts (shapes 'block.floor')" in refused(rolling)
     uneven = planar("", '<pair geom1="block" geom2="floor" condim="4" friction="0.7 0.6"/>')

@@ -278,8 +278,8 @@ REFUSED = {
         Polygon("p", CORNERS), Plane("ground")
     ),
     "is none across theirs": lambda: touching(Sphere("p", 1), Plane("ground"), False),
-    "slips in space have two directions": lambda: touching(
-        Sphere("p", 1), Plane("ground"), friction=0.1
+    "in space that of spheres on planes is followed": lambda: touching(
+        Sphere("p", 1), Sphere("q", 1), friction=0.1
     ),
     "friction must be zero or positive, not -1": lambda: touching(
         Sphere("p", 1), Plane("ground"), friction=-1

@@ -210,9 +210,7 @@ def _powers_of_contacts(
     for k in np.unique(which):
         own, at = runs[k], which == k
         there = own(times[at]).states
-        loads = system.contacts.loads(times[at], there[system.states[0]], values)
-        laws = system.contacts.laws(values)
-        forces = forces_of(laws, own.system, there["lam"], loads)
+        forces = forces_of(system.contacts, own.system, times[at], there, values)
         states = times[at], *(there[name] for name in system.states)
         for name, x in system.contacts.powers(states, *forces, values).items():
             found[name][at] = x

@@ -21,7 +21,7 @@ MODELLED = {(PLANE, SPHERE), (PLANE, CAPSULE), (PLANE, BOX)}
 MODELLED |= {(SPHERE, SPHERE), (SPHERE, CAPSULE), (SPHERE, BOX)}
 #: Numbers of directions of contacts: none has friction, and of others those that slide and turn
 #: about the normal, which motions in a plane do not.
-SMOOTH, SLIDING = 1, (3, 4)
+SMOOTH, SLIDING, IN_SPACE = 1, (3, 4), 3
 #: Directions are parallel, or across, within this.
 ALIKE = 1e-9
 #: The most pairs of shapes that are read.
@@ -71,6 +71,8 @@ def pairs_of(model: Any, data: Any, without: Sequence[str]) -> list[Pair]:
             mu = 0.0
         elif is_in_plane and dims in SLIDING and friction[0] == friction[1]:
             mu = float(friction[0])
+        elif across is None and kinds == [PLANE, SPHERE] and dims == IN_SPACE:
+            mu = float(friction[0]) if friction[0] == friction[1] else None
         found.append(Pair(name, (one, other), mu, is_modelled))
     return found
 

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from liouville._basics import casadi as ca
 from liouville._basics.errors import hinted
 from liouville._systems.mechanics.contact import Contact
-from liouville.bodies.body import Body, Value, column
+from liouville.bodies import rotations as rot
+from liouville.bodies.body import Body, Value, column, unit
 from liouville.bodies.joints import Joint
 from liouville.bodies.poses import drawn
 from liouville.bodies.shapes import TINY, Plane, Polygon, Shape, Sphere
@@ -91,7 +92,9 @@ class Touch:
             del t, q, params
             return point.gap(model)
 
-        return Contact(gap, slip=None if self.across is None else slip, **self.laws)
+        is_rough = Contact(gap, slip=slip, **self.laws).is_rough
+        has_slip = self.across is not None or (is_rough and _slides_in_space(self.shapes))
+        return Contact(gap, slip=slip if has_slip else None, **self.laws)
 
 
 @dataclass(frozen=True)
@@ -119,12 +122,22 @@ class _Point:
         return self._distance(model)[0] - radii[0] - radii[1]
 
     def slip(self, model: Model) -> ca.SX:
-        """Return the velocity of a against b along the normal times the plane's."""
+        """Return the velocity of a against b along the normal times the plane's.
+
+        In space there are two of them, along directions that turn with the plane that b has.
+        """
         _, normal, place = self._distance(model)
         where = place - column(self.first.rounding, model.params, 1) * normal
         off = _velocity(model, self.a, where) - _velocity(model, self.b, where)
-        assert self.touch.across is not None
-        return ca.dot(ca.cross(normal, ca.SX(ca.DM(self.touch.across))), off)
+        if self.touch.across is not None:
+            return ca.dot(ca.cross(normal, ca.SX(ca.DM(self.touch.across))), off)
+        assert isinstance(self.second, Plane)
+        normal_drawn = np.asarray(self.second.normal, dtype=float)
+        beside = np.eye(3)[np.argmin(np.abs(normal_drawn))]
+        first = unit("a direction", np.cross(normal_drawn, beside))
+        own = rot.rotate(rot.conjugate(self.b.rotation), first)
+        along = ca.mtimes(_axes(model, self.b), ca.SX(ca.DM(np.array(own))))
+        return ca.vertcat(ca.dot(along, off), ca.dot(ca.cross(normal, along), off))
 
 
 @dataclass(frozen=True)
@@ -233,11 +246,17 @@ def touch_of(
         hint = "a line of planar bodies has a normal such as (0, 1, 0)"
         raise ValueError(hinted(f"the plane of {of} is none across theirs", hint))
     touch = Touch(name, a, b, (first, second), laws, UP if is_flat else across)
-    if touch.across is None and Contact(max, slip=max, **laws).is_rough:
-        sentence = f"friction= of {of}: slips in space have two directions, which are not followed"
+    is_rough = Contact(max, slip=max, **laws).is_rough
+    if touch.across is None and is_rough and not _slides_in_space(touch.shapes):
+        sentence = f"friction= of {of}: in space that of spheres on planes is followed"
         hint = "of what moves in a plane give its normal, across=(0, 1, 0), or take planar bodies"
         raise ValueError(hinted(sentence, hint))
     return touch
+
+
+def _slides_in_space(shapes: tuple[Shape, Shape]) -> bool:
+    """Whether two shapes have friction in space: others bear on several points."""
+    return isinstance(shapes[0], Sphere) and isinstance(shapes[1], Plane)
 
 
 def _is_sharp(first: Shape, second: Shape) -> bool:

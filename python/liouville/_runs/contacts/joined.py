@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -14,10 +14,11 @@ from liouville._runs.contacts.margin import Shared
 from liouville._runs.contacts.mode import ModeSystem
 from liouville._runs.contacts.switching import AT_REST, Switching
 from liouville._runs.contacts.tangent import summed
-from liouville._runs.contacts.traced import Laws
+from liouville._runs.contacts.traced import Contacts
 from liouville._solution.contacts import ContactRecord
 from liouville._solution.parts import GROUPS
 from liouville._solution.points import Points
+from liouville._systems.mechanics.contact import Mode
 
 if TYPE_CHECKING:
     from liouville._runs.adjoint import Adjoint
@@ -47,6 +48,14 @@ class Part:
     shared: Sequence[Shared]
     #: Its end, before that of the run where this does not count to its end.
     until: float = np.inf
+    #: The contacts that slide in space, though the run holds them: it is as short as roundoff.
+    slides: Collection[int] = ()
+
+    @property
+    def modes(self) -> tuple[Mode, ...]:
+        """The mode of each contact."""
+        own = enumerate(self.system.modes)
+        return tuple(Mode.SLIDE if k in self.slides else mode for k, mode in own)
 
 
 @dataclass(frozen=True)
@@ -173,7 +182,7 @@ def _columns(switching: Switching, parts: Sequence[Part], uses: Sequence[int]) -
             groups["tangents"].setdefault(name, []).append(values[:used])
         forces.append(_forces(switching, part, used))
     modes = [
-        np.tile(np.array(part.system.modes, dtype=object), (used, 1))
+        np.tile(np.array(part.modes, dtype=object), (used, 1))
         for part, used in zip(parts, uses, strict=True)
     ]
     normal, friction = (np.concatenate(own) for own in zip(*forces, strict=True))
@@ -224,6 +233,15 @@ def _own(system: ModeSystem, group: str, name: str, values: Array) -> Array:
     return values
 
 
+def check_start(now: Switching, y: Array, z: Array) -> None:
+    """Refuse a start that penetrates."""
+    at = now.at(now.t, y, z)
+    for name, gap, size in zip(now.contacts.names, at.gap, at.size, strict=True):
+        if gap < -PENETRATES * size:
+            sentence = f"contact '{name}' penetrates by {-gap:.3g} at the start"
+            raise ValueError(hinted(sentence, "its gap must not be negative"))
+
+
 def check(
     run: Solution, system: ModeSystem, switching: Switching, accelerated: float, count: int
 ) -> IntegrationError | None:
@@ -244,10 +262,10 @@ def check(
         what = f"the load of contact '{contacts.names[which]}' is negative, {loads[k, which]:.3g}"
         return IntegrationError(f"{what}, at t = {t[k]:g}", t=float(t[k]))
     signs = np.array([mode.sign for mode in system.modes])
-    back = np.argwhere(slip * signs < -BACKWARDS * fast)
+    back = np.argwhere(slip * signs[contacts.owner] < -BACKWARDS * fast)
     if back.size:
-        k, which = back[0]
-        name = contacts.names[which]
+        k, row = back[0]
+        name = contacts.names[contacts.owner[row]]
         against = f"contact '{name}' slips against its own friction"
         sentence = hinted(f"{against} at t = {t[k]:g}", "try a smaller h")
         return IntegrationError(sentence, t=float(t[k]), quantity=name)
@@ -255,33 +273,46 @@ def check(
 
 
 def _gaps(switching: Switching, accelerated: float, found: Columns) -> tuple[Array, Array]:
-    """Return gaps and slips at records."""
-    y, z = (found.groups["states"][name] for name in switching.contacts.system.states)
-    own = switching.params, switching.h, accelerated
-    return switching.contacts.records(found.t, y, z, *own)[:2]
+    """Return gaps and slips at records, by contact."""
+    contacts, own = switching.contacts, (switching.params, switching.h, accelerated)
+    y, z = (found.groups["states"][name] for name in contacts.system.states)
+    gap, slip = contacts.records(found.t, y, z, *own)[:2]
+    return gap, contacts.seen(slip)
 
 
 def _forces(switching: Switching, part: Part, used: int) -> tuple[Array, Array]:
-    """Return normal forces and friction at the first records of a part."""
+    """Return normal forces and friction at the first records of a part, by contact."""
     system, contacts, params = part.system, switching.contacts, switching.params
     if not system.is_shared:
-        y = part.run.states[system.states[0]][:used]
-        loads = contacts.loads(part.run.t[:used], y, params)
-        return forces_of(contacts.laws(params), system, part.run.states["lam"][:used], loads)
+        states = {name: x[:used] for name, x in part.run.states.items()}
+        normal, friction = forces_of(contacts, system, part.run.t[:used], states, params)
+        friction = contacts.seen(friction)
+        for k in part.slides:
+            friction[:, k] = contacts.laws(params).friction[k] * normal[:, k]
+        return normal, friction
     normal, friction = np.zeros((used, len(system.modes))), np.zeros((used, len(system.modes)))
     for k, own in enumerate(part.shared[:used]):
         normal[k], friction[k] = own.normal, own.friction
     return normal, friction
 
 
-def forces_of(laws: Laws, system: ModeSystem, lam: Array, loads: Array) -> tuple[Array, Array]:
-    """Return normal forces, those given too, and friction of multipliers of a mode."""
-    normal = loads.copy()
+def forces_of(
+    contacts: Contacts, system: ModeSystem, t: Array, states: Mapping[str, Array], params: Array
+) -> tuple[Array, Array]:
+    """Return normal forces, those given too, and friction of all slips, at states of a mode."""
+    first, second = (states[name] for name in system.states)
+    normal, lam, owner = contacts.loads(t, first, params).copy(), states["lam"], contacts.owner
     for k, place in system.normals.items():
         normal[:, k] = -lam[:, place]
-    friction = -np.array([mode.sign for mode in system.modes]) * laws.friction * normal
-    for k, place in system.tangents.items():
-        friction[:, k] = -lam[:, place]
+    ways = np.tile([float(system.modes[k].sign) for k in owner], (len(t), 1))
+    slides = [k for k, mode in enumerate(system.modes) if mode is Mode.SLIDE]
+    slip = contacts.slips(t, first, second, params) if slides else ways
+    for k in slides:
+        own = contacts.slips_of(k)
+        ways[:, own] = slip[:, own] / np.linalg.norm(slip[:, own], axis=1, keepdims=True)
+    friction = -ways * (contacts.laws(params).friction * normal)[:, owner]
+    for row, place in system.tangents.items():
+        friction[:, row] = -lam[:, place]
     return normal, friction
 
 

@@ -21,6 +21,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from liouville._runs.contacts.complementarity import SOLVED, Array, lemke
+from liouville._runs.contacts.cones import cones
 
 #: Contacts act on one another by more than this part of how they act on themselves.
 COUPLED = 1e-13
@@ -55,6 +56,7 @@ def solve(
     closed: Array,
     slip: Array,
     mu: Array,
+    owner: Array,
     borne: Array | None = None,
     pressed: Array | None = None,
 ) -> Forces | None:
@@ -63,13 +65,15 @@ def solve(
     Parameters
     ----------
     A, b : ndarray
-        Of gaps, then of slips, of all c contacts.
+        Of gaps of all c contacts, then of all s slips.
     closed : ndarray of bool, shape (c,)
         The contacts that may bear a force.
-    slip : ndarray of int, shape (c,)
-        The sign of the slip, 0 where friction is to be found.
+    slip : ndarray, shape (s,)
+        The direction of the slip, in the plane its sign; 0 where friction is to be found.
     mu : ndarray, shape (c,)
         The coefficients of friction.
+    owner : ndarray of int, shape (s,)
+        The contact of each slip.
     borne : ndarray, optional
         Normal forces that there are in any case, as of an expansion.
     pressed : ndarray of bool, optional
@@ -77,45 +81,62 @@ def solve(
     """
     c = len(mu)
     extra = np.zeros(c) if borne is None else borne
-    base = b + A[:, :c] @ extra - A[:, c:] @ (mu * slip * extra)
+    slid = mu[owner] * slip
+    base = b + A[:, :c] @ extra - A[:, c:] @ (slid * extra[owner])
     if pressed is not None:
         base[:c][pressed] = 1.0  # no force is needed to keep such a gap
-    normal, friction = extra.copy(), np.zeros(c)
-    for i in _coupled_ones(A, np.flatnonzero(closed)):
-        j = np.flatnonzero((slip[i] == 0) & (mu[i] > 0))  # friction is to be found
+    normal, friction = extra.copy(), np.zeros(len(owner))
+    # how each N acts, with the friction of what slips
+    across = A[:, :c].copy()
+    np.subtract.at(across.T, owner, (A[:, c:] * slid).T)
+    moves = np.bincount(owner, np.abs(slip), minlength=c) > 0
+    for i in _coupled_ones(A, np.flatnonzero(closed), owner):
+        sought = i[(mu[i] > 0) & ~moves[i]]  # friction is to be found
+        rows = np.flatnonzero(_among(sought, c)[owner])
+        whose = owner[rows]
         group = _Group(
-            A[:, i] - A[:, c + i] * (mu * slip)[i],
-            A[:, c + i[j]],
+            across[:, i],
+            A[:, c + rows],
             base,
             i,
-            j,
-            mu[i[j]],
-            extra[i[j]],
+            np.searchsorted(i, whose),
+            mu[whose],
+            extra[whose],
+            c + rows,
         )
-        for form in (_alone, _glocker_pfeiffer, _stewart_trinkle, _by_sweeps):
+        in_plane = _glocker_pfeiffer, _stewart_trinkle, _by_sweeps
+        forms = (cones,) if len(sought) < len(rows) else in_plane
+        for form in (_alone, *forms):
             found = form(group)
             if found is not None:
                 break
         else:
             return None
         normal[i] += found[0]
-        friction[i] = -(mu * slip)[i] * normal[i]
-        friction[i[j]] = found[1]
+        own = _among(i, c)[owner]
+        friction[own] = -slid[own] * normal[owner[own]]
+        friction[rows] = found[1]
     both = A @ np.concatenate([normal, friction]) + b
     return Forces(normal, friction, both[:c], both[c:])
 
 
-def _coupled_ones(A: Array, contacts: Array) -> list[Array]:
+def _among(contacts: Array, c: int) -> Array:
+    """Return which of all contacts are these."""
+    found = np.zeros(c, dtype=bool)
+    found[contacts] = True
+    return found
+
+
+def _coupled_ones(A: Array, contacts: Array, owner: Array) -> list[Array]:
     """Return the contacts in groups that do not act on one another."""
     if len(contacts) < 2:
         return [contacts] if len(contacts) else []
-    c = len(A) // 2
-    both = np.concatenate([contacts, c + contacts])
-    acts = np.abs(A[np.ix_(both, both)])
-    own = np.sqrt(np.diag(acts))
-    acts = acts > COUPLED * np.outer(own, own)
-    n = len(contacts)
-    near = acts[:n, :n] | acts[:n, n:] | acts[n:, :n] | acts[n:, n:]
+    own = np.sqrt(np.abs(np.diag(A)))
+    acts = np.abs(A) > COUPLED * np.outer(own, own)
+    whose = np.concatenate([np.arange(len(A) - len(owner)), owner])
+    near = np.zeros((len(A) - len(owner),) * 2, dtype=bool)
+    np.logical_or.at(near, (whose[:, None], whose[None, :]), acts)
+    near, n = near[np.ix_(contacts, contacts)], len(contacts)
     found, left = [], np.ones(n, dtype=bool)
     for k in range(n):
         if not left[k]:
@@ -143,6 +164,8 @@ class _Group:
         The contacts, and the places among them of those with friction to be found.
     mu, borne : ndarray
         Coefficients of friction, and normal impulses that there are in any case, of these.
+    slips : ndarray of int
+        The rows of the slips whose friction is to be found.
     """
 
     normals: Array
@@ -152,11 +175,12 @@ class _Group:
     j: Array
     mu: Array
     borne: Array
+    slips: Array
 
     @property
     def rows(self) -> tuple[Array, Array]:
         """The rows of the gaps, and of the slips whose friction is to be found."""
-        return self.i, len(self.b) // 2 + self.i[self.j]
+        return self.i, self.slips
 
 
 def _alone(group: _Group) -> tuple[Array, Array] | None:
@@ -236,10 +260,9 @@ def _by_sweeps(group: _Group) -> tuple[Array, Array] | None:
     return (N, T) if max(off) <= small else None
 
 
-def without_contradictions(A: Array, rates: Array, touching: Array) -> Array:
+def without_contradictions(A: Array, rates: Array, touching: Array, owner: Array) -> Array:
     """Return rates whose part that dependent rows say twice, and not alike, is left out."""
-    k = np.flatnonzero(touching)
-    rows, found = np.concatenate([k, len(touching) + k]), rates.copy()
+    rows, found = np.flatnonzero(np.concatenate([touching, touching[owner]])), rates.copy()
     values, vectors = np.linalg.eigh(A[np.ix_(rows, rows)])
     twice = vectors[:, values <= DEPENDENT * values.max(initial=0.0)]
     if twice.size:
@@ -248,7 +271,13 @@ def without_contradictions(A: Array, rates: Array, touching: Array) -> Array:
 
 
 def impact(
-    A: Array, before: Array, touching: Array, restitution: Array, mu: Array, law: str
+    A: Array,
+    before: Array,
+    touching: Array,
+    restitution: Array,
+    mu: Array,
+    owner: Array,
+    law: str,
 ) -> Forces | None:
     """Return the impulses of an impact of contacts that touch, and the rates after it.
 
@@ -257,24 +286,26 @@ def impact(
     Newton's law has rates of at least `restitution` of those before.
     """
     c = len(mu)
-    free, hit = np.zeros(c, dtype=int), np.zeros(c, dtype=bool)
-    for group in _coupled_ones(A, np.flatnonzero(touching)):
+    free, hit = np.zeros(len(owner)), np.zeros(c, dtype=bool)
+    for group in _coupled_ones(A, np.flatnonzero(touching), owner):
         hit[group] = (before[group] < 0).any()
     if law == "newton":
-        bounced = before + np.append(restitution * np.minimum(before[:c], 0.0), np.zeros(c))
-        found = solve(A, bounced, hit, free, mu)
+        bounced = before + np.append(
+            restitution * np.minimum(before[:c], 0.0), np.zeros(len(owner))
+        )
+        found = solve(A, bounced, hit, free, mu, owner)
         if found is None:
             return None
         after = A @ np.concatenate([found.normal, found.friction]) + before
         return Forces(found.normal, found.friction, after[:c], after[c:], (found,))
-    pressed = solve(A, before, hit, free, mu)
+    pressed = solve(A, before, hit, free, mu, owner)
     if pressed is None:
         return None
     if not (restitution * pressed.normal).any():
         return replace(pressed, phases=(pressed,))
     middle = np.concatenate([pressed.across, pressed.along])
     middle[np.abs(middle) <= STOPPED * np.abs(before).max()] = 0.0
-    rest = solve(A, middle, hit, free, mu, borne=restitution * pressed.normal)
+    rest = solve(A, middle, hit, free, mu, owner, borne=restitution * pressed.normal)
     if rest is None:
         return None
     normal, friction = pressed.normal + rest.normal, pressed.friction + rest.friction

@@ -13,12 +13,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from liouville._basics.errors import IntegrationError, hinted, quoted
 from liouville._basics.scipy import scipy
 from liouville._runs.contacts.complementarity import Array
 from liouville._systems.mechanics.contact import Mode
 
 if TYPE_CHECKING:
-    from liouville._runs.contacts.traced import Matrices
+    from liouville._runs.contacts.matrices import Matrices
+    from liouville._runs.contacts.mode import ModeSystem
+    from liouville._runs.contacts.switching import Switching
+    from liouville._runs.contacts.traced import Contacts
+    from liouville._solution.solution import Solution
 
 #: Forces below this part of those that would move the system so are none.
 NONE, ROUNDED = 1e-9, 1e-14
@@ -40,23 +45,27 @@ class Shared:
 
 
 def shared(at: Matrices, modes: tuple[Mode, ...]) -> Shared:
-    """Return how contacts share a load: forces that give the accelerations of a mode."""
+    """Return how contacts share a load: forces that give the accelerations of a mode.
+
+    Each that bears friction has one slip.
+    """
     c = len(modes)
+    slips = c + np.searchsorted(at.owner, np.arange(c))
     is_given = at.is_pressed
     closed = [k for k, mode in enumerate(modes) if mode is not Mode.OPEN and not is_given[k]]
     signs = np.array([mode.sign for mode in modes])
     given = np.where(is_given, -at.laws.friction * signs * at.load, 0.0)
     sticks = [k for k, mode in enumerate(modes) if mode is Mode.STICK]
-    columns = np.zeros((2 * c, len(closed) + len(sticks)))
+    columns = np.zeros((len(at.b), len(closed) + len(sticks)))
     for j, k in enumerate(closed):
-        columns[:, j] = at.A[:, k] - at.A[:, c + k] * at.laws.friction[k] * modes[k].sign
+        columns[:, j] = at.A[:, k] - at.A[:, slips[k]] * at.laws.friction[k] * modes[k].sign
     for j, k in enumerate(sticks):
-        columns[:, len(closed) + j] = at.A[:, c + k]
-    active = [*closed, *(c + k for k in sticks)]
+        columns[:, len(closed) + j] = at.A[:, slips[k]]
+    active = [*closed, *slips[sticks]]
     # the rows that are independent, by their singular values: the others follow to roundoff
     u, values, vt = np.linalg.svd(columns[active])
     rank = int((values > INDEPENDENT * values.max(initial=0.0)).sum())
-    rest = (at.b + at.A[:, c:] @ given)[active]
+    rest = (at.b + at.A[:, slips] @ given)[active]
     sides = -(u.T @ rest)[:rank] / values[:rank]
     weight = float(np.abs(at.free).max() / (np.abs(at.moves).max() or 1.0))
     scale = max(np.abs(sides).max(initial=0.0), NONE * weight) or 1.0
@@ -80,6 +89,52 @@ def shared(at: Matrices, modes: tuple[Mode, ...]) -> Shared:
     return Shared(scale * margin < -ROUNDED * weight, normal, friction)
 
 
+def loads(
+    run: Solution, system: ModeSystem, now: Switching, *, is_whole: bool = True
+) -> list[Shared]:
+    """Return how contacts share their loads at the records of a stretch.
+
+    Of a whole stretch these are those up to where the mode gives way.
+    """
+    first, second = system.states
+    found: list[Shared] = []
+    states = zip(run.t, run.states[first], run.states[second], strict=True)
+    for k, (t, y, z) in enumerate(states if system.is_shared else ()):
+        found.append(shared(now.at(float(t), y, z), system.modes))
+        if is_whole and k and found[-1].gives_way:
+            break
+    return found
+
+
+def torn(run: Solution, k: int, now: Switching) -> tuple[float, tuple[Array, Array]]:
+    """Return when a mode gives way that has given way at record k, and the state there."""
+    first, second = now.contacts.system.states
+
+    def at(t: float) -> tuple[Array, Array]:
+        found = run(t)
+        return found.states[first], found.states[second]
+
+    low, high = float(run.t[k - 1]), float(run.t[k])
+    while low < (middle := low + (high - low) / 2) < high:
+        here = now.at(middle, *at(middle))
+        if shared(here, now.modes).gives_way:
+            high = middle
+        else:
+            low = middle
+    return high, at(high)
+
+
+def refuse_space(system: ModeSystem, contacts: Contacts, t: float) -> None:
+    """Refuse contacts that share a load where friction has two directions."""
+    bears = [mode not in (Mode.OPEN, Mode.CLOSED) for mode in system.modes]
+    which = np.flatnonzero(contacts.is_spatial & bears)
+    if system.is_shared and which.size:
+        names = quoted([contacts.names[k] for k in which])
+        sentence = f"at t = {t:g} contacts share a load, and {names} have friction in space"
+        hint = "which part of the load each bears is not determined: take fewer contacts"
+        raise IntegrationError(hinted(sentence, hint), t=t)
+
+
 def contradicting(at: Matrices, rates: Array, contacts: Array, mu: Array) -> Array:
     r"""Return the contacts, of some, that no motion obeys together; none where one does.
 
@@ -98,20 +153,22 @@ def contradicting(at: Matrices, rates: Array, contacts: Array, mu: Array) -> Arr
         Their coefficients of friction; zeros ask for motions without any.
     """
     c = len(mu)
-    sticky = mu[contacts] * at.moves[:, c + contacts]
-    ways = np.hstack([at.moves[:, contacts] - sticky, at.moves[:, contacts] + sticky])
+    whose = np.searchsorted(contacts, at.owner[np.isin(at.owner, contacts)])
+    sticky = at.moves[:, c:][:, np.isin(at.owner, contacts)] * mu[contacts][whose]
+    across = at.moves[:, contacts][:, whose]
+    ways = np.hstack([across - sticky, across + sticky])
     sizes = np.abs(ways).max(axis=0)
     if len(contacts) < 2 or not (sizes > 0).all():
         return contacts[:0]
     optimize = scipy("optimize", "contacts that contradict one another")
-    r = np.tile(rates[contacts], 2) / sizes
+    r = np.tile(rates[contacts][whose], 2) / sizes
     found = optimize.linprog(
         r / (np.abs(r).max() or 1.0), np.ones((1, len(r))), [1.0], ways / sizes,
         np.zeros(len(ways)), bounds=(0, None), method="highs",
     )  # fmt: skip
     if found.x is None or found.fun >= -CONTRADICTS:
         return contacts[:0]
-    weights: Array = found.x.reshape(2, -1).sum(axis=0)
+    weights = np.bincount(whose, found.x.reshape(2, -1).sum(axis=0))
     return contacts[weights > CONTRADICTS]
 
 

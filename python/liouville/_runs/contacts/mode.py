@@ -11,7 +11,8 @@ import numpy as np
 from liouville._basics import casadi as ca
 from liouville._runs.contacts.complementarity import Array
 from liouville._runs.contacts.hit import has_closed_form, struck
-from liouville._systems.events import Event, Impact
+from liouville._runs.contacts.sliding import frictions
+from liouville._systems.events import Event, Impact, Touch
 from liouville._systems.mechanics.contact import Mode
 from liouville._systems.mechanics.form import Nonholonomic
 from liouville._systems.mechanics.general import Mechanics
@@ -20,6 +21,18 @@ from liouville._systems.tape import record
 
 if TYPE_CHECKING:
     from liouville._runs.contacts.traced import Contacts
+
+#: A slip in space slows down where it changes within so many steps by itself.
+FEW = 4.0
+
+
+def _recorded(*args: Any) -> Any:
+    """Stand for the function of an event whose tape a mode has."""
+    raise AssertionError("the tapes of a mode are recorded")
+
+
+#: What ends a mode: its tape is that of the mode.
+ENDING = Touch(_recorded, "down", terminal=True)
 
 
 class ModeSystem(Mechanics):
@@ -30,7 +43,8 @@ class ModeSystem(Mechanics):
     modes : tuple of Mode
         What each contact does.
     normals, tangents : dict of int to int
-        The places of the multipliers -N and -T among all, by the number of the contact.
+        The places of the multipliers -N and -T among all, by the number of the contact, and of
+        the slip.
     own : ndarray
         The places of the multipliers of the system's own constraints.
     is_shared : bool
@@ -56,36 +70,40 @@ class ModeSystem(Mechanics):
         base, c, its = contacts.system, len(modes), contacts.columns
         s, model = base._symbols, base._model
         self.modes, self.is_redundant = modes, is_redundant
-        stuck = sum(mode is Mode.STICK for mode in modes)
+        stuck = sum(modes[k] is Mode.STICK for k in contacts.owner)
         closed = [mode for k, mode in enumerate(modes) if contacts.has_gap(k)]
         self.is_shared = len(rows) < stuck + sum(mode is not Mode.OPEN for mode in closed)
         self._counts = len(base._holonomic), len(base.nonholonomic)
         gaps = [k for k in rows if k < c]
-        slips = [k - c for k in rows if k >= c]
+        slips = [row - c for row in rows if row >= c]
         m, own = model.lam.numel(), model.nonholonomic
         lam = ca.SX.sym("lam", m + len(gaps))
         nu = ca.SX.sym("nu", own.nu.numel() + len(slips))
         r = ca.substitute(model.r, model.lam, lam[:m]) if m else model.r
+        first_of = [contacts.slips_of(k)[0] for k in range(c)]
         for place, k in enumerate(gaps):
             friction = its["friction"][k] * modes[k].sign
             across = its["across"][k, :].T
-            r += (-across + friction * its["along"][k, :].T) * lam[m + place]
-        f, braked = model.f, ca.SX(0)
-        for k, mode in enumerate(modes):
-            if mode.sign and not contacts.has_gap(k):
-                friction = its["friction"][k] * mode.sign * its["load"][k]
-                f -= its["along"][k, :].T * friction
-                braked -= friction * contacts.drives[len(modes) + k]
+            r += (-across + friction * its["along"][first_of[k], :].T) * lam[m + place]
+        # friction whose size is known: of loads, and of what slides in space
+        known, self._slowing = frictions(contacts, modes, gaps, slips)
+        added, braked = ca.SX(s.y.numel(), 1), ca.SX(0)
+        for row, force in known.items():
+            added += its["along"][row, :].T * force
+            braked += force * contacts.drives[c + row]
         count = own.nu.numel()
         rn = ca.substitute(own.rn, own.nu, nu[:count]) if count else ca.SX(s.y.numel(), 1)
-        for place, k in enumerate(slips):
-            rn -= its["along"][k, :].T * nu[count + place]
+        for place, row in enumerate(slips):
+            rn -= its["along"][row, :].T * nu[count + place]
         names = contacts.names
         holonomic = base.constraints[:m] + tuple(names[k] for k in gaps)
-        rolling = base.nonholonomic + tuple(f"{names[k]} sticks" for k in slips)
+        rolling = base.nonholonomic + tuple(
+            f"{names[k]} sticks" + f" along {row - first_of[k] + 1}" * bool(contacts.is_spatial[k])
+            for row, k in zip(slips, contacts.owner[slips], strict=True)
+        )
         self.normals = {k: m + place for place, k in enumerate(gaps)}
         first = m + len(gaps)
-        self.tangents = {k: first + own.nu.numel() + place for place, k in enumerate(slips)}
+        self.tangents = {row: first + own.nu.numel() + place for place, row in enumerate(slips)}
         self.own = np.r_[np.arange(m), first + np.arange(own.nu.numel())].astype(int)
         columns = base._expressions.columns
         invariants = {name: columns[INVARIANT + name] for name in base.invariants}
@@ -96,12 +114,13 @@ class ModeSystem(Mechanics):
             drives, power = contacts.drives, power + braked
             for place, k in enumerate(gaps):
                 friction = its["friction"][k] * modes[k].sign
-                power += lam[m + place] * (friction * drives[len(modes) + k] - drives[k])
+                power += lam[m + place] * (friction * drives[c + first_of[k]] - drives[k])
         super().__init__(
             s,
             replace(
                 model,
-                f=f,
+                f=model.f + added,
+                force=model.force and (model.force[0], model.force[1] + added),
                 r=r,
                 g=ca.vertcat(model.g, *rows_g),
                 lam=lam,
@@ -122,12 +141,13 @@ class ModeSystem(Mechanics):
         self.is_conservative, self.may_only_lose = False, False
         self.own_events: dict[str, tuple[int, str]] = {}
         self._tapes_of_events: dict[str, Any] = {}
+        self._tapes_of_slowing: dict[tuple[str, int], Any] = {}
         self._values_of_events: dict[str, ca.SX] = {}
         self._record_events(contacts)
         self.bounces: dict[str, int] = {}
         self._resets: dict[str, Event] = {}
         self._tapes_of_resets: dict[str, Any] = {}
-        if not any(modes):
+        if not any(modes) and not contacts.is_spatial.any():
             self._add_resets(contacts)
 
     def _record_events(self, contacts: Contacts) -> None:
@@ -139,7 +159,8 @@ class ModeSystem(Mechanics):
                 found[f"{name}: hit"] = k, "hit", contacts.columns["phi"][k]
                 continue
             if mode.sign:
-                found[f"{name}: stop"] = k, "stop", mode.sign * contacts.columns["slips"][k]
+                slip = contacts.columns["slips"][contacts.slips_of(k)[0]]
+                found[f"{name}: stop"] = k, "stop", mode.sign * slip
             if self.is_shared:
                 continue  # how long forces last is found by the margin
             normal = contacts.columns["load"][k]
@@ -147,10 +168,13 @@ class ModeSystem(Mechanics):
                 normal = -multipliers[self.normals[k]]
                 found[f"{name}: leave"] = k, "leave", normal
             if mode is Mode.STICK:
-                tangent, most = (
-                    -multipliers[self.tangents[k]],
-                    contacts.columns["static"][k] * normal,
-                )
+                most = contacts.columns["static"][k] * normal
+                places = [self.tangents[row] for row in contacts.slips_of(k)]
+                if len(places) > 1:
+                    square = ca.sumsqr(multipliers[places])
+                    found[f"{name}: tear"] = k, "tear", most**2 - square
+                    continue
+                tangent = -multipliers[places[0]]
                 found[f"{name}: tear up"] = k, "tear", most - tangent
                 found[f"{name}: tear down"] = k, "tear", most + tangent
         inputs = self._symbols.inputs(z=self._symbols.z, lam=multipliers)
@@ -159,6 +183,24 @@ class ModeSystem(Mechanics):
             needs = kind in ("leave", "tear")
             self._tapes_of_events[name] = record(f"event '{name}'", inputs, value), needs, None
             self._values_of_events[name] = value
+
+    def slows(self, contacts: Contacts, h: float) -> dict[str, Event]:
+        """Return the events where slips in space come to change within few steps by themselves."""
+        found: dict[str, Event] = {}
+        for k, rate in self._slowing.items():
+            name, slip = (
+                f"{contacts.names[k]}: slows",
+                contacts.columns["slips"][contacts.slips_of(k)],
+            )
+            key = name, round(float(np.log2(h)))
+            if key not in self._tapes_of_slowing:
+                own = ca.sumsqr(slip) - (FEW * 2.0 ** key[1]) ** 2 * ca.sumsqr(rate)
+                inputs = self._symbols.inputs(z=self._symbols.z, lam=self._multipliers)
+                self._tapes_of_slowing[key] = record(f"event '{name}'", inputs, own), False, None
+            self._tapes_of_events[name] = self._tapes_of_slowing[key]
+            self.own_events[name] = k, "slow"
+            found[name] = ENDING
+        return found
 
     def _add_resets(self, contacts: Contacts) -> None:
         """Let hits of contacts that bounce be events with an impact."""
@@ -201,6 +243,16 @@ class ModeSystem(Mechanics):
         tapes = self._tapes_of_events if event.reset is None else self._tapes_of_resets
         own = tapes.get(name)
         return own if own is not None else super().event(name, event)
+
+
+def endings(contacts: Contacts, system: ModeSystem, rest: Array, h: float) -> dict[str, Event]:
+    """Return the events that end a mode; slips stop too where they are so small and turn back."""
+    found: dict[str, Event] = system.slows(contacts, h)
+    for name, (k, kind) in system.own_events.items():
+        if kind != "slow":
+            size = rest[contacts.slips_of(k)[0]] if kind == "stop" else 0.0
+            found[name] = replace(ENDING, size=float(size))
+    return found
 
 
 def of_own(events: Mapping[str, Event], system: ModeSystem) -> dict[str, Event]:

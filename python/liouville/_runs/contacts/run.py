@@ -2,22 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from liouville._basics.errors import IntegrationError, hinted, quoted
+from liouville._runs.contacts import stops
 from liouville._runs.contacts.bouncing import LEAST, MOST_HITS, WINDOW, bounced
 from liouville._runs.contacts.complementarity import Array
-from liouville._runs.contacts.joined import PENETRATES, Link, Part, Stretch, check, joined
-from liouville._runs.contacts.margin import Shared, shared
-from liouville._runs.contacts.mode import ModeSystem, of_own
+from liouville._runs.contacts.joined import Link, Part, Stretch, check, joined
+from liouville._runs.contacts.margin import loads, refuse_space, torn
+from liouville._runs.contacts.matrices import Matrices
+from liouville._runs.contacts.mode import FEW, ModeSystem, endings, of_own
 from liouville._runs.contacts.switching import AT_REST, EPS, Switching
 from liouville._runs.contacts.tangent import Moving, at_end, ended_by, moving, through
-from liouville._runs.contacts.traced import Contacts, Matrices
+from liouville._runs.contacts.traced import Contacts
 from liouville._runs.watch import given
-from liouville._systems.events import Event, Touch, named
+from liouville._systems.events import Event, named
 from liouville._systems.mechanics.contact import Mode
 
 if TYPE_CHECKING:
@@ -36,25 +39,10 @@ MOVED = 1e-7
 FIRST = 0.01
 #: Times that differ by so many roundings are the same.
 SAME = 4
+#: A step in which a slip changes too much is shortened so often.
+MOST_CAUTION = 12
 #: So many stretches in turn that do not move the time are said to be without end.
 MOST_AT_ONCE = 100
-
-
-def _recorded(*args: Any) -> Any:
-    """Stand for the function of an event whose tape a mode has."""
-    raise AssertionError("the tapes of a mode are recorded")
-
-
-#: What ends a mode: its tape is that of the mode.
-ENDING = Touch(_recorded, "down", terminal=True)
-
-
-def endings(system: ModeSystem, rest: Array) -> dict[str, Event]:
-    """Return the events that end a mode; slips stop too where they are so small and turn back."""
-    return {
-        name: replace(ENDING, size=float(rest[k]) if kind == "stop" else 0.0)
-        for name, (k, kind) in system.own_events.items()
-    }
 
 
 class Course:
@@ -80,6 +68,10 @@ class Course:
         self.contacts, self.make, self.request = contacts, make, request
         #: Whether the run is differentiated, by directions or by a pullback.
         self.has_derivative = request.tangents is not None or request.has_pullback
+        if self.has_derivative and contacts.is_spatial.any():
+            names = quoted([contacts.names[k] for k in np.flatnonzero(contacts.is_spatial)])
+            sentence = f"derivatives do not go through friction in space, of contacts {names}"
+            raise TypeError(hinted(sentence, "give a slip of one value to what moves in a plane"))
         self.without, self.may_reset = without, without is None and not self.has_derivative
         #: How each stretch began and ended, of a run with a pullback.
         self.links: list[Link] = []
@@ -107,6 +99,8 @@ class Course:
         self.events = named(request.events)
         #: How often each was met.
         self.met = dict.fromkeys(self.events, 0)
+        #: How often a step was shortened in which a slip in space changed too much.
+        self.caution = 0
         #: So many steps the next stretch through hits goes.
         self.window = WINDOW
         #: The times of the records, where they are given.
@@ -119,14 +113,6 @@ class Course:
         """Whether the run has come to its end."""
         return self.now.t >= self.end or self.status != "done" or bool(self.ending)
 
-    def check(self, y: Array, z: Array) -> None:
-        """Refuse a start that penetrates."""
-        at = self.now.at(self.now.t, y, z)
-        for name, gap, size in zip(self.contacts.names, at.gap, at.size, strict=True):
-            if gap < -PENETRATES * size:
-                sentence = f"contact '{name}' penetrates by {-gap:.3g} at the start"
-                raise ValueError(hinted(sentence, "its gap must not be negative"))
-
     def settle(self, y: Array, z: Array, stopped: set[int]) -> tuple[Array, Array]:
         """Make impacts, and choose the mode that goes on; directions go through them too."""
         self._before = self.now.t, y, z
@@ -138,7 +124,13 @@ class Course:
     def advance(self, y: Array, z: Array) -> tuple[Array, Array, set[int]]:
         """Make a stretch; return the state at its end and the contacts whose slip came to zero."""
         now, (first, second) = self.now, self.contacts.system.states
+        if begins := stops.beginning(now):
+            y, z = self._begin(y, z, begins)
+            if self.is_over:
+                return y, z, set()
         at = now.at(now.t, y, z)
+        if rests := stops.stopping(now, at):
+            return *self._stop(y, z, rests), {*rests}
         self.accelerated = max(self.accelerated, at.pull)
         system = self._system(at)
         start = self._moved(system, at, y, z)
@@ -146,7 +138,7 @@ class Course:
         bounces = self._has_window(system, until)
         if bounces and h is not None:
             until = min(until, now.t + self.window * h)
-        ending = endings(system, AT_REST * at.sizes[now.c :])
+        ending = endings(self.contacts, system, AT_REST * at.sizes[now.c :], now.h)
         asked = self._asked((system, ending), (now.t, until), h, start, bounces=bounces)
         names = None if self.moving is None else self.moving.directions(system)
         try:
@@ -158,7 +150,7 @@ class Course:
             if error.solution is not None and len(error.solution.t):
                 run = error.solution
                 now.t = float(run.t[-1])
-                whole = Part(run, system, len(run.t), self._shared(run, system), now.t)
+                whole = Part(run, system, len(run.t), loads(run, system, self.now), now.t)
                 self._keep(whole, asked)
             raise
         end, changes = None, []
@@ -175,11 +167,18 @@ class Course:
             return self.advance(y, z)
         if wrong is not None:
             raise wrong
-        now.t = float(run.t[-1])
-        y, z = run.states[first][-1].copy(), run.states[second][-1].copy()
-        forces = self._shared(run, system)
+        last = stops.turned(run, system, self.contacts, now.params)
+        if last == 0 and self.caution < MOST_CAUTION:
+            self.caution += 1
+            return self.advance(y, z)
+        self.caution = 0
+        last = last or len(run.t) - 1
+        now.t, count = float(run.t[last]), min(count, last + 1)
+        y, z = run.states[first][last].copy(), run.states[second][last].copy()
+        forces = loads(run, system, self.now)
         if len(forces) > 1 and forces[-1].gives_way:
-            count, now.t, (y, z) = self._torn(run, len(forces) - 1)
+            count = len(forces) - 1
+            now.t, (y, z) = torn(run, count, now)
             if self.has_derivative:
                 sentence = f"contacts that share a load give way at t = {now.t:g}"
                 hint = "derivatives do not go through that"
@@ -193,6 +192,45 @@ class Course:
             self._differentiate(run, system)
         self._go_on(run, begin, h)
         return y, z, self._ended(run, system)
+
+    def _begin(self, y: Array, z: Array, which: list[int]) -> tuple[Array, Array]:
+        """Return the state behind the first bit of sliding in space, with a record before it."""
+        now = self.now
+        if self.without is not None:
+            names = quoted([self.contacts.names[k] for k in which])
+            sentence = f"at t = {now.t:g} contact {names} slides from rest in space"
+            raise IntegrationError(f"{sentence}, which {self.without} does not begin", t=now.t)
+        t = now.t
+        d, *behind = stops.begun(now, which, (t, y, z))
+        self._bridge(y, z, t + d, which)
+        if self.is_over or now.t < t + d:  # an event ended it
+            _, *behind = stops.begun(now, which, (t, y, z), now.t - t)
+        y, z = behind
+        return (y, z) if self.is_over else self.settle(y, z, set())
+
+    def _stop(self, y: Array, z: Array, rests: dict[int, float]) -> tuple[Array, Array]:
+        """Return the state where slips in space have come to rest."""
+        now, until = self.now, max(rests.values()) if self.stretches else self.now.t
+        behind = stops.stopped(now, rests, until - now.t, y, z)
+        if until > now.t and self.without is None:
+            self._bridge(y, z, until, [*rests])
+        now.rests = {*rests}
+        return behind
+
+    def _bridge(self, y: Array, z: Array, until: float, which: Collection[int]) -> None:
+        """Keep a piece, as short as roundoff of the motion, in which these contacts stick."""
+        now = self.now
+        modes = tuple(Mode.STICK if k in which else mode for k, mode in enumerate(now.modes))
+        at = now.at(now.t, y, z)
+        system = self.contacts.mode(modes, at)
+        start, h = self._moved(system, at, y, z), until - now.t
+        ending = endings(self.contacts, system, 0 * at.slip, now.h)
+        ending = {x: e for x, e in ending.items() if system.own_events[x][0] not in which}
+        asked = self._asked((system, ending), (now.t, until), h, start, bounces=False)
+        run = replace(self.make(*asked), stats={})
+        now.t = float(run.t[-1])
+        self._keep(Part(run, system, len(run.t), (), now.t, which), asked)
+        self._ended(run, system)
 
     def _system(self, at: Matrices) -> ModeSystem:
         """Return the system of the present mode, unless the method holds nothing that sticks."""
@@ -208,7 +246,9 @@ class Course:
             sentence = f"at t = {now.t:g} {which}, which {self.without} does not hold"
             hint = "take Spark, LobattoPair or a Composition of one"
             raise IntegrationError(hinted(sentence, hint), t=now.t)
-        return self.contacts.mode(now.modes, at)
+        system = self.contacts.mode(now.modes, at)
+        refuse_space(system, self.contacts, now.t)
+        return system
 
     def finish(self, y: Array, z: Array, stopped: set[int]) -> None:
         """Let the last record be behind a hit that is met at the end of the run."""
@@ -224,7 +264,7 @@ class Course:
         start = self._moved(system, at, y, z)
         asked: Any = system, (now.t, now.t + now.h), now.h, {}, start
         run = replace(self.make(*asked), stats={})
-        self._keep(Part(run, system, 1, self._shared(run, system), now.t), asked)
+        self._keep(Part(run, system, 1, loads(run, system, self.now), now.t), asked)
 
     def _ended(self, run: Solution, system: ModeSystem) -> set[int]:
         """Take how a stretch ended; return the contacts whose slip came to zero there."""
@@ -294,9 +334,10 @@ class Course:
                 if error.solution is None:
                     raise
                 kept = error.solution
-        shares = self._shared(kept, system, is_whole=False) if own.size else ()
+        shares = loads(kept, system, self.now, is_whole=False) if own.size else ()
         count = min(len(kept.t), own.size)
-        self.stretches.append(Stretch(whole, Part(kept, system, count, shares)))
+        part = Part(kept, system, count, shares, slides=whole.slides)
+        self.stretches.append(Stretch(whole, part))
 
     def solution(self) -> Solution:
         """Join all stretches."""
@@ -324,6 +365,12 @@ class Course:
         """Return where the stretch ends at most, and its step, which short flights shorten."""
         now, shortest = self.now, self.now.shortest_flight(y, z)
         left = self.end - now.t
+        slow = stops.slowest(now, now.at(now.t, y, z)) / 2
+        if slow < (np.inf if self.is_controlled else FEW * now.h) or self.caution:
+            # controlled steps, which grow, do not know the way to rest
+            until = slow if self.is_controlled else min(slow, now.h)
+            until = min(now.t + until / 4**self.caution, self.end)
+            return until, min(self.step or np.inf, until - now.t)
         if not shortest < SHORT * now.h:
             return self.end, self.step and min(self.step, left)
         until = self.end if self.is_controlled else min(self.end, now.t + 2 * shortest)
@@ -350,34 +397,3 @@ class Course:
             was_shortened = self.step is not None and h is not None and h < self.step
             own = max(sizes["h_next"], self.step or 0.0 if was_shortened else 0.0)
             self.step = now.h = min(own, self.longest)
-
-    def _shared(self, run: Solution, system: ModeSystem, *, is_whole: bool = True) -> list[Shared]:
-        """Return how contacts share their loads at the records.
-
-        Of a whole stretch these are those up to where the mode gives way.
-        """
-        first, second = system.states
-        found: list[Shared] = []
-        states = zip(run.t, run.states[first], run.states[second], strict=True)
-        for k, (t, y, z) in enumerate(states if system.is_shared else ()):
-            found.append(shared(self.now.at(float(t), y, z), system.modes))
-            if is_whole and k and found[-1].gives_way:
-                break
-        return found
-
-    def _torn(self, run: Solution, k: int) -> tuple[int, float, tuple[Array, Array]]:
-        """Return how many records a mode lasts that has given way at record k, when and where."""
-        first, second = self.contacts.system.states
-
-        def at(t: float) -> tuple[Array, Array]:
-            found = run(t)
-            return found.states[first], found.states[second]
-
-        low, high = float(run.t[k - 1]), float(run.t[k])
-        while low < (middle := low + (high - low) / 2) < high:
-            here = self.now.at(middle, *at(middle))
-            if shared(here, self.now.modes).gives_way:
-                high = middle
-            else:
-                low = middle
-        return k, high, at(high)

@@ -12,6 +12,7 @@ from liouville._basics.progress import Progress, reported
 from liouville._methods.control import CONTROLS, LEAST_TOLERANCE, Takes
 from liouville._runs.choice import named as method_of
 from liouville._runs.choice import runner_of
+from liouville._runs.contacts.joined import check_start
 from liouville._runs.contacts.run import Course
 from liouville._runs.execute import checked, execute
 from liouville._runs.runner import Request
@@ -129,7 +130,7 @@ def _run(system: Mechanics, course: Course) -> Course:
     """Run to the end, or to what fails."""
     y, z = system.start(course.request.start)
     system.check(course.now.t, y, z, course.now.params)
-    course.check(y, z)
+    check_start(course.now, y, z)
     try:
         y, z = course.settle(y, z, set())
         while True:

@@ -12,12 +12,13 @@ from liouville._runs.contacts import law
 from liouville._runs.contacts.complementarity import Array
 from liouville._runs.contacts.impulses import impulses, roles
 from liouville._runs.contacts.margin import contradicting
+from liouville._runs.contacts.matrices import Matrices, of_contacts
 from liouville._runs.contacts.streak import Streak, refuse_endless
-from liouville._runs.contacts.traced import Contacts, Matrices
+from liouville._runs.contacts.traced import Contacts
 from liouville._solution.contacts import Change
 from liouville._systems.mechanics.contact import Mode
 
-EPS = float(np.finfo(float).eps)
+EPS, TINY = float(np.finfo(float).eps), float(np.finfo(float).tiny)
 
 #: A gap is closed within this part of the sizes of its terms, or so many roundings of its time: as
 #: many as an event may be off zero where a stretch starts, beyond which it is met as a hit.
@@ -69,6 +70,10 @@ class Switching:
         #: and what was found; of one brought to rest its number.
         self.impacts: list[tuple[Any, Array, law.Forces | None]] = []
         self._last: tuple[Any, Matrices] | None = None
+        #: The forces found last, and of which contacts that are closed, with their directions.
+        self.found: tuple[law.Forces, Array, Array]
+        #: The contacts whose slip in space has just come to rest.
+        self.rests: set[int] = set()
 
     def at(self, t: float, y: Array, z: Array) -> Matrices:
         """Return the matrices at a state, those of the last one again."""
@@ -119,7 +124,9 @@ class Switching:
         before, found = self._struck(at, touching, restitution, sizes)
         if found is None:
             restitution = 0 * at.laws.restitution
-            found = law.impact(at.A, before, touching, restitution, at.laws.static, "poisson")
+            found = law.impact(
+                at.A, before, touching, restitution, at.laws.static, at.owner, "poisson"
+            )
             names = quoted([own.names[k] for k in np.flatnonzero(touching)])
             if found is None:
                 self._refuse_contradictions(at, at.rate, touching)
@@ -132,8 +139,9 @@ class Switching:
         gained = float(impulses @ (before + rates)) / 2
         if gained > GAINED * np.abs(impulses) @ (np.abs(before) + np.abs(rates)):
             self.messages.append(f"the impact at t = {self.t:g} gained energy, {gained:.3g}")
+        seen = own.seen(found.friction)
         for k in np.flatnonzero(found.normal > 0):
-            change = Change(self.t, "hit", float(found.normal[k]), float(found.friction[k]))
+            change = Change(self.t, "hit", float(found.normal[k]), float(seen[k]))
             self.add_hit(int(k), change)
         after: Array = z + at.moves @ impulses
         return after
@@ -150,9 +158,12 @@ class Switching:
         """Return the rates before an impact of all contacts that touch, and what it does."""
         own, rates = self.contacts, np.concatenate([at.rate, at.slip])
         found = None
-        for before in (law.without_contradictions(at.A, rates, touching), rates.copy()):
+        lawful = law.without_contradictions(at.A, rates, touching, at.owner)
+        for before in (lawful, rates.copy()):
             before[np.abs(before) <= ROUNDED * sizes] = 0.0
-            found = law.impact(at.A, before, touching, restitution, at.laws.static, own.law)
+            found = law.impact(
+                at.A, before, touching, restitution, at.laws.static, at.owner, own.law
+            )
             if found is None or found.normal.any():
                 break  # else nearly dependent rows contradict each other by more than roundoff
         return before, found
@@ -212,7 +223,7 @@ class Switching:
         if not near.any():
             return found
         held = touching & (np.abs(at.rate) <= still)
-        falls = -self._forces(at, held, np.zeros(self.c, dtype=int)).across
+        falls = -self.forces(at, held, 0 * at.slip).across
         for k in np.flatnonzero(near):
             if falls[k] > 0 and found[k] < 1:
                 closing[int(k)] = self.t + 2 * rates[k] / falls[k] / (1 - found[k])
@@ -231,7 +242,7 @@ class Switching:
             if k in closing:
                 continue
             held = touching & (np.abs(at.rate) <= still)
-            fall = self._forces(at, held, np.zeros(self.c, dtype=int)).across[k]
+            fall = self.forces(at, held, 0 * at.slip).across[k]
             if fall < 0 and at.rate[k] ** 2 < self._low_square(at, -fall)[k]:
                 closing[int(k)] = None
                 has_hit = bool(self.changes[k]) and self.changes[k][-1].t == self.t
@@ -244,24 +255,28 @@ class Switching:
         self, at: Matrices, y: Array, z: Array, closed: Array, stopped: set[int], sizes: Array
     ) -> tuple[Mode, ...]:
         """Return the mode of each contact, given which contacts may bear a force."""
-        moves = closed & (at.laws.static > 0) & (np.abs(at.slip) > AT_REST * sizes)
+        speed = of_contacts(at.slip, at.owner)
+        slides = np.array([mode is Mode.SLIDE for mode in self.modes])
+        # what slides in space does so until it is said to have stopped
+        moves = (speed > AT_REST * of_contacts(sizes, at.owner)) | (slides & (speed > 0))
+        moves &= closed & (at.laws.static > 0)
         moves[list(stopped)] = False
-        slip = np.where(moves, np.sign(at.slip), 0).astype(int)
-        found = self._forces(at, closed, slip)
+        slip = np.where(moves[at.owner], at.slip / np.maximum(speed, TINY)[at.owner], 0.0)
+        found = self.forces(at, closed, slip)
         verdict, self.lifts = self._verdict(at, found, closed, slip, ZERO), found.across
-        self._found = found, closed, slip
+        self.found = found, closed, slip
         if any(mode is None for mode in verdict):
-            ahead, later = self._ahead(at, y, z, AHEAD)
+            ahead, later = self.ahead(at, y, z, AHEAD)
             sure = self._verdict(ahead, later, closed, slip, ZERO_AHEAD)
             verdict = [b if a is None else a for a, b in zip(verdict, sure, strict=True)]
         return tuple(Mode.OPEN if mode is None else mode for mode in verdict)
 
-    def _ahead(self, at: Matrices, y: Array, z: Array, part: float) -> tuple[Matrices, law.Forces]:
+    def ahead(self, at: Matrices, y: Array, z: Array, part: float) -> tuple[Matrices, law.Forces]:
         """Return matrices and forces at a part of a step ahead, by the accelerations found."""
-        (found, closed, slip), d = self._found, part * self.h
+        (found, closed, slip), d = self.found, part * self.h
         dz = at.free + at.moves @ np.concatenate([found.normal, found.friction])
         ahead = self.at(self.t + d, y + d * at.v + d**2 / 2 * dz, z + d * dz)
-        return ahead, self._forces(ahead, closed, slip)
+        return ahead, self.forces(ahead, closed, slip)
 
     def shortest_flight(self, y: Array, z: Array) -> float:
         """Return how long the contacts that open now stay open at least, as far as can be said.
@@ -278,25 +293,29 @@ class Switching:
         flights = [2 * at.rate[k] / -self.lifts[k] for k in np.flatnonzero(thrown)]
         if lifted.any():
             try:
-                _, later = self._ahead(at, y, z, NEAR)
+                _, later = self.ahead(at, y, z, NEAR)
             except IntegrationError:  # of a place that is never come to
                 return min(flights, default=np.inf)
             jerks = (later.across - self.lifts) / (NEAR * self.h)
             flights += [3 * self.lifts[k] / -jerks[k] for k in np.flatnonzero(lifted & (jerks < 0))]
         return min(flights, default=np.inf)
 
-    def _forces(self, at: Matrices, closed: Array, slip: Array) -> law.Forces:
+    def forces(
+        self, at: Matrices, closed: Array, slip: Array, begins: Array | bool = False
+    ) -> law.Forces:
         """Return the forces; what begins to slip has the friction of what slips."""
         own, laws = self.contacts, at.laws
-        mu = np.where(slip == 0, laws.static, laws.friction)
-        found = law.solve(at.A, at.b, closed, slip, mu, at.load, at.is_pressed)
+        moves = (of_contacts(slip, at.owner) > 0) | begins
+        mu = np.where(moves, laws.friction, laws.static)
+        found = law.solve(at.A, at.b, closed, slip, mu, at.owner, at.load, at.is_pressed)
         if found is not None and (laws.static > laws.friction).any():
             size = ZERO * np.abs(np.concatenate([found.along, at.b])).max()
-            torn = (slip == 0) & closed & (np.abs(found.along) > size)
+            torn = ~moves & closed & (of_contacts(found.along, at.owner) > size)
             if torn.any():
-                turned = np.where(torn, np.sign(found.along), slip).astype(int)
-                mu = np.where(turned == 0, laws.static, laws.friction)
-                found = law.solve(at.A, at.b, closed, turned, mu, at.load, at.is_pressed)
+                # in the plane its direction is known, in space it turns to that of the acceleration
+                turned = np.where((torn & ~own.is_spatial)[at.owner], np.sign(found.along), slip)
+                mu = np.where(moves | torn, laws.friction, laws.static)
+                found = law.solve(at.A, at.b, closed, turned, mu, at.owner, at.load, at.is_pressed)
         if found is None:
             self._refuse_contradictions(at, at.b, closed)
             names = quoted([own.names[k] for k in np.flatnonzero(closed)])
@@ -323,9 +342,10 @@ class Switching:
         fast = zero * max(np.abs(at.b).max(), np.abs(found.across).max(), np.abs(found.along).max())
         diagonal = np.abs(np.diag(at.A))
         strong = zero * (
-            np.abs(found.normal).max()
-            + (np.abs(at.b) / np.maximum(diagonal, 1e-300))[: self.c].max()
+            np.abs(found.normal).max() + (np.abs(at.b) / np.maximum(diagonal, TINY))[: self.c].max()
         )
+        friction, along = (of_contacts(x, at.owner) for x in (found.friction, found.along))
+        moves = of_contacts(slip, at.owner) > 0
         modes: list[Mode | None] = []
         for k in range(self.c):
             pressed = found.normal[k] > strong or at.is_pressed[k]
@@ -337,17 +357,14 @@ class Switching:
                 mode = None
             elif not at.laws.static[k]:
                 mode = Mode.CLOSED
-            elif slip[k]:
-                mode = Mode.SLIP_UP if slip[k] > 0 else Mode.SLIP_DOWN
+            elif moves[k]:
+                mode = self.contacts.slipping(k, slip)
             else:
-                left = at.laws.static[k] * found.normal[k] - abs(found.friction[k])
-                turns = abs(found.along[k]) > fast
-                if not turns and left <= strong and zero == ZERO:
-                    mode = None
-                elif turns:
-                    mode = Mode.SLIP_UP if found.along[k] > 0 else Mode.SLIP_DOWN
+                left = at.laws.static[k] * found.normal[k] - friction[k]
+                if along[k] > fast:
+                    mode = self.contacts.slipping(k, found.along)
                 else:
-                    mode = Mode.STICK
+                    mode = None if left <= strong and zero == ZERO else Mode.STICK
             modes.append(mode)
         return modes
 
@@ -363,11 +380,13 @@ class Switching:
                 kinds.append("leave")
             if new is Mode.STICK and old is not Mode.STICK:
                 kinds.append("stick")
-            if new.sign and old is not new and old is not Mode.OPEN:
+            turns = old is not new or k in self.rests
+            if new.slips and turns and old is not Mode.OPEN:
                 kinds.append("slip")
             for kind in kinds:
                 rest = closing.get(k) if kind == "close" else None
                 self.changes[k].append(Change(self.t, kind, rest=rest))
+        self.rests = set()
 
     def _lifted(self, at: Matrices, y: Array) -> Array:
         """Return y with gaps that open below zero, by roundings, as much above it."""

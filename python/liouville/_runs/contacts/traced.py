@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 from typing import Any
@@ -12,8 +11,10 @@ import numpy as np
 
 from liouville import _core
 from liouville._basics import casadi as ca
-from liouville._basics.errors import hinted
+from liouville._basics.errors import hinted, quoted
 from liouville._runs.contacts.complementarity import Array
+from liouville._runs.contacts.hit import MOST, has_closed_form
+from liouville._runs.contacts.matrices import Laws, Matrices
 from liouville._runs.contacts.mode import ModeSystem
 from liouville._systems.mechanics.contact import Coefficient, Contact, Mode
 from liouville._systems.mechanics.form import total_derivative
@@ -27,85 +28,6 @@ from liouville._systems.tracing.sparse import entries, jacobian
 COEFFICIENTS = ("restitution", "friction", "static")
 #: Rows are independent of others where so much of their length is left.
 INDEPENDENT = 1e-9
-
-
-@dataclass(frozen=True)
-class Laws:
-    """Coefficients of contacts at some parameters: restitution, sliding and static friction."""
-
-    restitution: Array
-    friction: Array
-    static: Array
-
-    def check(self, names: tuple[str, ...]) -> None:
-        """Refuse what functions of the parameters must not give."""
-        for k, name in enumerate(names):
-            what = f"of contact '{name}' must be"
-            if not 0 <= self.restitution[k] <= 1:
-                raise ValueError(f"restitution {what} from 0 to 1, not {self.restitution[k]:g}")
-            if not 0 <= self.friction[k] < np.inf:
-                raise ValueError(f"friction {what} zero or positive, not {self.friction[k]:g}")
-            if not self.friction[k] <= self.static[k] < np.inf:
-                least = f"at least friction = {self.friction[k]:g}"
-                raise ValueError(f"static_friction {what} {least}, not {self.static[k]:g}")
-
-
-@dataclass(frozen=True)
-class Matrices:
-    r"""Matrices of contacts at a state, bilateral constraints eliminated.
-
-    With :math:`W` the inverse mass on the motions that these leave, rates :math:`\dot\varphi` and
-    accelerations without contact forces :math:`b`, of gaps first and of slips behind them,
-
-    .. math:: (\ddot\varphi, \dot s) = A\, (N, T) + b .
-
-    Attributes
-    ----------
-    gap, rate, slip : ndarray, shape (c,)
-        The gaps, their rates and the slips.
-    size : ndarray, shape (c,)
-        Sizes of the terms of the gaps, whose roundings the gaps have: what they change by over the
-        largest coordinate, and over the way of a step from there.
-    way, speed : float
-        That coordinate and way; the largest velocity, and what a step adds to it.
-    A, b : ndarray, shape (2 c, 2 c) and (2 c,)
-        As above.
-    moves : ndarray, shape (n, 2 c)
-        How a unit of each N and T changes z'.
-    free, v : ndarray, shape (n,)
-        z' without contact forces, and y'.
-    rows : ndarray, shape (2 c + b, n)
-        Derivatives of all rates, those of the bilateral constraints first, by z.
-    laws : Laws
-        The coefficients.
-    pull : float
-        The largest acceleration without contact forces, and by friction of those given.
-    load, is_pressed : ndarray, shape (c,)
-        Normal forces that are given, and which are.
-    """
-
-    gap: Array
-    rate: Array
-    slip: Array
-    size: Array
-    way: float
-    speed: float
-    A: Array
-    b: Array
-    moves: Array
-    free: Array
-    v: Array
-    rows: Array
-    laws: Laws
-    pull: float
-    load: Array
-    is_pressed: Array
-
-    @property
-    def sizes(self) -> Array:
-        """Sizes of the terms of rates, and of slips behind them."""
-        found: Array = np.abs(self.rows[-len(self.b) :]).sum(axis=1) * self.speed
-        return found
 
 
 class Contacts:
@@ -164,12 +86,18 @@ class Contacts:
             slip = ca.SX(0)
             if contact.slip is not None:
                 moving = {"t": s.t, first: s.y, "v": u, "params": s.params}
-                slip = _trace.scalar(f"the slip of {what}", contact.slip, moving)
+                slip = _trace.column(f"the slip of {what}", contact.slip, moving)
+                if slip.numel() > 2:
+                    sentence = f"the slip of {what} must be one value, or two in space"
+                    raise ValueError(f"{sentence}, not {slip.numel()}")
                 if ca.depends_on(jacobian(slip, u), u):
                     raise ValueError(f"the slip of {what} must be affine in the velocity")
-                if not ca.depends_on(slip, u):
+                if not all(ca.depends_on(x, u) for x in ca.vertsplit(slip)):
                     raise ValueError(f"the slip of {what} is the same for all velocities")
             slips.append(slip)
+        #: The contact of each slip, and which contacts have two.
+        self.owner = np.repeat(np.arange(len(slips)), [x.numel() for x in slips])
+        self.is_spatial = np.bincount(self.owner) > 1
         phi, slip_of_u = ca.vertcat(*gaps), ca.vertcat(*slips)
         columns = self._coefficients(given) | {
             "phi": phi,
@@ -180,6 +108,10 @@ class Contacts:
             "rates": total_derivative(phi, s, model.v),
         }
         self._expressions = Expressions(s, columns)
+        if self.is_spatial.any() and not has_closed_form(self):
+            names = quoted([self.names[k] for k in np.flatnonzero(self.is_spatial)])
+            sentence = f"friction in space, of contacts {names}, is for systems of up to {MOST}"
+            raise ValueError(f"{sentence} coordinates and multipliers")
 
     def _coefficients(self, given: Mapping[str, Contact]) -> dict[str, ca.SX]:
         """Return coefficients as expressions of the parameters."""
@@ -250,7 +182,7 @@ class Contacts:
             free = free - back @ (B @ free + B_t[:, 0])
             F = F - back @ (B @ F)
         given = Laws(*laws.T)
-        braked = np.abs(F[:, c:]) @ (given.static * load[:, 0])
+        braked = np.abs(F[:, c:]) @ (given.static * load[:, 0])[self.owner]
         pull = float(np.abs(free).max() + braked.max())
         speed = np.abs(v).max() + h * pull
         way = np.abs(y).max() + h * speed
@@ -258,8 +190,26 @@ class Contacts:
         return Matrices(
             gap[:, 0], rates[:c, 0], rates[c:, 0], size, float(way), float(speed), C @ F,
             C @ free + C_t[:, 0], F, free, v[:, 0], np.concatenate([B, C]), given, pull,
-            load[:, 0], self.is_pressed,
+            load[:, 0], self.is_pressed, self.owner,
         )  # fmt: skip
+
+    def slips_of(self, k: int) -> list[int]:
+        """Return the numbers of the slips of a contact."""
+        return np.flatnonzero(self.owner == k).tolist()
+
+    def seen(self, along: Array) -> Array:
+        """Return slips or frictions of shape (..., s) by contact: of two in space their size."""
+        if not self.is_spatial.any():
+            return along
+        each = [along[..., self.slips_of(k)] for k in range(len(self.names))]
+        sizes = [np.hypot(x[..., 0], x[..., -1]) if x.shape[-1] > 1 else x[..., 0] for x in each]
+        return np.stack(sizes, axis=-1)
+
+    def slipping(self, k: int, slip: Array) -> Mode:
+        """Return the mode of a contact that slips, by slips or their rates."""
+        if self.is_spatial[k]:
+            return Mode.SLIDE
+        return Mode.SLIP_UP if slip[self.slips_of(k)[0]] > 0 else Mode.SLIP_DOWN
 
     def has_gap(self, k: int) -> bool:
         """Whether the normal force of a contact is to be found."""
@@ -307,12 +257,13 @@ class Contacts:
     def powers(
         self, states: tuple[Array, Array, Array], normal: Array, friction: Array, params: Array
     ) -> dict[str, Array]:
-        """Return powers at k states (t, y, z), of N and T of shape (k, c).
+        """Return powers at k states (t, y, z), of N of shape (k, c) and T of shape (k, s).
 
         That of "friction" is T s, and "contacts" is what walls and belts bring in by their motion.
         """
         rows = [np.ascontiguousarray(x) for x in (states[0][:, None], *states[1:])]
-        drives, slips = np.split(self._powers_tape.map(params, rows), [2 * len(self.names)], axis=1)
+        cut = len(self.names) + len(self.owner)
+        drives, slips = np.split(self._powers_tape.map(params, rows), [cut], axis=1)
         forces = np.hstack([normal, friction])
         return {
             "contacts": (forces * drives).sum(axis=1),
@@ -347,7 +298,7 @@ class Contacts:
     def records(
         self, t: Array, y: Array, z: Array, params: Array, h: float, free: float
     ) -> tuple[Array, Array, Array, Array]:
-        """Return gaps, slips and sizes of both at k states, each of shape (k, c).
+        """Return gaps, slips and sizes of both at k states, of shape (k, c) or of slips (k, s).
 
         Sizes are those of :class:`Matrices`, with accelerations of the size `free`.
         """
@@ -358,16 +309,20 @@ class Contacts:
         way = np.abs(y).max(axis=1, keepdims=True) + h * speed
         return gap, slip, slopes * way + np.abs(gap), slopes_of_slip * speed
 
+    def slips(self, t: Array, y: Array, z: Array, params: Array) -> Array:
+        """Return slips at k states, of shape (k, s)."""
+        return self.records(t, y, z, params, 0.0, 0.0)[1]
+
     def mode(self, modes: tuple[Mode, ...], at: Matrices) -> ModeSystem:
         """Return the system in these modes at a state; each is made once.
 
         It steps the rows that no rows before them imply, those of gaps first, numbered as in
-        :class:`Matrices`, 0..c-1 for gaps and c..2c-1 for slips.
+        :class:`Matrices`, those of slips behind those of gaps.
         """
         c = len(modes)
         wanted = [k for k, mode in enumerate(modes) if self.has_gap(k) and mode is not Mode.OPEN]
-        wanted += [c + k for k, mode in enumerate(modes) if mode is Mode.STICK]
-        fixed = len(at.rows) - 2 * c
+        wanted += [c + row for row, k in enumerate(self.owner) if modes[k] is Mode.STICK]
+        fixed = len(at.rows) - len(at.b)
         basis: list[Array] = []
         found, is_redundant = [], False
         for row in [*range(fixed), *(fixed + k for k in wanted)]:

@@ -14,18 +14,24 @@ Coefficient = float | Callable[[Any], Any]
 
 
 class Mode(IntEnum):
-    """Mode of a contact: it is open, closed, slips one way or the other, or sticks."""
+    """Mode of a contact: open, closed, slipping up or down, sticking, or sliding in space."""
 
     OPEN = 0
     CLOSED = 1
     SLIP_UP = 2
     SLIP_DOWN = 3
     STICK = 4
+    SLIDE = 5
 
     @property
     def sign(self) -> int:
-        """The sign of the slip, 0 where there is none."""
+        """The sign of the slip, 0 where there is none or where it has two directions."""
         return (self is Mode.SLIP_UP) - (self is Mode.SLIP_DOWN)
+
+    @property
+    def slips(self) -> bool:
+        """Whether there is a slip."""
+        return self in (Mode.SLIP_UP, Mode.SLIP_DOWN, Mode.SLIDE)
 
 
 @dataclass(frozen=True)
@@ -35,7 +41,7 @@ class Contact:
     .. math::
 
         \varphi(t, q) \ge 0, \quad N \ge 0, \quad N \varphi = 0, \qquad
-        |T| \le \mu_s N \ (s = 0), \quad T = -\mu N \operatorname{sign} s \ (s \ne 0)
+        |T| \le \mu_s N \ (s = 0), \quad T = -\mu N s / |s| \ (s \ne 0)
 
     The contact adds the forces :math:`\varphi_q^T N + s_v^T T`. In each of its modes it is a smooth
     system with constraints, so nothing is regularised: gaps are zero to roundoff while it is
@@ -53,8 +59,8 @@ class Contact:
     static_friction : float or callable, optional
         The coefficient :math:`\mu_s` of what sticks, at least `friction`; `friction` by default.
     slip : callable, optional
-        ``slip(t, q, v, params)``, the velocity along the contact, affine in v: a scalar. Friction
-        needs it.
+        ``slip(t, q, v, params)``, the velocity along the contact, affine in v: a scalar, or of
+        friction in space two, along directions at a right angle. Friction needs it.
     load : float or callable, optional
         In the place of a gap the normal force, zero or positive, ``load(t, q, params)`` or a
         number: a brake, or dry friction of a joint, that is pressed at all times.

@@ -1,0 +1,137 @@
+"""Slips in space that come to rest, and that begin: their direction s / |s| has no limit there.
+
+Near rest steps are as short as half the time in which the slip changes by itself; of what stops the
+rest is one impulse, and what begins to slide goes the first bit of a step by its accelerations.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from liouville._runs.contacts.complementarity import Array
+from liouville._systems.mechanics.contact import Mode
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from liouville._runs.contacts.matrices import Matrices
+    from liouville._runs.contacts.mode import ModeSystem
+    from liouville._runs.contacts.switching import Switching
+    from liouville._runs.contacts.traced import Contacts
+    from liouville._solution.solution import Solution
+
+#: What stops has less than this part of a step left, or so many roundings of the time.
+LAST, ROUNDINGS = 1e-9, 1024
+#: What begins goes so much of a step by its accelerations, or until the slip is this part of the
+#: largest velocity, which takes so much of a step at most.
+FIRST, SEEN, LONGEST = 1e-5, 1e-6, 0.05
+EPS, TINY = float(np.finfo(float).eps), 1e-300
+#: A slip changes within a step by at most this part of itself.
+MOST_CHANGE = 0.7
+
+
+def sliding(now: Switching) -> list[int]:
+    """Return the contacts that slide in space."""
+    return [k for k, mode in enumerate(now.modes) if mode is Mode.SLIDE]
+
+
+def slowest(now: Switching, at: Matrices) -> float:
+    """Return the least time in which a slip in space changes by itself."""
+    each = [_slip(now, at, k) for k in sliding(now)]
+    times = [np.linalg.norm(s) / rate for s, ds in each if (rate := np.linalg.norm(ds)) > 0]
+    return float(min(times, default=np.inf))
+
+
+def stopping(now: Switching, at: Matrices) -> dict[int, float]:
+    """Return the contacts whose slip comes to rest at once, and when."""
+    found = {}
+    for k in sliding(now):
+        s, ds = _slip(now, at, k)
+        left = float(np.linalg.norm(s) / (np.linalg.norm(ds) or 1.0))
+        if s @ ds < 0 and left < max(LAST * now.h, ROUNDINGS * EPS * abs(now.t)):
+            found[k] = now.t + left
+    return found
+
+
+def stopped(
+    now: Switching, which: Iterable[int], d: float, y: Array, z: Array
+) -> tuple[Array, Array]:
+    """Return the state after a short time, with slips brought to rest."""
+    at, found = now.at(now.t, y, z), now.found[0]
+    y = y + d * at.v
+    z = z + d * (at.free + at.moves @ np.concatenate([found.normal, found.friction]))
+    at = now.at(now.t + d, y, z)
+    for k in which:
+        rows = [k, *(now.c + row for row in now.contacts.slips_of(k))]
+        rates = np.append(0.0, at.slip[now.contacts.slips_of(k)])
+        if at.is_pressed[k]:
+            rows, rates = rows[1:], rates[1:]
+        z = z - at.moves[:, rows] @ np.linalg.solve(at.A[np.ix_(rows, rows)], rates)
+    return y, z
+
+
+def beginning(now: Switching) -> list[int]:
+    """Return the contacts that begin to slide in space, from rest."""
+    slip = now.found[2]
+    return [k for k in sliding(now) if not slip[now.contacts.slips_of(k)].any()]
+
+
+def begun(
+    now: Switching, which: list[int], start: tuple[float, Array, Array], d: float | None = None
+) -> tuple[float, Array, Array]:
+    """Return how long a first bit of sliding takes, where it is not given, and the state behind.
+
+    It is a step of the classical method of Runge and Kutta by the accelerations of no slip. Where
+    these begin at zero it is so long that the slip is well above roundoff.
+    """
+    rows = np.flatnonzero(np.isin(now.contacts.owner, which))
+    (t0, y, z), (_, closed, slip) = start, now.found
+    begins = np.isin(np.arange(now.c), which)
+
+    def slope(t: float, y: Array, z: Array) -> tuple[Array, Array, Array]:
+        at = now.at(t, y, z)
+        found = now.forces(at, closed, slip, begins)
+        dz = at.free + at.moves @ np.concatenate([found.normal, found.friction])
+        return at.v, dz, found.along[rows]
+
+    def behind(d: float) -> tuple[Array, Array, Array]:
+        total = []
+        dy, dz, ds = slope(t0, y, z)
+        for part in (0.5, 0.5, 1.0):
+            total.append((dy, dz, ds))
+            dy, dz, ds = slope(t0 + part * d, y + part * d * dy, z + part * d * dz)
+        total.append((dy, dz, ds))
+        means = [(a + 2 * b + 2 * c + e) / 6 for a, b, c, e in zip(*total, strict=True)]
+        return y + d * means[0], z + d * means[1], d * means[2]
+
+    is_given, d = d is not None, FIRST * now.h if d is None else d
+    y_next, z_next, s = behind(d)
+    at = now.at(t0, y, z)
+    if np.linalg.norm(s) < SEEN * at.speed and not is_given:
+        growth = float(np.linalg.norm(s)) / d**2
+        d = min(float(np.sqrt(SEEN * at.speed / max(growth, TINY))), LONGEST * now.h)
+        y_next, z_next, s = behind(d)
+    # the slip itself to the accuracy of its direction
+    at, lines = now.at(t0 + d, y_next, z_next), now.c + rows
+    lacks = np.linalg.solve(at.A[np.ix_(lines, lines)], s - at.slip[rows])
+    return d, y_next, z_next + at.moves[:, lines] @ lacks
+
+
+def turned(run: Solution, system: ModeSystem, contacts: Contacts, params: Array) -> int | None:
+    """Return the record behind which a slip in space changes too much within a step, if one is."""
+    rows = [row for row, k in enumerate(contacts.owner) if system.modes[k] is Mode.SLIDE]
+    if not rows:
+        return None
+    y, z = (run.states[name] for name in system.states)
+    slip = contacts.slips(run.t, y, z, params)[:, rows].reshape(len(run.t), -1, 2)
+    changes = np.linalg.norm(np.diff(slip, axis=0), axis=2)
+    (bad,) = np.nonzero((changes > MOST_CHANGE * np.linalg.norm(slip[:-1], axis=2)).any(axis=1))
+    return int(bad[0]) if bad.size else None
+
+
+def _slip(now: Switching, at: Matrices, k: int) -> tuple[Array, Array]:
+    """Return the slip of a contact and its rate."""
+    own = now.contacts.slips_of(k)
+    return at.slip[own], now.found[0].along[own]
