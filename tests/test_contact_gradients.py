@@ -117,6 +117,20 @@ def test_cotangents_of_multipliers_events_and_invariants_go_through_changes():
     np.testing.assert_allclose(found, wanted, rtol=1e-7)
 
 
+def test_a_check_says_that_changes_shift_records_and_passes_at_given_times():
+    """A wheel stops at 0.4, the end of a step, and a bit later ones have a record more."""
+    pad = lv.Contact(load=10.0, friction=0.5, slip=lambda t, q, v, params: v[0])
+    wheel = lv.Lagrangian(lambda t, q, v, params: v[0] ** 2 / 2, q=1, contacts={"pad": pad})
+    call = {"t": (0, 1), "h": 0.1, "q": [0.0], "v": [2.0], "wrt": ["v"]}
+    with pytest.raises(
+        ValueError, match="12 records and not 11\nhint: steps begin anew at changes"
+    ):
+        lv.analysis.check_gradient(wheel, lv.Spark(2), **call)
+    times = [0.05, 0.33, 0.77]
+    found = lv.analysis.check_gradient(wheel, lv.Spark(2), t_eval=times, **call)
+    assert max(found.dot, found.differences) < 1e-10
+
+
 def test_a_gradient_is_checked_and_taken_with_impacts_at_the_start():
     system = rough(given, rubbing)
     wrt = ["q", "v", "params.e", "params.mu"]

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from liouville._basics.errors import hinted
 from liouville._basics.progress import Progress
 from liouville._methods.control import CONTROLS, LEAST_TOLERANCE, Takes
 from liouville._runs.adjoint import EVENTS, INVARIANTS, Adjoint, Gradients
@@ -169,7 +170,13 @@ class ContactsAdjoint(Adjoint):
             own[key] = np.asarray(own[key]) + size * x
         # a run without derivative has its steps elsewhere: it goes on behind hits
         again = replace(request, params=values, start=start)
-        return finished(course(system, self._method, again, None).solution()).states
+        found = finished(course(system, self._method, again, None).solution())
+        kept = sum(len(rows) for _, rows in self._parts())
+        if len(found.t) != kept:
+            sentence = f"a moved run has {len(found.t)} records and not {kept}"
+            hint = "steps begin anew at changes of contacts, so give t_eval="
+            raise ValueError(hinted(sentence, hint))
+        return found.states
 
 
 def _fill(into: Array, rows: Array, values: Array, columns: Array | None) -> None:
