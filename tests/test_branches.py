@@ -27,11 +27,11 @@ POTENTIALS = {
 FREQUENCIES = {"waves": 10, "ripples": 1.3, "atoms": 6, "morse": 6}
 
 
-def system(name):
+def system(name, wire=None):
     """Return a mass in a potential, and its force and stiffness as a function of (q, k)."""
     potential = POTENTIALS[name]
     moves = lv.Lagrangian(
-        lambda t, q, v, p: ca.sumsqr(v) / 2 - potential(q, p.k), q=2, params={"k": 1.0}
+        lambda t, q, v, p: ca.sumsqr(v) / 2 - potential(q, p.k), wire, q=2, params={"k": 1.0}
     )
     q, k = ca.SX.sym("q", 2), ca.SX.sym("k")
     force = -ca.gradient(potential(q, k), q)
@@ -62,6 +62,41 @@ class Stages:
         return values, matrix
 
 
+class Bead:
+    """The stage equations of a SPARK method for a bead on y = cos 3x, in Z and h lambda."""
+
+    def __init__(self, count):
+        at = _core.spark_tableau(count, "gauss")
+        self.a_v, self.a_f, self.a_bar, self.b = at["a_v"], at["a_f"], at["a_bar"], at["b"]
+        self.a_hat = at["a_hat"][:, :-1]
+
+    def start(self, q, v, force):
+        return np.concatenate([np.tile(v, len(self.b)), np.zeros(self.a_hat.shape[1])])
+
+    def end(self, x, q, v, h):
+        return q + h * self.b @ x[: 2 * len(self.b)].reshape(-1, 2)
+
+    def residual(self, force, x, q, v, h):
+        s = len(self.b)
+        z, lam = x[: 2 * s].reshape(-1, 2), x[2 * s :]
+        nodes = q + h * self.a_bar @ z
+        across = np.column_stack([3 * np.sin(3 * nodes[:, 0]), np.ones(len(nodes))])
+        pushes, at = lam[:, None] * across[:-1], [force(y) for y in q + h * self.a_v @ z]
+        off = (nodes[:, 1] - np.cos(3 * nodes[:, 0]))[1:] / h
+        momenta = z - v - h * self.a_f @ [f for f, _ in at] - self.a_hat @ pushes
+        of_z = np.eye(2 * s)
+        for (_, slope), into, of in zip(at, self.a_f.T, self.a_v, strict=True):
+            of_z -= h**2 * np.kron(np.outer(into, of), slope)
+        for k, size in enumerate(lam):
+            bend = np.diag([9 * size * np.cos(3 * nodes[k, 0]), 0])
+            of_z -= h * np.kron(np.outer(self.a_hat[:, k], self.a_bar[k]), bend)
+        of_lam = [np.kron(self.a_hat[:, k], across[k]) for k in range(len(lam))]
+        of_g = [np.kron(self.a_bar[k + 1], across[k + 1]) for k in range(len(lam))]
+        none = np.zeros((len(lam), len(lam)))
+        matrix = np.block([[of_z, -np.column_stack(of_lam)], [np.array(of_g), none]])
+        return np.concatenate([momenta.ravel(), off]), matrix
+
+
 class Alpha:
     """The equations of a generalised alpha method from rest of its accelerations, in phi_1."""
 
@@ -90,7 +125,7 @@ METHODS = {
 }
 
 
-def newton(residual, x, h):
+def newton(residual, x, h, sign):
     """Return the solution from x, or None where corrections are not as those of a straight path."""
     first = last = None
     for _ in range(8):
@@ -106,7 +141,7 @@ def newton(residual, x, h):
             return None
         stalls = last is not None and last is not first and size >= 0.3 * last
         if size <= 1e-13 * unit or (stalls and size < 1e-8 * unit):
-            return x if np.linalg.det(residual(x, h)[1]) > 0 else None
+            return x if sign * np.linalg.det(residual(x, h)[1]) > 0 else None
         last = size
     return None
 
@@ -114,10 +149,11 @@ def newton(residual, x, h):
 def followed(residual, x, h):
     """Return the solution on the branch that begins at x for h = 0, or None where it folds."""
     done, part, before = 0.0, h / 64, None
+    sign = np.sign(np.linalg.det(residual(x, 1e-9 * h)[1]))
     while done < h:
         there = min(done + part, h)
         ahead = 0.0 if before is None else (x - before[0]) * (there - done) / (done - before[1])
-        found = newton(residual, x + ahead, there)
+        found = newton(residual, x + ahead, there, sign)
         if found is not None and before is not None:
             off, moved = np.abs(found - x - ahead).max(), np.abs(found - x).max()
             found = found if off <= 0.3 * moved + 1e-7 * np.abs(found).max() else None
@@ -142,10 +178,9 @@ def steps(name, seed, count):
         yield k, h, q, rng.normal(size=2) * 10 ** rng.uniform(-3, 0.7)
 
 
-def judged(name, of, cases):
+def judged(name, method, equations, cases, wire=None):
     """Return how many solutions are on the branch, and where one is not or none was found."""
-    moves, force = system(name)
-    method, equations = METHODS[of]
+    moves, force = system(name, wire)
     same, other, refused = 0, [], []
     for k, h, q, v in cases:
         run = {"t": (0, h), "steps": 1, "q": q, "v": v, "params": {"k": k}}
@@ -192,19 +227,59 @@ REPORTED = [
 @pytest.mark.parametrize(("name", "of", "which"), HARD)
 def test_a_force_that_turns_leads_to_no_other_branch(name, of, which):
     cases = list(steps(name, 1, 40))
-    same, other, refused = judged(name, of, [cases[k] for k in which])
+    same, other, refused = judged(name, *METHODS[of], [cases[k] for k in which])
     assert not other
     assert same == len(which), refused
 
 
 def test_the_reported_steps_are_on_their_branch():
     cases = [(k, h, np.array(q), np.array(v)) for k, h, q, v in REPORTED]
-    same, other, _ = judged("waves", "midpoint", cases)
+    same, other, _ = judged("waves", *METHODS["midpoint"], cases)
     assert (same, other) == (2, [])
 
 
 @pytest.mark.parametrize("of", METHODS)
 @pytest.mark.parametrize("name", ["waves", "spring", "atoms"])
 def test_a_large_step_is_solved_on_its_branch(name, of):
-    same, other, refused = judged(name, of, steps(name, 2, 10))
+    same, other, refused = judged(name, *METHODS[of], steps(name, 2, 10))
     assert (same > 0, other, refused) == (True, [], [])
+
+
+def wire(t, q, p):
+    return q[1] - ca.cos(3 * q[0])
+
+
+def bead(k, h, x, speed):
+    """Return k, h, q and v of a bead on the wire."""
+    q = np.array([x, np.cos(3 * x)])
+    return k, h, q, speed * np.array([1, -3 * np.sin(3 * x)])
+
+
+#: Steps of a bead that had solutions on other branches, with the stages of the method.
+BEADS = [
+    ("waves", 1, (47491.920509090065, 0.0015876579932927691,
+                  0.02333836515115295, -0.0176073994898077)),
+    ("waves", 1, (3142583.3727134205, 0.00030953063194739163,
+                  0.3511802573902296, 0.002634504271522004)),
+    ("ripples", 1, (1109589.2131289367, 0.0028013854316898787,
+                    -0.06285217786894637, -0.02934174524392747)),
+    ("ripples", 2, (1213.1420683550855, 0.2095126732050337,
+                    -0.9437687676631819, 0.25470990439506264)),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("name", "stages", "case"), BEADS)
+def test_a_constrained_step_is_solved_on_its_branch(name, stages, case):
+    same, other, refused = judged(name, lv.Spark(stages), Bead(stages), [bead(*case)], wire)
+    assert (same, other, refused) == (1, [], [])
+
+
+@pytest.mark.parametrize("method", [lv.HHT(-0.1), lv.GeneralizedAlpha(0.8), lv.ArnoldBruls(0.8)])
+def test_a_constrained_step_of_the_alpha_family_is_joined_to_shorter_ones(method):
+    k, h, q, v = bead(*BEADS[1][2])
+    moves, _ = system("waves", wire)
+    ends = [q]
+    for part in np.linspace(0, 1, 401)[1:]:
+        run = {"t": (0, part * h), "steps": 1, "q": q, "v": v, "params": {"k": k}}
+        ends.append(lv.integrate(moves, method, **run).q[-1])
+    assert np.abs(np.diff(ends, axis=0)).max() < 0.02

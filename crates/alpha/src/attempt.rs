@@ -1,7 +1,7 @@
 //! The attempts at a step of the α family.
 
 use super::Alpha;
-use super::unknowns::{AlphaSolver, AlphaStep, KeptAlpha, Signs};
+use super::unknowns::{AlphaSolver, AlphaStep, KeptAlpha};
 use liouville_base::error::StepError;
 use liouville_base::linalg::{furthest, max_norm};
 use liouville_base::newton::{Attempts, Backoff, BranchAttempts, Slot, Solved, Start};
@@ -85,12 +85,12 @@ impl BranchAttempts for AlphaAttempt<'_> {
     }
 
     fn tells_branches(&self) -> bool {
-        self.alpha.solver.signs != Signs::Disregarded
+        let at = &self.alpha.solver;
+        at.signs.tell(self.alpha.model.problem.mechanical.m > 0)
     }
 
     fn disregards_signs(&mut self) -> bool {
-        let signs = &mut self.alpha.solver.signs;
-        std::mem::replace(signs, Signs::Disregarded) == Signs::Reversed
+        self.alpha.solver.signs.disregard()
     }
 
     fn is_refused(&self) -> bool {

@@ -41,7 +41,7 @@ use attempt::AlphaAttempt;
 use liouville_base::error::StepError;
 use liouville_base::linalg::{Matrix, add_scaled, copy};
 use liouville_base::method::{Stats, Stepper, Tolerance};
-use liouville_base::newton::{self, Backoff, Solved};
+use liouville_base::newton::{self, Backoff, Signs, Solved};
 use liouville_base::tableau;
 use liouville_problem::{Acceleration, Saddle, SecondOrderModel};
 use newton_matrix::AlphaMatrix;
@@ -52,7 +52,7 @@ pub use slopes::AlphaSlopes;
 pub use start_tangents::AlphaStartTangents;
 pub use state::AlphaState;
 pub use tangent::AlphaTangents;
-use unknowns::{AlphaSolver, AlphaStep, KeptAlpha, Signs};
+use unknowns::{AlphaSolver, AlphaStep, KeptAlpha};
 
 /// Corrections a step may take.
 const MOST_ITERATIONS: usize = 30;
@@ -329,11 +329,7 @@ impl Alpha {
 
     fn make(&mut self, t: f64, h: f64, state: &mut AlphaState) -> Result<(), StepError> {
         self.leave_cut(t, h, state)?;
-        self.solver.signs = if self.model.problem.mechanical.m == 0 {
-            Signs::Regarded
-        } else {
-            Signs::Disregarded
-        };
+        self.solver.signs = Signs::Regarded;
         let step = AlphaStep { t, h, state };
         let attempted = newton::attempt(&mut AlphaAttempt { alpha: self, step }, h);
         attempted.inspect_err(|_| self.is_warm = false)?;

@@ -228,15 +228,27 @@ impl AlphaMatrix {
             saddle.update(&mut model.general, t1, y, z, lam)?;
         }
         self.mass.update(&mut model.general, t1, y, z)?;
-        self.matrix.clear();
-        self.add_forces(model, h)?;
-        if !self.none.is_empty() {
-            self.add_constraints(model, h)?;
-        }
-        let factored = self.matrix.factor();
-        factored.map_err(|_| StepError::SingularNewton)?;
+        self.factor(model, (t1, h))?;
         self.reuse.renew(h);
         Ok(())
+    }
+
+    /// Factors the matrix with derivatives at t1, for steps of `h`.
+    fn factor(&mut self, model: &mut SecondOrderModel, at: (f64, f64)) -> Result<(), StepError> {
+        self.matrix.clear();
+        self.add_forces(model, at)?;
+        if !self.none.is_empty() {
+            self.add_constraints(model, at)?;
+        }
+        let factored = self.matrix.factor();
+        factored.map_err(|_| StepError::SingularNewton)
+    }
+
+    /// Whether forces have turned the sign of the matrix for steps of `h`, which is replaced by the one without them.
+    pub(super) fn is_turned_by_forces(&mut self, model: &mut SecondOrderModel, h: f64) -> bool {
+        let (own, t1) = (self.matrix.is_negative(), self.point.t + h);
+        self.reuse.discard();
+        own.is_some() && self.factor(model, (t1, 0.0)).is_ok() && self.matrix.is_negative() != own
     }
 
     /// Makes the factors again that were there when a run was saved.
@@ -254,10 +266,13 @@ impl AlphaMatrix {
     }
 
     /// K, and what couples η with d.
-    fn add_forces(&mut self, model: &mut SecondOrderModel, h: f64) -> Result<(), StepError> {
+    fn add_forces(
+        &mut self,
+        model: &mut SecondOrderModel,
+        (t1, h): (f64, f64),
+    ) -> Result<(), StepError> {
         let ([y_phi, z_phi], point) = (self.coupling.phi, &self.point);
-        let [mass, j_y, j_z, w_y] =
-            model.jacobian(point.t + h, &point.y1, &point.z1, &point.phi)?;
+        let [mass, j_y, j_z, w_y] = model.jacobian(t1, &point.y1, &point.z1, &point.phi)?;
         copy(&mut self.mass_values, mass);
         copy(&mut self.j_y, j_y);
         copy(&mut self.j_z, j_z);
@@ -277,9 +292,13 @@ impl AlphaMatrix {
     }
 
     /// Everything that comes from g and r.
-    fn add_constraints(&mut self, model: &mut SecondOrderModel, h: f64) -> Result<(), StepError> {
+    fn add_constraints(
+        &mut self,
+        model: &mut SecondOrderModel,
+        (t1, h): (f64, f64),
+    ) -> Result<(), StepError> {
         let (point, at) = (&self.point, &self.blocks);
-        let (t1, [first, last]) = (point.t + h, &point.reactions);
+        let [first, last] = &point.reactions;
         let (y, z) = (self.coupling.y, self.coupling.z);
         let matrix = &mut self.matrix;
         let [g_y, r_lam] = model.node_blocks(t1, &point.y1, &last.lam)?;

@@ -3,10 +3,10 @@
 use super::Reactions;
 use super::coupling::Coupling;
 use super::newton_matrix::AlphaMatrix;
-use super::unknowns::{AlphaSolver, AlphaStep, Signs};
+use super::unknowns::{AlphaSolver, AlphaStep};
 use liouville_base::error::StepError;
 use liouville_base::linalg::{add_scaled, copy, copy_scaled, furthest, max_norm};
-use liouville_base::newton::{Equations, Stop, own_yardstick};
+use liouville_base::newton::{Equations, Signs, Stop, own_yardstick};
 use liouville_problem::SecondOrderModel;
 
 /// Corrections below this fraction are roundoff, from which there is nothing to learn.
@@ -199,15 +199,19 @@ impl Equations for AlphaEquations<'_> {
         moved
     }
 
-    fn is_reversed(&mut self) -> bool {
-        let (signs, at) = (&mut self.solver.signs, &*self.matrix);
-        if self.yardstick == 0.0 || *signs == Signs::Disregarded {
+    fn is_reversed(&mut self, is_doubtful: bool) -> bool {
+        if self.yardstick == 0.0 || !self.solver.signs.are_regarded() {
             return false;
         }
-        let both = at.matrix.is_negative().zip(at.mass.is_negative());
-        let is_reversed = both.is_some_and(|(own, of_mass)| own != of_mass);
+        let is_reversed = if self.model.problem.mechanical.m > 0 {
+            is_doubtful && self.matrix.is_turned_by_forces(self.model, self.step.h)
+        } else {
+            let at = &*self.matrix;
+            let both = at.matrix.is_negative().zip(at.mass.is_negative());
+            both.is_some_and(|(own, of_mass)| own != of_mass)
+        };
         if is_reversed {
-            *signs = Signs::Reversed;
+            self.solver.signs = Signs::Reversed;
         }
         is_reversed
     }

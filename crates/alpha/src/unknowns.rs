@@ -3,23 +3,12 @@
 use super::coupling::Coupling;
 use super::reaction::Reaction;
 use super::{AlphaState, Reactions};
-use liouville_base::newton::{Broyden, Stop};
+use liouville_base::newton::{Broyden, Signs, Stop};
 use liouville_base::tableau::Alpha;
 use liouville_problem::SecondOrderModel;
 
 /// The step being made.
 pub(super) type AlphaStep<'a> = liouville_base::method::Step<'a, AlphaState>;
-
-/// The meaning of a determinant's sign in a step.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Signs {
-    /// A solution with the other sign than that of a small step is on another branch; none was found.
-    Regarded,
-    /// The same, and one was found.
-    Reversed,
-    /// Nothing: there are constraints, or the branch turns as a stretched spring does that ends compressed.
-    Disregarded,
-}
 
 /// The unknowns of a step, and the memory of solving for them.
 #[derive(Clone, Debug)]

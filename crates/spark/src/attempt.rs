@@ -5,7 +5,7 @@ use super::general::{General, KeptStages};
 use liouville_base::error::StepError;
 use liouville_base::linalg::copy;
 use liouville_base::newton::{
-    self, Attempts, Backoff, BranchAttempts, Continuation, Slot, Solved, Start,
+    self, Attempts, Backoff, BranchAttempts, Continuation, Signs, Slot, Solved, Start,
 };
 use liouville_problem::Step;
 
@@ -19,6 +19,7 @@ pub(super) struct SparkAttempt<'a> {
 impl General {
     /// Solves the equations of a step, which has only to be committed then.
     pub(super) fn advance(&mut self, spark: &mut Spark, step: Step) -> Result<(), StepError> {
+        self.stages.signs = Signs::Regarded;
         let mut attempt = SparkAttempt {
             spark,
             general: self,
@@ -138,7 +139,11 @@ impl BranchAttempts for SparkAttempt<'_> {
 
     fn tells_branches(&self) -> bool {
         let problem = &self.spark.model.problem;
-        problem.m + problem.l() == 0
+        self.general.stages.signs.tell(problem.m + problem.l() > 0)
+    }
+
+    fn disregards_signs(&mut self) -> bool {
+        self.general.stages.signs.disregard()
     }
 
     fn is_refused(&self) -> bool {

@@ -44,7 +44,7 @@ pub(super) trait CorrectStages<R: Real> {
     fn correct_unknowns(&mut self) -> Result<R, StepError>;
 
     /// Whether the determinant of the last matrix has another sign than that of a small step, if that is known.
-    fn has_reversed(&mut self) -> bool {
+    fn has_reversed(&mut self, _is_doubtful: bool) -> bool {
         false
     }
 
@@ -78,8 +78,8 @@ where
         self.stages.deviation(self.step)
     }
 
-    fn is_reversed(&mut self) -> bool {
-        self.stages.yardstick.member(0) != 0.0 && self.has_reversed()
+    fn is_reversed(&mut self, is_doubtful: bool) -> bool {
+        self.stages.yardstick.member(0) != 0.0 && self.has_reversed(is_doubtful)
     }
 
     fn is_against(&self) -> bool {

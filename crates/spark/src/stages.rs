@@ -3,7 +3,7 @@
 
 use liouville_base::error::{Quantity, StepError};
 use liouville_base::linalg::{Matrix, all_finite, combine, copy, copy_scaled, sum_compensated};
-use liouville_base::newton::Stop;
+use liouville_base::newton::{Signs, Stop};
 use liouville_base::real::Real;
 use liouville_base::recorder;
 use liouville_base::simd::dispatch_simd_long;
@@ -102,6 +102,8 @@ pub(super) struct Stages<R = f64> {
     pub(super) yardstick: R,
     /// The largest acceleration that forces and reactions take from one another.
     pub(super) borne: R,
+    /// What the sign of the matrix says of a solution where there are constraints.
+    pub(super) signs: Signs,
     /// Whether V and Z are the same.
     pub(super) velocity_is_z: bool,
     /// Whether the equations are linear, with one solution wherever it lies.
@@ -152,6 +154,7 @@ impl<R: Real> Stages<R> {
             size: R::splat(0.0),
             wanted: R::splat(1.0),
             probe: None,
+            signs: Signs::Regarded,
             velocity_is_z: model.problem.patterns.v_z.is_none(),
             is_affine: model.problem.is_affine(),
             force_weights: Matrix::from_fn(s, s + k + nonholonomic + usize::from(l > 0), |i, j| {

@@ -1,7 +1,8 @@
 //! Full Newton: a matrix for each correction.
 
 use super::{
-    Equations, LARGE_CORRECTION, LARGE_DEVIATION, SMALL_CORRECTION, Solved, UNMOVED, is_at_floor,
+    DOUBTFUL, Equations, LARGE_CORRECTION, LARGE_DEVIATION, SMALL_CORRECTION, Solved, UNMOVED,
+    is_at_floor,
 };
 use crate::error::StepError;
 
@@ -58,7 +59,7 @@ pub fn solve_full(equations: &mut impl Equations) -> Result<Solved, StepError> {
         let goes_on = theta < STALLED && theta * size > tolerance && iterations < MOST_FULL;
         if (is_floor || is_small && !goes_on) && equations.is_residual_roundoff()? {
             let deviation = equations.deviation();
-            if largest.max(deviation) > UNMOVED && equations.is_reversed() {
+            if largest.max(deviation) > UNMOVED && equations.is_reversed(largest > DOUBTFUL) {
                 return Err(failed);
             }
             return Ok(Solved {

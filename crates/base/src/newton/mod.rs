@@ -25,7 +25,7 @@ mod reuse;
 mod stop;
 mod units;
 
-pub use attempts::{Attempts, BranchAttempts, Slot, Start, attempt, attempt_modified};
+pub use attempts::{Attempts, BranchAttempts, Signs, Slot, Start, attempt, attempt_modified};
 pub use backoff::Backoff;
 pub use block_matrix::{BlockGrid, BlockHandle, BlockLayout, BlockMatrix};
 pub use broyden::Broyden;
@@ -63,8 +63,9 @@ pub trait Equations<R: Real = f64> {
     }
 
     /// Whether the determinant of the last matrix has another sign than that of a small step, if that is known. It is
-    /// then not made on the branch of the present state, unless that has folded.
-    fn is_reversed(&mut self) -> bool {
+    /// then not made on the branch of the present state, unless that has folded. Where it takes factors to know, they are
+    /// made only if a correction was so large that the solution is doubtful.
+    fn is_reversed(&mut self, _is_doubtful: bool) -> bool {
         false
     }
 
@@ -104,7 +105,8 @@ pub trait Equations<R: Real = f64> {
 const LARGE_CORRECTION: f64 = 0.1;
 /// Coordinates further from uniform motion than this fraction of the yardstick may be on another branch.
 const LARGE_DEVIATION: f64 = 0.5;
-/// A single ratio of corrections is not sufficient where the first correction is larger than this: another follows.
+/// A single ratio of corrections is not sufficient where the first correction is larger than this: another follows. A
+/// solution is doubtful where a correction is.
 const DOUBTFUL: f64 = 1e-3;
 /// Corrections below this are small enough for the residual to be checked, and for the floor to be measured.
 const SMALL_CORRECTION: f64 = 1e-6;
@@ -231,7 +233,8 @@ pub fn solve(equations: &mut impl Equations, most: usize) -> Result<Solved, Step
                 return Err(failed);
             }
         }
-        let is_other = path.is_against || path.is_moved() && equations.is_reversed();
+        let is_other =
+            path.is_against || path.is_moved() && equations.is_reversed(path.largest > DOUBTFUL);
         let is_near = path.is_near() != 0.0 && !is_other;
         return Ok(Solved {
             iterations,

@@ -27,7 +27,7 @@ pub(super) use blocks::Offsets;
 use blocks::SparkBlocks;
 use liouville_base::error::{Quantity, StepError};
 use liouville_base::linalg::{Singular, add_scaled, copy, copy_scaled, dot, max_norm};
-use liouville_base::newton::BlockMatrix;
+use liouville_base::newton::{BlockMatrix, Signs};
 use liouville_base::real::Real;
 use liouville_base::tableau;
 use liouville_problem::{Mass, Model, finite, finite_k};
@@ -107,6 +107,20 @@ impl FullNewton {
 }
 
 impl FullEquations<'_> {
+    /// Whether forces have turned the sign of the matrix, which is replaced by the one without them.
+    fn is_turned_by_forces(&mut self) -> bool {
+        let FullNewton {
+            of, derivatives, ..
+        } = &mut *self.solver.newton;
+        let own = of.matrix.is_negative();
+        let is_turned =
+            own.is_some() && of.factor(derivatives, 0.0).is_ok() && of.matrix.is_negative() != own;
+        if is_turned {
+            self.stages.signs = Signs::Reversed;
+        }
+        is_turned
+    }
+
     /// The right-hand sides, but for those of the end.
     fn set_residuals(&mut self) {
         let (solver, stages, h) = (&mut *self.solver.newton, &*self.stages, self.step.h);
@@ -228,10 +242,13 @@ impl CorrectStages<f64> for FullEquations<'_> {
         dot(residual, &self.solver.newton.unknowns[..residual.len()]) > 0.0
     }
 
-    /// Without constraints the matrix is p_z of the stages as h → 0.
-    fn has_reversed(&mut self) -> bool {
+    /// Without constraints the matrix is p_z of the stages as h → 0; with them it is factored for h = 0 where nodes are.
+    fn has_reversed(&mut self, is_doubtful: bool) -> bool {
         let (problem, matrix) = (&self.model.problem, &self.solver.newton.of.matrix);
-        if problem.m + problem.l() > 0 || matrix.is_negative() != Some(true) {
+        if problem.m + problem.l() > 0 {
+            return is_doubtful && self.stages.signs.are_regarded() && self.is_turned_by_forces();
+        }
+        if matrix.is_negative() != Some(true) {
             return false;
         }
         // of an even number of stages the sign of the mass itself does not matter
