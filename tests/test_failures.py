@@ -662,12 +662,14 @@ def test_friction_that_sticks_is_named_with_what_takes_it(method, x):
 def test_controlled_steps_that_creep_where_friction_sticks_are_given_up(method, rtol):
     """They would be some ten million; those of before are kept."""
     run = {"t": (0, 5), "rtol": rtol, "q": [0.2], "v": [1.0]}
-    for more in ({}, {"t_eval": [0.1, 4.0]}):
+    for more in ({}, {"t_eval": [0.1, 4.0]}, {"states": False}, {"every": 1000, "states": False}):
         with pytest.raises(lv.IntegrationError) as caught:
             lv.integrate(STICKS, method, **run, **more)
         assert 4.07 < caught.value.t < 4.2
-        assert "jump with 'sign(v[0])' near there\nhint: friction" in str(caught.value)
-        assert caught.value.solution.t[-1] == (4.0 if more else pytest.approx(caught.value.t))
+        if "states" not in more or "shrunk" in str(caught.value):
+            assert "jump with 'sign(v[0])' near there\nhint: friction" in str(caught.value)
+        end = 4.0 if "t_eval" in more else pytest.approx(caught.value.t)
+        assert caught.value.solution.t[-1] == end
 
 
 def test_short_steps_beside_a_jump_that_does_not_matter_go_on():

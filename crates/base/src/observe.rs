@@ -15,6 +15,20 @@ pub trait Observe<State>: Checkpoint {
     /// A quantity that is not finite, or multipliers that cannot be solved for.
     fn observe(&mut self, t: f64, state: &State, row: &mut Vec<f64>) -> Result<(), StepError>;
 
+    /// Appends what the equations at a state depend on, whatever rows have: coordinates, velocities and multipliers. Returns
+    /// whether that is known.
+    ///
+    /// # Errors
+    /// Multipliers that cannot be solved for.
+    fn locate(
+        &mut self,
+        _t: f64,
+        _state: &State,
+        _place: &mut Vec<f64>,
+    ) -> Result<bool, StepError> {
+        Ok(false)
+    }
+
     /// Whether it sees every step, by [`Observe::follow`] where it does not observe.
     fn is_following(&self) -> bool {
         false

@@ -46,6 +46,8 @@ impl Carried for State {
 pub struct Observer<M: Dynamics = Model> {
     model: M,
     states: Option<M::Solver>,
+    /// Solves for multipliers that are not recorded, made at its first use.
+    beside: Option<M::Solver>,
     tape: Arc<Tape>,
     registers: Registers<f64>,
     turns: Option<Turns>,
@@ -68,6 +70,7 @@ impl<M: Dynamics> Observer<M> {
         Self {
             model,
             states,
+            beside: None,
             tape,
             registers,
             turns: None,
@@ -140,6 +143,7 @@ impl Observer {
         if let Some(states) = &mut self.states {
             states.reset();
         }
+        self.beside = None;
         if let Some(turns) = &mut self.turns {
             turns.reset();
         }
@@ -162,6 +166,14 @@ impl<S: Carried, M: Dynamics> Observe<S> for Observer<M> {
         let start = row.len();
         self.append(t, state, row)
             .inspect_err(|_| row.truncate(start))
+    }
+
+    fn locate(&mut self, t: f64, state: &S, place: &mut Vec<f64>) -> Result<bool, StepError> {
+        let (y, z) = (state.y(), state.z());
+        let solver = (self.beside).get_or_insert_with(|| self.model.solver());
+        self.model.solve_lam(solver, t, y, z)?;
+        place.extend([y, z, M::lam(solver)].into_iter().flatten());
+        Ok(true)
     }
 
     fn is_following(&self) -> bool {

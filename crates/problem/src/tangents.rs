@@ -279,6 +279,10 @@ impl<S: Carried> Observe<S> for TangentObserver {
             .inspect_err(|_| row.truncate(start))
     }
 
+    fn locate(&mut self, t: f64, state: &S, place: &mut Vec<f64>) -> Result<bool, StepError> {
+        self.inner.locate(t, state, place)
+    }
+
     fn is_following(&self) -> bool {
         self.inner.is_turning()
     }

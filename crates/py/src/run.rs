@@ -290,9 +290,10 @@ impl Run {
         Ok(is_saved.then(|| PyArray1::from_vec(py, saved)))
     }
 
-    /// A row of the present state, as records have it, which is not kept; none where there is none of one motion.
-    fn present_row<'py>(&mut self, py: Python<'py>) -> Option<Bound<'py, PyArray1<f64>>> {
-        Some(PyArray1::from_vec(py, self.inner.present_row()?))
+    /// What the equations at the present state depend on: coordinates, velocities and multipliers; none where there is no
+    /// single motion on constraints.
+    fn place<'py>(&mut self, py: Python<'py>) -> Option<Bound<'py, PyArray1<f64>>> {
+        Some(PyArray1::from_vec(py, self.inner.place()?))
     }
 
     /// Goes on where a run that was begun in the same way was saved.

@@ -37,7 +37,7 @@ class Creep:
     def __init__(self, run: _core.Run, runner: Runner) -> None:
         self.stop: int | None = None
         self._runner, self._at = runner, (run.done, run.t)
-        self._rows: list[tuple[float, np.ndarray]] = []
+        self._places: list[tuple[float, np.ndarray]] = []
         self._seen: list[str] = []
 
     def failure(self, run: _core.Run) -> dict[str, Any] | None:
@@ -47,11 +47,11 @@ class Creep:
                 self._look(run)
             return None
         self._look(run)
-        if len(self._rows) <= LOOKED:
+        if len(self._places) <= LOOKED:
             return None
-        name, self.stop = self._runner.jump_along(self._rows), None
-        h = abs(self._rows[-1][0] - self._rows[0][0]) / LOOKED
-        self._rows, self._at = [], (run.done, run.t)
+        name, self.stop = self._runner.jump_along(self._places), None
+        h = abs(self._places[-1][0] - self._places[0][0]) / LOOKED
+        self._places, self._at = [], (run.done, run.t)
         self._seen = [*self._seen, name] if name and {*self._seen} <= {name} else []
         if len(self._seen) < TIMES:
             return None
@@ -65,9 +65,9 @@ class Creep:
         return steps >= LOOKED and is_short and left * steps >= MANY * way
 
     def _look(self, run: _core.Run) -> None:
-        row = run.present_row()
-        if row is None:
-            self._rows, self.stop = [], None
+        place = run.place()
+        if place is None:
+            self._places, self.stop = [], None
             return
-        self._rows.append((run.t, row))
+        self._places.append((run.t, place))
         self.stop = run.done + 1

@@ -237,9 +237,12 @@ class Runner(ABC):
         """Add to an error its cause by the last record; by default nothing."""
         del error, t, rows
 
-    def jump_along(self, rows: Sequence[tuple[float, np.ndarray]]) -> str | None:
-        """Return the function with which the equations jump at all of these steps."""
-        del rows
+    def jump_along(self, places: Sequence[tuple[float, np.ndarray]]) -> str | None:
+        """Return the function with which the equations jump at all of these steps.
+
+        Of each the time is given, with what the core has of its place.
+        """
+        del places
         return None
 
     def describe(self, error: dict[str, Any]) -> Description:

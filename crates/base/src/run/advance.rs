@@ -67,8 +67,9 @@ pub trait Advance: Send + Sync {
     fn collect(&mut self) -> (Vec<f64>, Vec<f64>) {
         (Vec::new(), Vec::new())
     }
-    /// A row of the present state, as records have it, which is not kept; none where there is none of one motion.
-    fn present_row(&mut self) -> Option<Vec<f64>> {
+    /// What the equations at the present state depend on, as [`crate::observe::Observe::locate`] has it; none where that is
+    /// not known of one motion.
+    fn place(&mut self) -> Option<Vec<f64>> {
         None
     }
     /// Appends all that the rest of the run depends on; the records and events collected before are not part of

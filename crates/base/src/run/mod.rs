@@ -364,12 +364,12 @@ impl<State: Checkpoint> Advance for Run<State> {
         self.records.collect()
     }
 
-    fn present_row(&mut self) -> Option<Vec<f64>> {
-        let (t, mut row) = (self.present(), Vec::new());
+    fn place(&mut self) -> Option<Vec<f64>> {
+        let (t, mut place) = (self.present(), Vec::new());
         let stepper = self.control.stepper_mut();
         stepper.synchronize(&mut self.state).ok()?;
-        self.observer.observe(t, &self.state, &mut row).ok()?;
-        Some(row)
+        let is_known = self.observer.locate(t, &self.state, &mut place).ok()?;
+        is_known.then_some(place)
     }
 
     fn save(&self, out: &mut Vec<f64>) -> Result<bool, StepError> {

@@ -36,6 +36,10 @@ impl<S: Carried> Observe<S> for SemiExplicitTangentObserver {
         }
         Ok(())
     }
+
+    fn locate(&mut self, t: f64, state: &S, place: &mut Vec<f64>) -> Result<bool, StepError> {
+        self.inner.locate(t, state, place)
+    }
 }
 
 impl Checkpoint for SemiExplicitTangentObserver {

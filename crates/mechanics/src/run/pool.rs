@@ -235,6 +235,10 @@ impl<S, T: Reusable + Observe<S>> Observe<S> for Lent<T> {
         (**self).observe(t, state, row)
     }
 
+    fn locate(&mut self, t: f64, state: &S, place: &mut Vec<f64>) -> Result<bool, StepError> {
+        (**self).locate(t, state, place)
+    }
+
     fn is_following(&self) -> bool {
         (**self).is_following()
     }

@@ -56,8 +56,8 @@ impl Advance for SharedRun {
         self.lock().collect()
     }
 
-    fn present_row(&mut self) -> Option<Vec<f64>> {
-        self.lock().present_row()
+    fn place(&mut self) -> Option<Vec<f64>> {
+        self.lock().place()
     }
 
     fn save(&self, out: &mut Vec<f64>) -> Result<bool, StepError> {

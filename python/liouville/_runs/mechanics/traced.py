@@ -122,11 +122,12 @@ class TracedRunner(Runner):
             "changes sides: steps lose their order there, but for those of Spark with rtol="
         )
 
-    def jump_along(self, rows: Sequence[tuple[float, np.ndarray]]) -> str | None:
+    def jump_along(self, places: Sequence[tuple[float, np.ndarray]]) -> str | None:
         """Return the function with which the equations jump at all of these steps."""
-        if not self._states or (found := branches(self.system)) is None:
+        if (found := branches(self.system)) is None:
             return None
-        w = np.array([self._point(*one) for one in rows])
+        params = np.atleast_2d(self._each_values)[0]
+        w = np.array([np.concatenate([[t], place, params]) for t, place in places])
         control, states = self.steps.control, sum(x.shape[-1] for x in self._begin[:2])
         off = np.zeros(w.shape[1])
         if control is not None and control[0] == "error":
