@@ -393,3 +393,29 @@ def test_constraints_that_contradict_each_other_have_no_start(gap):
         return
     with pytest.raises(ValueError, match="'a' and 'b' are redundant"):
         system.consistent(q=[1.3, 0.2], v=[0.0, 1.0])
+
+
+@pytest.mark.parametrize("method", [lv.Spark(2), lv.LobattoPair(2), lv.HHT()], ids=repr)
+def test_multipliers_at_an_event_that_ends_the_run_move_with_its_time(method):
+    """Of two constraints one grows with time, and so does its share of the force."""
+    system = lv.Lagrangian(
+        lambda t, q, v, p: (1 + q[1] ** 2 / 3) * ca.sumsqr(v) / 2 - p.g * q[1] - q[0] * q[1],
+        lambda t, q, p: [q[0] - ca.sin(t), (1 + 3 * t) * (q[0] - ca.sin(t))],
+        q=2,
+        params={"g": 9.81},
+    )
+    top = lv.Event(lambda t, q, v, lam, p: v[1] - p.g / 10, terminal=True)
+    run = {"t": (0, 1), "h": 0.05, "q": [0, 0], "v": [1, 3], "events": {"top": top}}
+
+    def last(g):
+        return lv.integrate(system, method, params={"g": g}, **run).lam[-1]
+
+    step = 1e-5
+    slope = (last(9.81 + step) - last(9.81 - step)) / (2 * step)
+    tangents = lv.integrate(system, method, tangents={"params.g": 1.0}, **run).tangents
+    assert tangents["params.g"].lam[-1] == pytest.approx(slope, abs=1e-7)
+    solution, pullback = lv.vjp(system, method, wrt=["params.g"], **run)
+    weights = np.zeros_like(solution.lam)
+    weights[-1] = 0.3, 1.0
+    gradient = pullback(lam=weights)["params.g"]
+    assert gradient == pytest.approx(weights[-1] @ slope, abs=1e-7)

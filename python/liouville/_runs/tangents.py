@@ -192,17 +192,16 @@ class ConstrainedDirections(Directions):
     def shared(
         self,
         stepped: Mechanics,
-        motion: tuple[float, np.ndarray, np.ndarray, np.ndarray, np.ndarray],
+        motion: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray],
         params: np.ndarray,
         rows: np.ndarray,
-        is_held: bool,
+        moved: np.ndarray,
     ) -> np.ndarray:
         """Return records with tangents of all multipliers, from those of a step's.
 
-        `motion` is the start time, then t, y, z and all multipliers of the records, whose times
-        may be held.
+        `motion` is t, y, z and all multipliers of the records, `moved` the changes of their times.
         """
-        t0, times, *states = motion
+        times, *states = motion
         n, m = states[0].shape[-1], states[2].shape[-1]
         each = rows.reshape(*rows.shape[:-1], self.count, -1)
         found = np.empty((*each.shape[:-1], 2 * n + m))
@@ -214,9 +213,7 @@ class ConstrainedDirections(Directions):
                 found[place] = np.nan
                 continue
             values = params[place[1]] if params.ndim > 1 else params
-            dt = self.tau[:, :1] + (self.stretch * (at - t0))[:, None]
-            dt = np.zeros_like(dt) if is_held else dt
-            along = np.hstack([dt, own[:, : 2 * n], self.tau[:, 1:]])
+            along = np.hstack([moved[place[0]][:, None], own[:, : 2 * n], self.tau[:, 1:]])
             multipliers = SharedMultipliers(stepped, (at, y, z), lam, values)
             found[place][:, 2 * n :] = multipliers.pushed(along, own[:, 2 * n :])
         return found.reshape(*rows.shape[:-1], -1)

@@ -33,6 +33,8 @@ class Watch:
         The events by name.
     times : ndarray or None
         The times of the records, where they are given.
+    ended_by : dict of int to str
+        Of members whose runs an event has ended its name; one run alone is member 0.
     """
 
     def __init__(self, events: Any, times: Any, span: tuple[float, float], every: int) -> None:
@@ -44,11 +46,13 @@ class Watch:
             _check_invertible(self.events)
         self.times = given(times, span, every)
         self._hits: dict[str, tuple[np.ndarray, np.ndarray]] = {}
+        self.ended_by: dict[int, str] = {}
 
     def __getstate__(self) -> dict[str, Any]:
         """Leave the functions behind: the core has them as tapes."""
         events = dict.fromkeys(self.events)
-        return {"events": events, "times": self.times, "_resets": self._resets, "_hits": {}}
+        own = {"events": events, "times": self.times, "_resets": self._resets}
+        return {**own, "_hits": {}, "ended_by": {}}
 
     def to_core(
         self,
@@ -114,6 +118,7 @@ class Watch:
             self._hits[name] = times, members
         names = [*self.events]
         said = {member: _ending(names[which], t, limit) for which, t, limit, member in ends}
+        self.ended_by = {member: names[which] for which, _, _, member in ends}
         return points, said, rest
 
     def accumulated(self, name: str, t: float, member: int) -> float | None:

@@ -68,16 +68,16 @@ class ConstrainedAdjoint(Adjoint):
         runner, checkpoints = self.runner, self.checkpoints
         assert checkpoints is not None
         rows, steps = _rows(runner, cotangents), int(solution.stats["steps"])
-        longer, more = 0.0, np.zeros(0)
+        longer, more, last = 0.0, np.zeros(0), 0.0
         if runner.shares_multipliers:
-            rows, more, longer = runner.pulled_multipliers(solution, rows)
+            rows, more, longer, last = runner.pulled_multipliers(solution, rows)
         by_point, of_ends, stretched, of_last = _of_invariants(
             runner, runner._values, solution, cotangents
         )
-        if of_last:  # the time of the event that has ended the run
+        if last or of_last:  # the time of the event that has ended the run
             name = f"{EVENTS}{ended(solution)}.t"
             own = cotangents[name].copy()
-            own[-1] += of_last
+            own[-1] += last + of_last
             cotangents = {**cotangents, name: own}
         n = rows.shape[1] - runner.multipliers
         rows[:, :n] += by_point
@@ -157,7 +157,9 @@ class ConstrainedAdjoint(Adjoint):
         """Return cotangents of each kind of event: of t and the states on both sides of a reset."""
         found = []
         for event, points in solution.events.items():
-            own = {x.removeprefix(f"{EVENTS}{event}."): y for x, y in cotangents.items()}
+            prefix = f"{EVENTS}{event}."
+            each = cotangents.items()
+            own = {x.removeprefix(prefix): y for x, y in each if x.startswith(prefix)}
             parts = [own["t"][:, None]]
             missing = np.zeros((len(points), self.runner.multipliers))
             ends = ("", AFTER) if f"{self.runner.system.states[0]}{AFTER}" in own else ("",)

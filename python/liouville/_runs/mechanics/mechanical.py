@@ -143,8 +143,13 @@ class MechanicalRunner(TracedRunner):
         n, m = len(self.system.coordinates), len(self.constraints)
         if self.shares_multipliers:
             params = self._rows if self.members else self._values
-            motion = (self.steps.t0, t, parts[states[0]], parts[states[1]], parts["lam"])
-            rows = own.shared(self._stepped, motion, params, rows, self.times is not None)
+            motion = (t, parts[states[0]], parts[states[1]], parts["lam"])
+            assert own.moves is not None, "directions of a run"
+            dt, ended_by = own.moves.of_times(t), self._watch.ended_by
+            if self.times is None and not self.members and ended_by:
+                sides, _ = self._moved_events[ended_by[0]]
+                dt[-1] = sides[-1, 0].reshape(own.count, -1)[:, 0]
+            rows = own.shared(self._stepped, motion, params, rows, dt)
         return own.read(states, rows, (n, n, m), self._moved_events)
 
     @property
@@ -157,15 +162,17 @@ class MechanicalRunner(TracedRunner):
 
     def pulled_multipliers(
         self, solution: Solution, rows: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray, float]:
+    ) -> tuple[np.ndarray, np.ndarray, float, float]:
         """Return cotangents of (y, z, lam) with the multipliers of a step, of tau and of stretch.
 
-        `rows` have all multipliers, where some constraints imply others.
+        `rows` have all multipliers, where some constraints imply others. The last is that of the
+        last time where an event has ended the run.
         """
+        from liouville._solution.chain_rule import ended
         from liouville._systems.derivatives.multipliers import SharedMultipliers
 
         n, (first, second) = len(self.system.coordinates), self.system.states
-        found, stretch = np.zeros((len(rows), 2 * n + self.multipliers)), 0.0
+        found, stretch, last = np.zeros((len(rows), 2 * n + self.multipliers)), 0.0, 0.0
         tau = np.zeros(1 + self._values.size)
         found[:, : 2 * n] = rows[:, : 2 * n]
         for k in np.flatnonzero(rows[:, 2 * n :].any(axis=1)):
@@ -174,9 +181,11 @@ class MechanicalRunner(TracedRunner):
             of_point, found[k, 2 * n :] = shared.pulled(rows[k, 2 * n :])
             found[k, : 2 * n] += of_point[1 : 1 + 2 * n]
             of_time = of_point[0] if self.times is None else 0.0
+            if of_time and k == len(rows) - 1 and ended(solution):
+                last, of_time = float(of_time), 0.0
             tau += np.append(of_time, of_point[1 + 2 * n :])
             stretch += of_time * (at[0] - self.steps.t0)
-        return found, tau, stretch
+        return found, tau, stretch, last
 
     def sensitivity(self) -> tuple[_core.Sensitivity, AlphaTransposed | None]:
         """Return derivatives by time and parameters, and those of a step of the alpha family."""

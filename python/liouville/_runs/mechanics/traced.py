@@ -271,13 +271,14 @@ class TracedRunner(Runner):
 
     def pulled_multipliers(
         self, solution: Solution, rows: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray, float]:
+    ) -> tuple[np.ndarray, np.ndarray, float, float]:
         """Return cotangents of (y, z, lam) with the multipliers of a step, of tau and of stretch.
 
-        `rows` have all multipliers, where some constraints imply others.
+        `rows` have all multipliers, where some constraints imply others. The last is that of the
+        last time where an event has ended the run.
         """
         del solution
-        return rows, np.zeros(0), 0.0
+        return rows, np.zeros(0), 0.0, 0.0
 
     @property
     def dense_order(self) -> int:
