@@ -674,6 +674,12 @@ ROWS = [
         "constraint 'log' is nan at the start, t = 0",
     ),
     (
+        "gradient of the start NaN",
+        lambda: run(system(constraint=lambda t, q, params: {"rod": ca.norm_2(q)}), q=[0, 0]),
+        ValueError,
+        "constraint 'rod' has no finite derivative at the start, t = 0",
+    ),
+    (
         "massless",
         lambda: run(system(lambda t, q, v, params: v[0] ** 2, None)),
         lv.IntegrationError,

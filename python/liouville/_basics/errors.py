@@ -243,7 +243,7 @@ _NO_MEMORY = (
 def _singular_mass(name: str) -> Description:
     return (
         f"the mass matrix is singular: coordinate '{name}' has no inertia of its own",
-        f"give '{name}' a mass, or a constraint that removes it together with its coordinate",
+        f"give '{name}' a mass, or leave it out and write what it does by the other coordinates",
         name,
     )
 

@@ -49,10 +49,11 @@ def missed(
     what: str, symbol: str, name: str, value: float, limit: float, t: float, hint: str
 ) -> str:
     """Return the fault of a constraint's value at the start."""
-    if not math.isfinite(value):
-        sentence = f"the {what} '{name}' is {value} at the start, t = {t:g}"
+    if not math.isfinite(value + limit):
+        fault = f"is {value}" if not math.isfinite(value) else "has no finite derivative"
         return hinted(
-            sentence, "look for a division by zero, a root or a logarithm of the model there"
+            f"the {what} '{name}' {fault} at the start, t = {t:g}",
+            "look for a division by zero, a root or a logarithm of the model there",
         )
     sentence = (
         f"start violates the {what} '{name}': |{symbol}| = {abs(value):.1e} "
