@@ -3,6 +3,7 @@ import csv
 import importlib.metadata
 import json
 import logging
+import os
 import re
 import runpy
 import zipfile
@@ -17,6 +18,7 @@ from liouville import plot, problems
 
 project = "liouville"
 logging.getLogger("skfem").setLevel("WARNING")  # it tells of every assembly
+os.environ.setdefault("JAX_PLATFORMS", "cpu")  # it tells of devices that are not there
 author = copyright = "The liouville developers"
 release = importlib.metadata.version("liouville")
 

@@ -101,6 +101,16 @@ def test_what_runs_a_system_has_a_method_by_default():
     for call in (lv.analysis.determinant, lv.analysis.lyapunov):
         one, other = (call(field.system, *m, **run, x=x) for m in ((), (split,)))
         assert repr(one) == repr(other)
+    data = {
+        "t": np.linspace(0, 1, 11),
+        "x": lv.integrate(motion.system, **run, **motion.start)["x"],
+    }
+    call = {"h": 0.1, "params": {"g": 9.0}, **motion.start}
+    assert repr(lv.fit(motion.system, data=data, **call)) == repr(
+        lv.fit(motion.system, lv.Spark(3), data, **call)
+    )
+    with pytest.raises(TypeError, match="data= is missing"):
+        lv.fit(motion.system, data, **call)
     solution, _ = lv.vjp(motion.system, wrt=["q"], **run, **motion.start)
     assert bits(solution) == bits(lv.integrate(motion.system, lv.Spark(3), **run, **motion.start))
     assert lv.analysis.check_gradient(motion.system, wrt=["q"], **run, **motion.start).dot < 1e-12

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from liouville._basics.errors import hinted
 from liouville._solution.solution import Array
 from liouville._studies.section import Section
 from liouville.plot.canvas import GREY, UNITS, colours, matplotlib, single, text
@@ -57,9 +58,14 @@ def section(
 
     Raises
     ------
+    TypeError
+        It is no section.
     ValueError
         There is no coordinate of one of these names, or a period is not positive and finite.
     """
+    if not isinstance(section, Section):
+        sentence = f"what plot.section draws must be a section, not a {type(section).__name__}"
+        raise TypeError(hinted(sentence, "lv.section finds where trajectories cross a plane"))
     pair = _pair(section, axes)
     points = section.x[:, [section.names.index(name) for name in pair]]
     folds = _folds(pair, period)

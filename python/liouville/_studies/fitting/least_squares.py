@@ -26,8 +26,8 @@ from liouville._systems.events import Event
 
 def fit(
     system: Mechanics | SemiExplicit,
-    method: Method | str,
-    data: Mapping[str, ArrayLike] | Trial | Sequence[Trial],
+    method: Method | str = "auto",
+    data: Mapping[str, ArrayLike] | Trial | Sequence[Trial] | None = None,
     *,
     h: float | None = None,
     rtol: float | None = None,
@@ -58,7 +58,7 @@ def fit(
     ----------
     system : Mechanics or SemiExplicit
         What moves.
-    method : Method or str
+    method : Method or str, default "auto"
         Any that has tangents of the system, or its name, as for ``integrate``: of mechanics
         ``Spark``, ``LobattoPair`` or a ``Composition`` of them, ``HHT``, ``GeneralizedAlpha`` or
         ``ArnoldBruls``.
@@ -157,6 +157,9 @@ def fit(
             f"fit takes a mechanical or a semi-explicit system, not a {type(system).__name__}"
         )
         raise TypeError(hinted(sentence, "lv.vjp has gradients of the others, for an optimiser"))
+    if data is None:
+        sentence = "data= is missing: the times and the measured values"
+        raise TypeError(hinted(sentence, 'write fit(system, data={"t": times, "x": values})'))
     unknowns = Unknowns.of(system, params, free, bounds, priors)
     options = {} if events is None else {"events": events}
     taken: Method = named(system, method, rtol)

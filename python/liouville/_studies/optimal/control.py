@@ -36,7 +36,7 @@ OPTIONS = {
 
 def optimal_control(
     system: Mechanics,
-    method: Method | str,
+    method: Method | str = "auto",
     *,
     controls: Sequence[str],
     cost: Callable[..., Any] | None = None,
