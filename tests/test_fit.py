@@ -516,8 +516,50 @@ def test_data_of_one_coordinate_are_a_column_or_a_frame():
         (frame.rename(columns={"x": "q[x]"}), {"q[x]": 1e-3}),
         (frame.set_index("t").to_xarray(), 1e-3),
         (frame.rename(columns={"t": "time"}).set_index("time").to_xarray(), {"x": 1e-3}),
+        (frame.rename(columns={"t": "time"}), 1e-3),
     ):
         found = lv.fit(SPRING, lv.Spark(3), given, sigma=sigma, **SOUGHT)
         assert found.params == wanted.params
     with pytest.raises(TypeError, match="data has no 't'"):
         lv.fit(SPRING, lv.Spark(3), frame[["x"]], **SOUGHT)
+    dated = frame.assign(t=pandas.to_timedelta(frame["t"], unit="s"))
+    with pytest.raises(TypeError, match=r"'t' must be real numbers, not .*\nhint: give seconds"):
+        lv.fit(SPRING, lv.Spark(3), dated, **SOUGHT)
+
+
+def test_values_at_a_bound_and_outliers_are_said():
+    t = np.linspace(0, 5, 60)
+    truth = lv.integrate(SPRING, lv.Spark(3), t=(0, 5), h=0.05, t_eval=t, q=[1.0], v=[0.0])
+    data = {"t": t, "x": truth.q[:, 0] + 1e-3 * np.sin(40 * t)}
+    data["x"][[5, 30]] += 0.1
+    k = float(SPRING.params["k"])
+    call = {"sigma": 1e-3, "h": 0.05, "loss": "huber", "q": [1.0], "v": [0.0]}
+    found = lv.fit(SPRING, lv.Spark(3), data, params={"k": k}, **call)
+    assert ", 2 beyond 5 sigma; 60 values" in repr(found)
+    assert "bound" not in found.message
+    found = lv.fit(
+        SPRING, lv.Spark(3), data, params={"k": 1.1 * k}, bounds={"k": (1.05 * k, None)}, **call
+    )
+    assert found.params["k"] == pytest.approx(1.05 * k)
+    assert f"at a bound, of which deviations know nothing: params.k = {1.05 * k:.6g}" in (
+        found.message
+    )
+
+
+def test_a_measurement_at_the_time_of_a_hit_is_named_where_no_minimum_is_smooth():
+    """The height there is least where the hit is: its slope by g changes its sign."""
+    ball = lv.Lagrangian(
+        lambda t, q, v, p: v[0] ** 2 / 2 - p.g * q[0], q=("x",), params={"g": 1.0, "e": 0.5},
+        contacts={"floor": lv.Contact(lambda t, q, p: q[0], restitution=lambda p: p.e)},
+    )  # fmt: skip
+    t = np.linspace(0.1, 1.5, 15)  # it hits at t = 1
+    height = np.where(t < 1, 0.5 - t**2 / 2, 0.5 * (t - 1) - (t - 1) ** 2 / 2)
+    data = {"t": t, "x": height - 1e-3 * (t == t[9])}
+    call = {"params": {"e": 0.6, "g": 0.95}, "t0": 0.0, "q": [0.5], "v": [0.0], "sigma": 1e-3}
+    with pytest.raises(ValueError, match="'floor' is met at t = 1, where a measurement lies"):
+        lv.fit(ball, lv.Spark(2), data, h=0.05, **call)
+    data["x"][9] = np.nan
+    found = lv.fit(ball, lv.Spark(2), data, h=0.05, **call)
+    assert found.params["g"] == pytest.approx(1.0, abs=1e-9)
+    with pytest.raises(TypeError, match="fits of a system with contacts take h=, not rtol="):
+        lv.fit(ball, lv.Spark(2), data, rtol=1e-6, **call)

@@ -66,7 +66,7 @@ def fit(
         ``"t"``, shape (k,), increasing, and measured values by the name of a coordinate, unknown or
         constraint (its multiplier), shape (k,), of a state of the system such as ``"q"`` or
         ``"lam"``, shape (k, n), or (k,) of one coordinate, which is ``"v[x]"`` too, or of a
-        function in `observe`. Tables of pandas and xarray have their times under ``t``, or in an
+        function in `observe`. Tables of pandas and xarray have their times in a column or an
         index called ``t`` or ``time``. NaN is no measurement. Times at equal distances are ends of
         steps; others lie within steps, as those of ``t_eval=``. Several motions with parameters in
         common are a sequence of
@@ -128,8 +128,8 @@ def fit(
     measurements less that of unknowns. With K unknowns and N measurements it holds 95 % of truths
     in the ellipsoid of :math:`\chi^2_K` where `sigma` is given, and otherwise of
     :math:`K F_{K, N - K}`, as far as states are linear in the unknowns over its size. It knows
-    nothing of `bounds`: an unknown that has come to one has the covariance without it. That of a
-    robust loss is Huber's.
+    nothing of `bounds`: an unknown that has come to one has the covariance without it, and
+    ``message`` names it. That of a robust loss is Huber's.
 
     Where residuals from the guess are poor, or no minimum is found, the fit is made again to an
     eighth, a quarter, half and all of the time: the minimum of a longer time is beside that of a
@@ -164,6 +164,9 @@ def fit(
     options = {} if events is None else {"events": events}
     taken: Method = named(system, method, rtol)
     model = Model(system, taken, unknowns, Observed(system, observe), _steps(h, rtol), options)
+    if rtol is not None and getattr(system, "contacts", None) is not None:
+        sentence = "fits of a system with contacts take h=, not rtol="
+        raise TypeError(hinted(sentence, "changes of contacts are found within equal steps"))
     trials = _trials(data, started(start, values), t0)
     sigmas = [sigma if trial.sigma is None else trial.sigma for trial in trials]
     if any(each is None for each in sigmas) and any(each is not None for each in sigmas):

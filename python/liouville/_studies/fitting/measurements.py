@@ -35,13 +35,16 @@ def _numbers(what: str, value: Any) -> np.ndarray:
     except (TypeError, ValueError):
         pass
     given = f"of type {value.dtype}" if hasattr(value, "dtype") else repr(value)
-    raise TypeError(f"{what} must be real numbers, not {given}")
+    sentence = f"{what} must be real numbers, not {given}"
+    if getattr(getattr(value, "dtype", None), "kind", None) in ("m", "M"):
+        sentence = hinted(sentence, 'give seconds: (t - t[0]) / np.timedelta64(1, "s")')
+    raise TypeError(sentence)
 
 
 def _by_name(data: Any) -> Any:
     """Return the columns of a DataFrame, or the variables of a Dataset, by name, times as "t".
 
-    The times may be the index, or a coordinate, that is called t or time.
+    The times may be a column, the index, or a coordinate, that is called t or time.
     """
     if hasattr(data, "data_vars"):
         found = {str(name): np.asarray(values) for name, values in data.data_vars.items()}
@@ -50,6 +53,8 @@ def _by_name(data: Any) -> Any:
         found = {str(name): np.asarray(data[name]) for name in data.columns}
         index = getattr(data, "index", None)
         times = {str(getattr(index, "name", None)): np.asarray(index)}
+        if "t" not in found and "time" in found:
+            found["t"] = found.pop("time")
     else:
         return data
     for name in ("t", "time"):

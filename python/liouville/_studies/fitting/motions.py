@@ -20,6 +20,9 @@ from liouville._studies.fitting.observed import Observed
 from liouville._studies.fitting.unknowns import Unknowns
 from liouville.analysis.point import Array
 
+#: A measurement is at the time of an event within this part of the time of all.
+MET = 1e-6
+
 
 @dataclass(frozen=True)
 class Trial:
@@ -224,6 +227,15 @@ class Motion:
         change = self.model.columns(half, self.params)[self.data.first :] - self.seen
         found: Array = (change / self.data.weights)[self.is_there]
         return found
+
+    def met(self) -> tuple[str, float] | None:
+        """Return an event or a contact that is met, or changes, at the time of a measurement."""
+        run, found = self.solution, list[tuple[str, float]]()
+        found += [(name, t) for name, x in run.events.items() for t in x.t.tolist()]
+        found += [(name, x.t) for name, own in run.contacts.items() for x in own.changes]
+        near = MET * (self.data.t[-1] - self.data.t0)
+        times = self.data.t[self.is_there.any(axis=1)]
+        return next((x for x in found if (np.abs(times - x[1]) <= near).any()), None)
 
     def sizes(self) -> Array:
         """Return how large what was measured is, in units of the weights."""

@@ -13,7 +13,16 @@ from liouville._basics.scipy import scipy
 from liouville._studies.fitting.measurements import shared_unit
 from liouville._studies.fitting.motions import Model, Motion
 from liouville._studies.fitting.profile import Held
-from liouville._studies.fitting.result import Fit, Fitted, of_most, of_size, of_spread, of_step
+from liouville._studies.fitting.result import (
+    Fit,
+    Fitted,
+    of_bounds,
+    of_most,
+    of_none,
+    of_size,
+    of_spread,
+    of_step,
+)
 from liouville._studies.fitting.robust import LOSSES, Loss, robust
 from liouville.analysis.point import Array
 
@@ -192,8 +201,7 @@ class Problem:
     def _surely(self, found: _Least | None) -> _Least:
         """Return a fit that was found; ValueError where there is none."""
         if found is None:
-            sentence = f"no fit is found in {self.evaluations} runs"
-            raise ValueError(hinted(sentence, "begin nearer, or fit to a shorter time first"))
+            raise ValueError(of_none(self.evaluations, [motion.met() for motion in self.motions]))
         return found
 
     def _is_least(self, x: Array, residuals: Array, jacobian: Array, covariance: Array) -> bool:
@@ -350,6 +358,8 @@ class Problem:
         spread_out = spreads @ covariance @ spreads.T
         moved = spreads @ self._moved_by_finer_steps(found.jacobian)
         words = [said, self._said_of_residuals(found)]
+        at = self.unknowns.theta(self.params), self.bounds
+        words.append(of_bounds(names, *at, np.sqrt(np.diagonal(spread_out))))
         cuts = np.cumsum([int(motion.is_there.sum()) for motion in self.motions])
         trials = [
             Fitted(motion.params, motion.start, -own, motion.solution)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,6 +21,10 @@ UNLIKELY = 5.0
 MOST = 2.0
 #: Residuals that spread by more than this part of the measurements may not be noise alone.
 POOR = 0.3
+#: A value is at a bound within this part of its standard deviation.
+AT_BOUND = 1e-3
+#: Residuals beyond so many deviations are counted as outliers.
+OUTLYING = 5.0
 #: A step that moves a value by more than this part of its standard deviation decides it.
 DECIDES = 0.5
 #: Data without noise are taken to tell a value to this part of it.
@@ -84,7 +89,7 @@ class Fit(Suggesting):
         0.3 of what measurements do, where fits to growing parts of the time led to a lower minimum
         than the guess, and where the step and not the data decides:
         values would move by more than half of their standard deviation with half the step, or a
-        hundredth of the tolerance. Empty otherwise.
+        hundredth of the tolerance; and which values are at a bound. Empty otherwise.
     """
 
     params: dict[str, Any]
@@ -184,6 +189,8 @@ class Fit(Suggesting):
         good = f"chi2/dof = {self.chi2 / self.dof:.3g}" if self.dof else "chi2 of no freedom"
         if self.sigma is not None:
             good = f"sigma = {self.sigma:.3g}"
+        elif outliers := int((np.abs(self.residuals) > OUTLYING).sum()):
+            good += f", {outliers} beyond {OUTLYING:g} sigma"
         counts = f"{amount(self.residuals.size, 'value')}, {amount(self.evaluations, 'run')}"
         return f"<Fit: {shown}; {good}; {counts}{self.message and chr(10) + ' '}{self.message}>"
 
@@ -218,6 +225,27 @@ def of_spread(residuals: float, measured: float) -> str:
     times = f"{residuals / measured:.2g}" if measured else "far more than 1"
     why = "where that is no noise, the model or the minimum found is not right"
     return f"residuals spread by {times} of what measurements do: {why}"
+
+
+def of_bounds(names: Sequence[str], theta: Array, bounds: Array, deviations: Array) -> str:
+    """Say which values have come to a bound."""
+    near = AT_BOUND * deviations[: len(theta), None]
+    is_at = np.abs(bounds - theta[:, None]) <= near
+    there = [f"{names[k]} = {theta[k]:.6g}" for k in np.flatnonzero(is_at.max(axis=1)).tolist()]
+    if not there:
+        return ""
+    return f"at a bound, of which deviations know nothing: {', '.join(there)}"
+
+
+def of_none(runs: int, met: Sequence[tuple[str, float] | None]) -> str:
+    """Return the fault of a fit that comes to no minimum."""
+    sentence = f"no fit is found in {runs} runs"
+    hint = "begin nearer, fit to a shorter time first, and see that data have the model's units"
+    for each in filter(None, met):
+        sentence += f": at the best values '{each[0]}' is met at t = {each[1]:.6g}, where a "
+        sentence += "measurement lies, and the sum of squares bends there"
+        hint = "leave out the measurement at that time"
+    return hinted(sentence, hint)
 
 
 def of_step(fit: Fit, moved: Array) -> str:
