@@ -91,9 +91,6 @@ class FieldFunction(SteppedFunction):
     """A run of a field; see :class:`RunFunction`."""
 
     def _named(self, wrt: Any, request: Request) -> dict[str, tuple[int, ...]]:
-        # imported here: it needs the planner, which mechanics do not
-        from liouville._runs.fields.derivative import places_of
-
         self._steps_of(request, Takes(type(self.method).__name__))
         places = places_of(self.system)
         return {name: places[name][1] for name in check_names(wrt, places, "x")}

@@ -20,7 +20,7 @@ from liouville._methods.control import Steps
 from liouville._runs.runner import Request
 from liouville._solution.points import Points
 from liouville._solution.tangents import Moves, Tangent
-from liouville._systems import Mechanics, Schrodinger, SemiExplicit
+from liouville._systems import Field, Mechanics, Schrodinger, SemiExplicit
 from liouville._systems.derivatives import semi_explicit as _semi_explicit_sensitivity
 from liouville._systems.derivatives import sensitivity as _sensitivity
 from liouville._systems.derivatives.multipliers import SharedMultipliers
@@ -309,11 +309,11 @@ def gradients_of(
     return gradients
 
 
-def places_of(system: Constrained) -> dict[str, Place]:
+def places_of(system: Constrained | Field) -> dict[str, Place]:
     """Return where each direction begins among all that may change, and its shape."""
     n = len(system.coordinates)
     # of a semi-explicit system z follows from y
-    names = system.states if isinstance(system, Mechanics) else system.states[:1]
+    names = system.states[:1] if isinstance(system, SemiExplicit) else system.states
     found: dict[str, Place] = {name: (k * n, (n,)) for k, name in enumerate(names)}
     found["t0"] = (len(names) * n, ())
     place = len(names) * n + 1

@@ -17,7 +17,7 @@ import numpy as np
 from liouville._basics.errors import IntegrationError, hinted, quoted
 from liouville._runs.contacts.complementarity import Array
 from liouville._runs.contacts.switching import CLOSED
-from liouville._runs.tangents import PARAMS, ConstrainedDirections
+from liouville._runs.tangents import PARAMS, ConstrainedDirections, places_of
 from liouville._solution.tangents import Tangent
 from liouville._systems.mechanics.contact import Mode
 
@@ -66,12 +66,12 @@ class Moving:
         found = {first: self.y, second: self.z}
         if self.t.any():
             found["t0"] = self.t
-        place = 0
-        for name, value in system.params.items():
-            own = self.params[:, place : place + np.size(value)]
-            place += np.size(value)
-            if own.any():
-                found[PARAMS + name] = own.reshape(len(own), *np.shape(value))
+        places = places_of(system)
+        begin = places["t0"][0] + 1
+        for name, (place, shape) in places.items():
+            own = self.params[:, place - begin : place - begin + int(np.prod(shape))]
+            if name.startswith(PARAMS) and own.any():
+                found[name] = own.reshape(len(own), *shape)
         return found
 
     def named(self, states: Mapping[str, Array]) -> dict[str, Tangent]:

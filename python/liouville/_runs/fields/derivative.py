@@ -24,7 +24,7 @@ from liouville._runs.adjoint import EVENTS, Adjoint, Gradients
 from liouville._runs.execute import Checkpoints, execute, finished
 from liouville._runs.kinks import Kinks
 from liouville._runs.runner import Request
-from liouville._runs.tangents import PARAMS, Directions, Place, check_names
+from liouville._runs.tangents import PARAMS, Directions, check_names, places_of
 from liouville._solution.points import Points
 from liouville._solution.solution import Solution
 from liouville._solution.tangents import Moves, Tangent
@@ -39,17 +39,6 @@ ABSENT = 1e-200
 
 #: A time that exceeds the end of a step by this part of it, from roundoff, is of that step.
 ROUNDOFF = 1e-9
-
-
-def places_of(system: Field) -> dict[str, Place]:
-    """Return where each direction begins among all that may change, and its shape."""
-    n = len(system.coordinates)
-    found: dict[str, Place] = {"x": (0, (n,)), "t0": (n, ())}
-    place = n + 1
-    for name, value in system.params.items():
-        found[PARAMS + name] = (place, np.shape(value))
-        place += np.size(value)
-    return found | {"t1": (place, ())}
 
 
 class FieldDirections(Directions):

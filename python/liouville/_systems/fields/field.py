@@ -10,16 +10,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from liouville import _core
-from liouville._basics.arguments import read_only
 from liouville._basics.errors import hinted, misshapen, shown
 from liouville._systems.events import Event
 from liouville._systems.fields.dates import Dates, in_numbers
 from liouville._systems.fields.observer import Observer
 from liouville._systems.tracing import trace as _trace
-from liouville._systems.tracing.expressions import Expressions, Pickled, Symbols
+from liouville._systems.tracing.expressions import Expressions, Parametrised, Symbols
 
 
-class Field(Pickled, ABC):
+class Field(Parametrised, ABC):
     """A base of fields x' = f(t, x), whose one state is x."""
 
     states = ("x",)
@@ -57,11 +56,6 @@ class Field(Pickled, ABC):
         """
 
     @property
-    def params(self) -> dict[str, Any]:
-        """The parameters' default values, read-only; a run takes others by its ``params=``."""
-        return read_only(self._symbols.params.defaults)
-
-    @property
     def places(self) -> dict[str, tuple[str, ...]]:
         """The names of the entries of all states that a run keeps, by the name of the state."""
         return {"x": self.coordinates}
@@ -70,21 +64,6 @@ class Field(Pickled, ABC):
     def invariants(self) -> tuple[str, ...]:
         """Names of the invariants."""
         return self._observer.names
-
-    def values(self, params: Mapping[str, ArrayLike] | None) -> np.ndarray:
-        """Return the parameters as one vector, shape (w,), in the order of their declaration.
-
-        Parameters
-        ----------
-        params : mapping of str to array_like, or None
-            Values in the place of the defaults, by name.
-
-        Raises
-        ------
-        TypeError, ValueError
-            params is no mapping, or a value has no parameter, another shape or is not finite.
-        """
-        return self._symbols.params.values(params)
 
     def numbers(self, params: Mapping[str, ArrayLike] | np.ndarray | None) -> np.ndarray:
         """Return the parameter vector, which may be given as :meth:`values` gives it."""

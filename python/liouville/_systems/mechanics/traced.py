@@ -8,11 +8,9 @@ from types import MappingProxyType
 from typing import Any, Self
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from liouville import _core
 from liouville._basics import casadi as ca
-from liouville._basics.arguments import read_only
 from liouville._basics.errors import Description, describe, hinted
 from liouville._basics.job import Reset, Turning
 from liouville._systems.events import Event, Impact
@@ -21,7 +19,7 @@ from liouville._systems.mechanics.monitor import traced
 from liouville._systems.program import Program, elements, parameters
 from liouville._systems.tape import record
 from liouville._systems.tracing import trace as _trace
-from liouville._systems.tracing.expressions import Expressions, Pickled, Symbols, recorded
+from liouville._systems.tracing.expressions import Expressions, Parametrised, Symbols, recorded
 from liouville._systems.tracing.layout import POINT, Layout
 
 #: The prefix of invariants among the expressions and in a record.
@@ -38,7 +36,7 @@ Function = Callable[..., Any]
 EventTapes = tuple[_core.Tape, bool, Reset | None]
 
 
-class TracedSystem(Pickled, ABC):
+class TracedSystem(Parametrised, ABC):
     """A system of expressions that CasADi differentiates and the core evaluates as tapes.
 
     Attributes
@@ -76,13 +74,8 @@ class TracedSystem(Pickled, ABC):
         self._observers: dict[bool, tuple[_core.Tape, dict[str, int]]] = {}
 
     @property
-    def _symbols(self) -> Symbols:
+    def _symbols(self) -> Symbols:  # type: ignore[override]
         return self._expressions.symbols
-
-    @property
-    def params(self) -> dict[str, Any]:
-        """The parameters' default values, read-only; a run takes others by its ``params=``."""
-        return read_only(self._symbols.params.defaults)
 
     @property
     def turning(self) -> Turning | None:
@@ -175,21 +168,6 @@ class TracedSystem(Pickled, ABC):
             first += len(names)
         wanted = range(first, first + len(parts[name]))
         return Program(f"{name}, of {place}", tape, inputs, outputs, wanted)
-
-    def values(self, params: Mapping[str, ArrayLike] | None) -> np.ndarray:
-        """Return the parameters as one vector, shape (w,), in the order of their declaration.
-
-        Parameters
-        ----------
-        params : mapping of str to array_like, or None
-            Values in the place of the defaults, by name.
-
-        Raises
-        ------
-        TypeError, ValueError
-            params is no mapping, or a value has no parameter, another shape or is not finite.
-        """
-        return self._symbols.params.values(params)
 
     def observer(
         self, observe: Mapping[str, Function] | None, states: bool = True

@@ -13,8 +13,12 @@ from copy import copy
 from functools import cached_property
 from typing import Any, Self
 
+import numpy as np
+from numpy.typing import ArrayLike
+
 from liouville._basics import casadi as ca
 from liouville._basics import html
+from liouville._basics.arguments import read_only
 from liouville._basics.errors import hinted
 from liouville._systems.tracing import trace as _trace
 
@@ -55,6 +59,32 @@ class Pickled:
     def _restore(self, state: dict[str, Any]) -> None:
         """Take over what was pickled."""
         self.__dict__.update(state)
+
+
+class Parametrised(Pickled):
+    """A base of systems of expressions, whose parameters are among the symbols of these."""
+
+    _symbols: Symbols
+
+    @property
+    def params(self) -> dict[str, Any]:
+        """The parameters' default values, read-only; a run takes others by its ``params=``."""
+        return read_only(self._symbols.params.defaults)
+
+    def values(self, params: Mapping[str, ArrayLike] | None) -> np.ndarray:
+        """Return the parameters as one vector, shape (w,), in the order of their declaration.
+
+        Parameters
+        ----------
+        params : mapping of str to array_like, or None
+            Values in the place of the defaults, by name.
+
+        Raises
+        ------
+        TypeError, ValueError
+            params is no mapping, or a value has no parameter, another shape or is not finite.
+        """
+        return self._symbols.params.values(params)
 
 
 def loaded(kind: type[Pickled], state: bytes) -> Pickled:
