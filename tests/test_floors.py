@@ -69,7 +69,7 @@ PACKAGE_FLOORS = (
 ROOM_FLOORS = {
     "_basics": (
         ("casadi", "errors", "handlers", "html", "schema"),
-        ("arguments", "checksum", "job", "locks", "options", "progress", "scipy"),
+        ("arguments", "checksum", "faults", "job", "locks", "options", "progress", "scipy"),
     ),
     "_systems": (
         ("events", "program", "tape"),
@@ -80,8 +80,9 @@ ROOM_FLOORS = {
     ),
     "_methods": (("control",), ("splitting",), ("planner",)),
     "_solution": (
-        ("contacts", "drifts", "failure", "motions", "points", "tangents"),
-        ("parts", "states"),
+        ("contacts", "drifts", "exports", "failure", "motions", "points", "tangents"),
+        ("chain_rule", "parts", "states"),
+        ("computed",),
         ("solution",),
         ("export",),
     ),
@@ -107,7 +108,7 @@ LAZY = {
     ("analysis", "_studies"),
     ("_solution", "bodies"),
     ("_solution", "_runs"),
-    ("_solution.solution", "export"),
+    ("_solution.exports", "export"),
     ("_runs.integrate", "stored"),
     ("_runs.tangents", "choice"),
     ("_systems", "_runs"),

@@ -12,7 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 from liouville._basics.errors import hinted
 from liouville._basics.options import started
 from liouville._bridges.functions import run_function
-from liouville._bridges.run import FIRST, Call, RunFunction, RunMembers, Runnable, library
+from liouville._bridges.members import Call, RunMembers
+from liouville._bridges.run import FIRST, RunFunction, Runnable, library
 from liouville._methods import Method
 from liouville._runs.runner import Request
 from liouville._systems.events import Event

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from liouville import _core
 from liouville._basics.arguments import MOST_STEPS, check_memory, count
-from liouville._basics.errors import Description, describe
+from liouville._basics.faults import Description, describe
 from liouville._methods import Method
 from liouville._methods.control import Steps, Takes, steps_of
 from liouville._runs.energy import sentence_of

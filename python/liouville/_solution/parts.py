@@ -8,10 +8,12 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from liouville._basics.errors import check_name, hinted
-from liouville._solution.points import Points
+from liouville._solution.points import Points, times_within
 from liouville._solution.tangents import Tangent
+from liouville._systems import Mechanics, SemiExplicit
 from liouville._systems.events import AFTER, sides_of
 
 if TYPE_CHECKING:
@@ -341,3 +343,30 @@ def _number_of(constraint: Any, names: Sequence[str]) -> int:
             f"constraint must be below {len(names)}, the number of them, not {constraint}"
         )
     return int(constraint)
+
+
+def at_times(solution: Solution, t: ArrayLike) -> Points:
+    """Return the states at any times within a run; see :meth:`liouville.Solution.__call__`."""
+    if solution.dense_order and solution.members is not None:
+        sentence = "dense output is that of one member of an ensemble"
+        raise ValueError(hinted(sentence, "solution.member(0)(t) is that of the first"))
+    system = system_of(solution, "dense output needs") if solution.dense_order else None
+    if not solution.dense_order or not isinstance(system, Mechanics | SemiExplicit):
+        sentence = (
+            "dense output needs the states of all steps of a mechanical or semi-explicit system"
+        )
+        hint = "integrate with every=1, states=True and without t_eval"
+        if solution.contacts:
+            hint += "; pickles and files of runs with contacts have none"
+        if "psi" in solution.states:
+            hint = "of a wave give the times of all states to keep in t="
+        elif "x" in solution.states:
+            hint = "of a field give the times of the states to keep in t_eval="
+        raise ValueError(hinted(sentence, hint))
+    times = times_within(t, solution.t[0], solution.t[-1])
+    flat, way = times.ravel(), 1 if solution.t[0] <= solution.t[-1] else -1
+    unique, back = np.unique(way * flat, return_inverse=True)
+    find = between_changes if solution.stretches else between
+    found = find(solution, system, way * unique)
+    states = {name: x[back].reshape(*times.shape, *x.shape[1:]) for name, x in found.items()}
+    return Points(flat if times.ndim else float(flat[0]), states)

@@ -2,30 +2,27 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from liouville._basics import html
 from liouville._basics.arguments import Named, amount
-from liouville._basics.errors import hinted
 from liouville._solution import parts
+from liouville._solution.computed import Computed
 from liouville._solution.drifts import Drifts, worst
+from liouville._solution.exports import Exports
 from liouville._solution.failure import Failure
 from liouville._solution.motions import Motions
-from liouville._solution.points import Points, times_within
+from liouville._solution.points import Points
 from liouville._solution.states import States, Stats
 from liouville._solution.tangents import Tangent
-from liouville._systems import Mechanics, SemiExplicit, System
+from liouville._systems import System
 
 if TYPE_CHECKING:
-    import pandas
-    import xarray
-
     from liouville._solution.contacts import ContactRecord
 
 Array = NDArray[Any]
@@ -48,7 +45,7 @@ RESIDUALS = ("constraint", "hidden", "nonholonomic")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Solution(States, Drifts, Motions):
+class Solution(States, Drifts, Computed, Exports, Motions):
     r"""A run's result: arrays with time as the first axis, and the record of how it went.
 
     Below, k is the number of kept steps, n of coordinates and m of constraints, l of them
@@ -323,109 +320,6 @@ class Solution(States, Drifts, Motions):
         found = self if member is None else parts.member_of(self, member)
         return parts.part_of(found, time, coordinate)
 
-    def tangent_of(self, what: Any) -> dict[str, Array]:
-        r"""Differentiate an invariant, or a function of the states, along the run's tangents.
-
-        .. math::
-
-            g_t\, dt + g_y\, dy + g_z\, dz + g_\theta\, d\theta
-
-        with the changes of the kept times, which are held by ``t_eval=`` and ``rtol=``, of the
-        states, and of the parameters.
-
-        Parameters
-        ----------
-        what : str or callable
-            The name of an invariant, such as ``"energy"``, or a function as for ``observe=``, of
-            (t, q, v, params), (t, x, params) or what the system calls these: a number or a vector.
-            With an argument ``lam``, as an event's has, it may depend on multipliers: those of an
-            assembly are behind ``system.joint_force("A")``.
-
-        Returns
-        -------
-        dict of str to ndarray
-            By the names of ``tangents=``, of shape (k,), or (k, j) of a vector; of d directions
-            (k, d) and (k, d, j), and of an ensemble (k, P) and so on.
-
-        Raises
-        ------
-        ValueError
-            The run has no tangents, or the system no such invariant.
-        TypeError
-            The system is a Schrödinger equation, or the invariant of a field is a matrix.
-
-        Examples
-        --------
-        >>> import casadi as ca
-        >>> import liouville as lv
-        >>> from liouville.problems import pendulum
-        >>> run = lv.integrate(
-        ...     pendulum.system, lv.Spark(3), t=(0, 1), h=0.1, tangents={"params.g": 1.0},
-        ...     **pendulum.start,
-        ... )
-        >>> angle = run.tangent_of(lambda t, q, v, params: ca.atan2(q[0], -q[1]))
-        >>> angle["params.g"].shape
-        (11,)
-        """
-        # imported here: few runs have tangents
-        from liouville._solution.chain_rule import tangent_of
-
-        return tangent_of(self, what)
-
-    def __call__(self, t: ArrayLike) -> Points:
-        r"""Give the states at any time within the run, as accurate as those at the ends of steps.
-
-        Nothing is interpolated: from the end of the step before, the method makes a step of the
-        length :math:`t - t_n`. Its order is therefore that of the run, and constraints hold to
-        roundoff. It costs about a step for each time, and a call for each step with times in it;
-        ``t_eval=`` gives many states for less. Where an event had a reset, the step begins behind
-        it; at its time the state is the one after it.
-
-        Parameters
-        ----------
-        t : float or array_like, shape (k,)
-            Times, in any order.
-
-        Returns
-        -------
-        Points
-            The states, each of shape (k, n), or (n,) for a single time; at the end of a step those
-            of the solution, bit for bit.
-
-        Raises
-        ------
-        ValueError
-            A time is outside the run; not all steps are kept; the solution was loaded and has no
-            system and method, or is that of an ensemble.
-        TypeError
-            t is no array of numbers.
-        IntegrationError
-            The method cannot make a part of a step.
-        """
-        if self.dense_order and self.members is not None:
-            sentence = "dense output is that of one member of an ensemble"
-            raise ValueError(hinted(sentence, "solution.member(0)(t) is that of the first"))
-        system = parts.system_of(self, "dense output needs") if self.dense_order else None
-        if not self.dense_order or not isinstance(system, Mechanics | SemiExplicit):
-            sentence = (
-                "dense output needs the states of all steps of a mechanical or semi-explicit system"
-            )
-            hint = "integrate with every=1, states=True and without t_eval"
-            if self.contacts:
-                hint += "; pickles and files of runs with contacts have none"
-            if "psi" in self.states:
-                hint = "of a wave give the times of all states to keep in t="
-            elif "x" in self.states:
-                hint = "of a field give the times of the states to keep in t_eval="
-            raise ValueError(hinted(sentence, hint))
-        times = times_within(t, self.t[0], self.t[-1])
-        flat, way = times.ravel(), 1 if self.t[0] <= self.t[-1] else -1
-        unique, back = np.unique(way * flat, return_inverse=True)
-        between = parts.between_changes if self.stretches else parts.between
-        found = between(self, system, way * unique)
-        states = {name: x[back].reshape(*times.shape, *x.shape[1:]) for name, x in found.items()}
-        return Points(flat if times.ndim else float(flat[0]), states)
-
     def _largest(self, sizes: Array) -> float:
         """Return the largest value, of those members that have come so far."""
         if self.members is not None and (self.failures or self.endings or self.status != "done"):
@@ -436,98 +330,3 @@ class Solution(States, Drifts, Motions):
     def step_size(self) -> str:
         """The step size in words: "h = 0.01", or "mean h = 0.01" of controlled steps."""
         return f"{'mean ' if self.tolerances else ''}h = {self.h:.6g}"
-
-    def reaction(self, constraint: str | int | None = None) -> Array:
-        r"""Give the generalised reaction forces :math:`r(t, q, \lambda)` of the constraints.
-
-        For ``Lagrangian`` and ``Hamiltonian`` systems :math:`r = -g_q^T \lambda`, and
-        :math:`-k_v^T \nu` of nonholonomic constraints.
-
-        Parameters
-        ----------
-        constraint : str or int, optional
-            The name or index of one constraint, whose share is wanted (the other multipliers are
-            then set to zero); all of them by default.
-
-        Returns
-        -------
-        ndarray, shape (k, n) or (k, P, n)
-            The force on each coordinate.
-
-        Raises
-        ------
-        ValueError
-            There is no such constraint, or the solution has no system or not all coordinates.
-        TypeError
-            The constraint is neither a name nor an index.
-        AttributeError
-            The run stored no states, or the system has no reactions.
-        """
-        return parts.reaction(self, constraint)
-
-    def to_xarray(self) -> xarray.Dataset:
-        """Give the solution as an xarray ``Dataset``, as :meth:`save` writes it.
-
-        Of an ensemble the members have numbers, and the parameters that differ are coordinates
-        along them: ``data.swap_dims(member="g").sel(g=9.81)``.
-        """
-        from liouville._solution import export
-
-        return export.to_xarray(self)
-
-    def trajectories(self) -> xarray.Dataset:
-        """Give the members of a field as trajectories, by CF and in the order of Parcels' files.
-
-        Returns
-        -------
-        xarray.Dataset
-            Of dimensions ``trajectory`` and ``obs``, with ``time`` and the coordinates of each
-            point: ``lon``, ``lat`` and levels of a data set, else those of the field. What was
-            observed is there, and parameters that differ; where a member had failed it is NaN.
-
-        Raises
-        ------
-        TypeError
-            The solution is none of a field, or of a file without ``system=``.
-        ValueError
-            The run stored no states.
-        ImportError
-            xarray is not installed.
-        """
-        from liouville._solution import export
-
-        return export.trajectories(self)
-
-    def to_dataframe(self) -> pandas.DataFrame:
-        """Give a row for each kept step of each member."""
-        from liouville._solution import export
-
-        return export.to_dataframe(self)
-
-    def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the solution to a file, replacing what was there once all is written.
-
-        Parameters
-        ----------
-        path : path
-            Files that :func:`~liouville.load` gives back bit for bit: ``.nc`` is NetCDF 4,
-            ``.zarr`` a Zarr 3 folder, ``.npz`` arrays of NumPy, which need no other package.
-            Files for other programs: ``.mat`` has variables and structures for MATLAB, ``.csv``
-            and ``.parquet`` a row for each kept step of each member, and ``.xyz`` a frame of
-            points for each kept step, of a system whose coordinates are called ``x1``, ``y1``,
-            ``z1`` and so on, or ``C1_x`` where an element is to be seen; z may be missing.
-
-        Raises
-        ------
-        ValueError
-            The suffix is none of these, or ``.xyz`` has no points to write, or several members.
-        FileNotFoundError
-            The folder does not exist.
-        ImportError
-            A package that this kind of file needs is not installed.
-        BlockingIOError
-            A stored run is going on there.
-        """
-        from liouville._solution import export
-
-        export.save(self, path)

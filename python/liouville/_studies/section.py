@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import functools
 import math
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
@@ -14,8 +13,8 @@ from numpy.typing import ArrayLike
 
 from liouville import _core
 from liouville._basics import html
-from liouville._basics.arguments import MOST_STEPS, amount, check_memory, interval, number
-from liouville._basics.errors import IntegrationError, Suggesting, hinted, misshapen
+from liouville._basics.arguments import MOST_STEPS, amount, check_memory, interval
+from liouville._basics.errors import IntegrationError, Suggesting, hinted
 from liouville._basics.progress import Progress
 from liouville._methods import VolumeSplitting
 from liouville._runs.choice import runner_of
@@ -24,17 +23,15 @@ from liouville._runs.runner import Request
 from liouville._solution.failure import Failure, counted_on, summary_of
 from liouville._solution.points import Points
 from liouville._solution.solution import Array
+from liouville._studies import planes
 from liouville._systems import Field
-from liouville._systems.events import DIRECTIONS, Event, named
+from liouville._systems.events import Event, named
 
 if TYPE_CHECKING:
     import xarray
 
     from liouville._methods.planner import FieldPlan
     from liouville._runs.fields.field import FieldRunner
-
-#: Name of the event of a surface.
-SURFACE = "plane"
 
 #: Times are counted in periods to roundoff.
 ROUNDOFF = 1e-9
@@ -199,16 +196,18 @@ def section(
     from liouville._methods.splitting import to_core
     from liouville._runs.fields.field import FieldRunner
 
-    cuts, names, others = _cuts(offset, period, direction), system.coordinates, named(events)
-    if SURFACE in others:
-        raise ValueError(f"'{SURFACE}' is the event of the section itself: give it another name")
+    cuts, names, others = planes.cuts(offset, period, direction), system.coordinates, named(events)
+    if planes.SURFACE in others:
+        raise ValueError(
+            f"'{planes.SURFACE}' is the event of the section itself: give it another name"
+        )
     is_strobe = isinstance(plane, str) and plane == "t" and "t" not in names
     if is_strobe and others:
         hint = "lv.ensemble(..., t_eval=times, events=...) has states at given times"
         raise ValueError(hinted("events= is for planes and surfaces, and plane='t' is none", hint))
-    normal = np.zeros(len(names)) if callable(plane) or is_strobe else _plane(plane, names)
-    surface = plane if callable(plane) else _level(normal, cuts) if others else None
-    own = surface if surface is None else _surface(surface, cuts, direction, callable(plane))
+    normal = np.zeros(len(names)) if callable(plane) or is_strobe else planes.normal(plane, names)
+    surface = plane if callable(plane) else planes.level(normal, cuts) if others else None
+    own = surface if surface is None else planes.event(surface, cuts, direction, callable(plane))
     request = Request(
         t=t, h=h, steps=steps, every=MOST_STEPS, params=params, threads=threads, start={"x": x},
         events=None if own is None else own | others, is_ensemble=True,
@@ -226,9 +225,9 @@ def section(
         _, rows = run.take()
         if own:
             points, endings = runner.events(run)
-            met = points.pop(SURFACE)
+            met = points.pop(planes.SURFACE)
             rows = np.column_stack([met.member, met.t, met.x])
-            rows = rows if callable(plane) else rows[_is_on(rows[:, 2:] @ normal, cuts)]
+            rows = rows if callable(plane) else rows[planes.is_on(rows[:, 2:] @ normal, cuts)]
     failures = {} if isinstance(run, dict) else failures_of(run, runner)
     forwards = np.sign(made.t1 - made.t0)
     order = np.lexsort((forwards * rows[:, 1], rows[:, 0]))
@@ -240,12 +239,17 @@ def section(
         events=points, endings=endings,
     )  # fmt: skip
     if isinstance(outcome, dict):
-        message, quantity = explain(outcome, runner)
-        raise IntegrationError(
-            message, t=outcome.get("start", made.t0), step=outcome.get("step", 0),
-            quantity=quantity, member=outcome.get("member"), section=found,
-        )  # fmt: skip
+        raise _failed(found, outcome, runner)
     return _with_some_left(found)
+
+
+def _failed(found: Section, outcome: dict[str, Any], runner: FieldRunner) -> IntegrationError:
+    """Return the error of a run of all members."""
+    message, quantity = explain(outcome, runner)
+    return IntegrationError(
+        message, t=outcome.get("start", runner.steps.t0), step=outcome.get("step", 0),
+        quantity=quantity, member=outcome.get("member"), section=found,
+    )  # fmt: skip
 
 
 def _with_some_left(found: Section) -> Section:
@@ -257,54 +261,6 @@ def _with_some_left(found: Section) -> Section:
             member=member, section=replace(found, status="failed"),
         )  # fmt: skip
     return found
-
-
-def _level(normal: Array, cuts: tuple[float, float | None, int]) -> Callable[..., Any]:
-    """Return a function that is zero on planes; of parallel ones also half-way between them."""
-    offset, period, _ = cuts
-
-    def level(t: Any, x: Any, params: Any) -> Any:
-        del t, params
-        along = sum(float(a) * x[k] for k, a in enumerate(normal) if a)
-        if period is None:
-            return along - offset
-        return np.sin((along - offset) * (2 * np.pi / period))
-
-    return level
-
-
-def _is_on(along: Array, cuts: tuple[float, float | None, int]) -> np.ndarray:
-    """Return which points are on planes and not half-way between them."""
-    offset, period, _ = cuts
-    if period is None:
-        return np.ones(len(along), dtype=bool)
-    return np.asarray(np.cos((along - offset) * (2 * np.pi / period)) > 0)
-
-
-def _surface(
-    surface: Callable[..., Any],
-    cuts: tuple[float, float | None, int],
-    direction: str,
-    is_given: bool,
-) -> dict[str, Event]:
-    """Return the event of a function that is given, or of one that is zero on planes."""
-    if not is_given:
-        return {SURFACE: Event(surface, direction)}
-    offset, period, _ = cuts
-    if period is not None:
-        hint = "return a function that is zero on all of them, such as sin(x[0])"
-        raise ValueError(hinted("period= is that of planes, and plane= is a function", hint))
-
-    @functools.wraps(surface)  # its arguments are looked at
-    def crossed(t: Any, x: Any, params: Any) -> Any:
-        found = surface(t, x, params)
-        lone = found[0] if isinstance(found, (list, tuple)) and len(found) == 1 else found
-        try:
-            return lone - offset
-        except TypeError:  # refused by name
-            return found
-
-    return {SURFACE: Event(crossed, direction)}
 
 
 def _strobed(
@@ -370,42 +326,3 @@ def _strobed(
         names=runner.system.coordinates, plane=(np.zeros(x.shape[-1]), offset),
         method=runner.method, period=period, status=status, failures=failures,
     )  # fmt: skip
-
-
-def _plane(plane: str | ArrayLike, names: Sequence[str]) -> Array:
-    """Return the normal of a plane."""
-    if isinstance(plane, str):
-        if plane not in names:
-            known = ", ".join(names[:10]) + (", ..." if len(names) > 10 else "")
-            raise ValueError(f"there is no coordinate '{plane}': the system has {known}")
-        axis: Array = np.eye(len(names))[names.index(plane)]
-        return axis
-    try:
-        normal = np.array(plane, dtype=float)
-    except (TypeError, ValueError):
-        normal = np.empty(())
-    if not normal.ndim:
-        sentence = (
-            f"plane must be a coordinate's name, a function or an array of numbers, not {plane!r}"
-        )
-        hint = "an Event's function and direction go into plane= and direction="
-        raise TypeError(hinted(sentence, hint) if isinstance(plane, Event) else sentence)
-    if normal.shape != (len(names),):
-        raise misshapen("plane", normal.shape, f"({len(names)},)")
-    if not np.isfinite(normal).all() or not normal.any():
-        raise ValueError("the normal of a plane must be finite and not zero")
-    return normal
-
-
-def _cuts(offset: Any, period: Any, direction: Any) -> tuple[float, float | None, int]:
-    """Return the offset, the period, and +1 for up, -1 for down, 0 for both."""
-    c = number("offset must be a number", offset)
-    if not math.isfinite(c):
-        raise ValueError(f"offset must be finite, not {c}")
-    if period is not None:
-        period = number("period must be a number", period)
-        if not (math.isfinite(period) and period > 0):
-            raise ValueError(f"period must be positive and finite, not {period}")
-    if direction not in DIRECTIONS:
-        raise ValueError(f"direction must be one of {', '.join(DIRECTIONS)}, not {direction!r}")
-    return c, period, DIRECTIONS[direction]

@@ -10,7 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from liouville import _core
 from liouville._basics import casadi as ca
-from liouville._basics.errors import Description, hinted, quoted
+from liouville._basics.errors import hinted, quoted
+from liouville._basics.faults import Description
 from liouville._basics.job import Turning
 from liouville._systems import members
 from liouville._systems.mechanics.general import Mechanics

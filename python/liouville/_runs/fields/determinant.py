@@ -7,7 +7,7 @@ from typing import Any
 
 from liouville import _core
 from liouville._basics.arguments import check_memory
-from liouville._basics.errors import Description
+from liouville._basics.faults import Description
 from liouville._methods import VolumeSplitting
 from liouville._methods.planner import FieldPlan
 from liouville._methods.splitting import to_core

@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from liouville import _core
-from liouville._basics.errors import Description, describe, hinted
+from liouville._basics.errors import hinted
+from liouville._basics.faults import Description, describe
 from liouville._basics.job import Job
 from liouville._methods import VolumeSplitting
 from liouville._methods.control import TRIAL, Steps, Takes

@@ -15,7 +15,7 @@ from liouville._basics.errors import IntegrationError, hinted
 from liouville._runs.adjoint import EVENTS, INVARIANTS, Adjoint, Gradients
 from liouville._runs.execute import Checkpoints, execute, finished
 from liouville._runs.kinks import Kinks
-from liouville._runs.mechanics.held_steps import HeldSteps
+from liouville._runs.mechanics.held_steps import HeldSteps, at_switches
 from liouville._runs.mechanics.traced import TracedRunner
 from liouville._runs.runner import Request
 from liouville._runs.tangents import PARAMS, check_wrt, gradients_of, shapes_of
@@ -209,7 +209,7 @@ class ConstrainedAdjoint(Adjoint):
             for points in run.events.values()
             if f"{system.states[0]}{AFTER}" in points.states
         ]
-        switches = self.runner.at_switches(run, system.values(run.params))
+        switches = at_switches(self.runner, run, system.values(run.params))
         return np.column_stack([times, *columns, *np.sign(switches).T])
 
     def _moved(self, directions: Mapping[str, np.ndarray], size: float) -> Solution:

@@ -11,6 +11,7 @@ from liouville._runs.execute import Checkpoints, execute, finished
 from liouville._runs.mechanics.traced import TracedRunner
 from liouville._runs.runner import Request
 from liouville._solution.chain_rule import ended
+from liouville._solution.solution import Solution
 
 
 class HeldSteps:
@@ -31,7 +32,7 @@ class HeldSteps:
         self._kind, self._of = type(runner), (runner.system, runner.choice)
         own = self._kind(*self._of, whole)
         made = finished(execute(own, checkpoints=Checkpoints(None)))
-        values = np.abs(own.at_switches(made, own._values))
+        values = np.abs(at_switches(own, made, own._values))
         is_zero = values <= MET * values.max(axis=0, initial=0.0)
         is_met = (is_zero[1:-1] & ~is_zero[:-2]).any(axis=1)
         self.ends = made.t[np.concatenate([[True], ~is_met, [True]])]
@@ -43,3 +44,13 @@ class HeldSteps:
         own = self._kind(*self._of, request)
         own.hold(self.ends)
         return own
+
+
+def at_switches(runner: TracedRunner, run: Solution, values: np.ndarray) -> np.ndarray:
+    """Return the functions at whose zeros steps end, at records, shape (k, s)."""
+    points = [run.t[:, None], *(run.states[name] for name in runner.system.states)]
+    args = [np.ascontiguousarray(x) for x in points]
+    found = [np.empty((len(run.t), 0))]
+    for tape in runner.switches.values():  # which do not see multipliers
+        found.append(tape.map(values, [*args, np.zeros((len(run.t), tape.inputs[3]))]))
+    return np.concatenate(found, axis=1)

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from liouville import _core
-from liouville._basics.errors import Description, hinted, quoted
+from liouville._basics.errors import hinted, quoted
+from liouville._basics.faults import Description
 from liouville._basics.job import AlphaTransposed, Job, WatchedSteps
 from liouville._methods import Composition, LobattoPair, Method
 from liouville._methods.control import Takes

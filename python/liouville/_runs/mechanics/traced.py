@@ -5,13 +5,13 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from functools import cached_property, lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
 from liouville import _core
 from liouville._basics.arguments import MOST_STEPS
-from liouville._basics.errors import Description
+from liouville._basics.faults import Description
 from liouville._basics.job import AlphaTransposed, Job, Sensitivity
 from liouville._methods import Composition, Method
 from liouville._methods.control import CONTROLS, LEAST_TOLERANCE, Reversible, Takes
@@ -155,8 +155,8 @@ class TracedRunner(Runner):
 
     def _job(self) -> Job:
         """Return the run as the core begins it."""
-        steps, control = self.steps, None
-        if steps.control is not None:
+        steps, control = self.steps, cast("Any", self._held)
+        if control is None and steps.control is not None:
             monitor = (self._monitor,) if self._control == "reversible" else ()
             control = (*steps.control[1:], *monitor)
         job = Job(
@@ -164,8 +164,6 @@ class TracedRunner(Runner):
             observer=self._observer, params=self._values, states=self._states,
             control=control, watch=self._watched, is_differentiated=self._is_differentiated,
         )  # fmt: skip
-        if self._held is not None:
-            job.control = self._held
         if self._states:
             job.turning = self.system.turning
         if self._parts:
@@ -359,15 +357,6 @@ class TracedRunner(Runner):
     def switches(self) -> Mapping[str, _core.Tape]:
         """The functions of the system at whose zeros steps end."""
         return self.system.switch_tapes if self._sees_switches else {}
-
-    def at_switches(self, run: Solution, values: np.ndarray) -> np.ndarray:
-        """Return the values of these functions at records, shape (k, s)."""
-        points = [run.t[:, None], *(run.states[name] for name in self.system.states)]
-        args = [np.ascontiguousarray(x) for x in points]
-        found = [np.empty((len(run.t), 0))]
-        for tape in self.switches.values():  # which do not see multipliers
-            found.append(tape.map(values, [*args, np.zeros((len(run.t), tape.inputs[3]))]))
-        return np.concatenate(found, axis=1)
 
     @property
     def _extra_states(self) -> tuple[str, ...]:

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from liouville._basics.errors import Description, describe
+from liouville._basics.faults import Description, describe
 from liouville._systems import Schrodinger
 
 #: So many times within a step that failed are looked at.

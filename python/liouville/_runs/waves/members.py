@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from liouville import _core
-from liouville._basics.errors import Description, hinted
+from liouville._basics.errors import hinted
+from liouville._basics.faults import Description
 from liouville._methods import WaveMethod
 from liouville._methods.control import Steps
 from liouville._methods.planner import WavePlan

@@ -13,7 +13,8 @@ import numpy as np
 
 from liouville import _core
 from liouville._basics.arguments import check_memory, times_of
-from liouville._basics.errors import Description, hinted
+from liouville._basics.errors import hinted
+from liouville._basics.faults import Description
 from liouville._basics.job import Job
 from liouville._methods import SplitOperator, Stepped, WaveMethod
 from liouville._methods.control import Steps

@@ -62,48 +62,9 @@ def laid_out(solution: Solution) -> Layout:
     """Return a solution as named arrays; nothing is copied."""
     names, failures = solution.names, solution.failures
     axes = Axes(solution.members is not None, "unknowns" in names)
-    found: list[tuple[str, Array, dict[str, str]]] = []
-    for name, values in solution.states.items():
-        found.append((name, values, unit_attribute(solution, name)))
-    for name, (values, said) in positions(solution).items():
-        found.append((name, values, said))
-    if solution.invariants:
-        columns = np.stack(list(solution.invariants.values()), axis=-1)
-        found.append(("invariants", columns, {}))
-    if solution.residuals:
-        known = names["constraints"]
-        shape = next(iter(solution.residuals.values())).shape[:-1]
-        rows = np.full((*shape, len(solution.residuals), len(known)), np.nan)
-        for place, (name, values) in enumerate(solution.residuals.items()):
-            rows[..., place, place_of(name, values, known)] = values
-        found.append(("residuals", rows, {}))
-    for name, each in (("angles", solution.angles), ("balance", solution.balance)):
-        if each:
-            found.append((name, np.stack(list(each.values()), axis=-1), {}))
-    forces = reactions(solution)
-    if forces is not None:
-        found.append(("reactions", forces, unit_attribute(solution, "reaction")))
-    for name, values in solution.observed.items():
-        own = {"name": name} | unit_attribute(solution, name)
-        found.append(labelled("observed", values, own))
-    for name, points in solution.events.items():
-        own = {"name": name} | unit_attribute(solution, "t")
-        found.append(labelled("event", points.t, own))
-        for state, values in points.states.items():
-            own = {"name": name, "state": state}
-            own |= unit_attribute(solution, state.removesuffix(AFTER))
-            found.append(labelled("event", values, own))
-    found += [*columns_of(solution.contacts), *changes_of(solution.contacts)]
-    for name, tangent in solution.tangents.items():
-        for state, values in tangent.states.items():
-            found.append(labelled("tangent", values, {"name": name, "state": state}))
-        for event, points in tangent.events.items():
-            own = {"name": name, "event": event}
-            found.append(labelled("tangent", points.t, own))
-            for state, values in points.states.items():
-                found.append(labelled("tangent", values, own | {"state": state}))
     variables = {
-        name: (axes.fitting(name, own, values.ndim), values, own) for name, values, own in found
+        name: (axes.fitting(name, own, values.ndim), values, own)
+        for name, values, own in _arrays(solution)
     }
     labels = {
         "coordinate": names["coordinates"],
@@ -137,6 +98,51 @@ def laid_out(solution: Solution) -> Layout:
     }
     named = {dim: list(values) for dim, values in labels.items()}
     return Layout(variables, {"time": solution.t, **named}, attributes)
+
+
+def _arrays(solution: Solution) -> list[tuple[str, Array, dict[str, str]]]:
+    """Return all arrays of a solution by their names in files, with their attributes."""
+    found: list[tuple[str, Array, dict[str, str]]] = []
+    for name, values in solution.states.items():
+        found.append((name, values, unit_attribute(solution, name)))
+    for name, (values, said) in positions(solution).items():
+        found.append((name, values, said))
+    if solution.invariants:
+        columns = np.stack(list(solution.invariants.values()), axis=-1)
+        found.append(("invariants", columns, {}))
+    if solution.residuals:
+        known = solution.names["constraints"]
+        shape = next(iter(solution.residuals.values())).shape[:-1]
+        rows = np.full((*shape, len(solution.residuals), len(known)), np.nan)
+        for place, (name, values) in enumerate(solution.residuals.items()):
+            rows[..., place, place_of(name, values, known)] = values
+        found.append(("residuals", rows, {}))
+    for name, each in (("angles", solution.angles), ("balance", solution.balance)):
+        if each:
+            found.append((name, np.stack(list(each.values()), axis=-1), {}))
+    forces = reactions(solution)
+    if forces is not None:
+        found.append(("reactions", forces, unit_attribute(solution, "reaction")))
+    for name, values in solution.observed.items():
+        own = {"name": name} | unit_attribute(solution, name)
+        found.append(labelled("observed", values, own))
+    for name, points in solution.events.items():
+        own = {"name": name} | unit_attribute(solution, "t")
+        found.append(labelled("event", points.t, own))
+        for state, values in points.states.items():
+            own = {"name": name, "state": state}
+            own |= unit_attribute(solution, state.removesuffix(AFTER))
+            found.append(labelled("event", values, own))
+    found += [*columns_of(solution.contacts), *changes_of(solution.contacts)]
+    for name, tangent in solution.tangents.items():
+        for state, values in tangent.states.items():
+            found.append(labelled("tangent", values, {"name": name, "state": state}))
+        for event, points in tangent.events.items():
+            own = {"name": name, "event": event}
+            found.append(labelled("tangent", points.t, own))
+            for state, values in points.states.items():
+                found.append(labelled("tangent", values, own | {"state": state}))
+    return found
 
 
 def unit_attribute(solution: Solution, name: str) -> dict[str, str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,19 +10,11 @@ import numpy as np
 from liouville._basics.arguments import amount
 from liouville._basics.errors import IntegrationError, hinted, quoted
 from liouville._basics.scipy import scipy
+from liouville._studies.fitting import remarks
 from liouville._studies.fitting.measurements import shared_unit
 from liouville._studies.fitting.motions import Model, Motion
 from liouville._studies.fitting.profile import Held
-from liouville._studies.fitting.result import (
-    Fit,
-    Fitted,
-    of_bounds,
-    of_most,
-    of_none,
-    of_size,
-    of_spread,
-    of_step,
-)
+from liouville._studies.fitting.result import Fit, Fitted, Least
 from liouville._studies.fitting.robust import LOSSES, Loss, robust
 from liouville.analysis.point import Array
 
@@ -40,29 +32,6 @@ RANK, APART = 1e-10, 0.1
 NOTHING = 1e-11
 #: Where a fit from the guess is poor, fits to these parts of the time lead to another minimum.
 GROWING = (0.125, 0.25, 0.5)
-
-
-@dataclass(frozen=True)
-class _Least:
-    """Where squares are least: residuals in units of the weights, and derivatives by the unknowns.
-
-    Attributes
-    ----------
-    residuals, jacobian, covariance : ndarray
-        Shapes (N,), (N, K) and (K, K), the last for measurements of deviation one.
-    loss : float
-        The sum of losses, that is least.
-    """
-
-    residuals: Array
-    jacobian: Array
-    covariance: Array
-    loss: float
-
-    @property
-    def size(self) -> float:
-        """The sum of squares."""
-        return float(self.residuals @ self.residuals)
 
 
 class Problem:
@@ -96,7 +65,7 @@ class Problem:
         self._take(kept)
         return self._fit(self._surely(self._settled() if found else None), "")
 
-    def _grown(self, guess: tuple[dict[str, Any], list[dict[str, Array]]]) -> _Least | None:
+    def _grown(self, guess: tuple[dict[str, Any], list[dict[str, Array]]]) -> Least | None:
         """Fit from the guess to growing parts of the time, and to all of it."""
         self._take(guess)
         for part in (*GROWING, 1.0):
@@ -139,26 +108,28 @@ class Problem:
         for motion, start in zip(self.motions, place[1], strict=True):
             motion.start = start
 
-    def _is_poor(self, found: _Least) -> bool:
+    def _is_poor(self, found: Least) -> bool:
         """Return whether residuals are far larger than sigma, or than a part of what was seen."""
         dof = found.residuals.size - len(found.covariance)
         is_small = self.is_absolute and found.size * self.unit**2 <= dof
         return bool(self._said_of_residuals(found)) and not is_small
 
-    def _said_of_residuals(self, found: _Least) -> str:
+    def _said_of_residuals(self, found: Least) -> str:
         """Say where residuals are not of the size that is known, or as large as what was seen."""
         dof, own = found.residuals.size - len(found.covariance), found.residuals * self.unit
         measured = own[: own.size - len(self.unknowns.priors)]
         if not dof:
             return ""
         if self.loss is not LOSSES["linear"]:
-            return of_most(measured)
+            return remarks.of_most(measured)
         if self.is_absolute:
-            return of_size(own, dof)
+            return remarks.of_size(own, dof)
         values = [motion.values()[motion.is_there] for motion in self.motions]
-        return of_spread(float(np.std(found.residuals)), float(np.std(np.concatenate(values))))
+        return remarks.of_spread(
+            float(np.std(found.residuals)), float(np.std(np.concatenate(values)))
+        )
 
-    def _settled(self) -> _Least | None:
+    def _settled(self) -> Least | None:
         """Fit from where the last fit ended until losses are least there, None if they never are.
 
         Raises
@@ -195,13 +166,15 @@ class Problem:
             self.params = self.unknowns.taken(self.params, at[: len(self.bounds)])
             # SciPy's units are those of the first guess, beside whose slopes all others may vanish
             if self._is_least(at, residuals, jacobian, covariance):
-                return _Least(residuals, jacobian, covariance, float(self._rho(residuals)[0].sum()))
+                return Least(residuals, jacobian, covariance, float(self._rho(residuals)[0].sum()))
         return None
 
-    def _surely(self, found: _Least | None) -> _Least:
+    def _surely(self, found: Least | None) -> Least:
         """Return a fit that was found; ValueError where there is none."""
         if found is None:
-            raise ValueError(of_none(self.evaluations, [motion.met() for motion in self.motions]))
+            raise ValueError(
+                remarks.of_none(self.evaluations, [motion.met() for motion in self.motions])
+            )
         return found
 
     def _is_least(self, x: Array, residuals: Array, jacobian: Array, covariance: Array) -> bool:
@@ -340,7 +313,7 @@ class Problem:
         sentence = f"the measurements do not determine {what}"
         raise ValueError(hinted(sentence, "fix something of it, or measure what it changes"))
 
-    def _fit(self, found: _Least, said: str) -> Fit:
+    def _fit(self, found: Least, said: str) -> Fit:
         """Return the fit, with the covariance of parameters and of the starts."""
         residuals, covariance, sigma = found.residuals, found.covariance, None
         dof = residuals.size - len(covariance)
@@ -359,7 +332,7 @@ class Problem:
         moved = spreads @ self._moved_by_finer_steps(found.jacobian)
         words = [said, self._said_of_residuals(found)]
         at = self.unknowns.theta(self.params), self.bounds
-        words.append(of_bounds(names, *at, np.sqrt(np.diagonal(spread_out))))
+        words.append(remarks.of_bounds(names, *at, np.sqrt(np.diagonal(spread_out))))
         cuts = np.cumsum([int(motion.is_there.sum()) for motion in self.motions])
         trials = [
             Fitted(motion.params, motion.start, -own, motion.solution)
@@ -369,7 +342,7 @@ class Problem:
             params=self.params, trials=tuple(trials), names=tuple(names), covariance=spread_out,
             residuals=-residuals, sigma=sigma, dof=dof, evaluations=self.evaluations,
         )  # fmt: skip
-        words.append(of_step(fit, moved))
+        words.append(remarks.of_step(fit, moved))
         return replace(fit, message="; ".join(filter(None, words)))
 
     def _spreads(self, width: int) -> tuple[list[str], Array]:

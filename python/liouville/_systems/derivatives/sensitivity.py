@@ -13,7 +13,8 @@ import numpy as np
 
 from liouville import _core
 from liouville._basics import casadi as ca
-from liouville._basics.errors import describe, hinted
+from liouville._basics.errors import hinted
+from liouville._basics.faults import describe
 from liouville._systems.mechanics import consistent as _consistent
 from liouville._systems.mechanics.form import record_blocks
 from liouville._systems.mechanics.motion import equations, kept

@@ -12,7 +12,8 @@ from numpy.typing import ArrayLike
 from liouville import _core
 from liouville._basics import casadi as ca
 from liouville._basics.arguments import amount
-from liouville._basics.errors import describe, hinted, quoted, shown
+from liouville._basics.errors import hinted, quoted, shown
+from liouville._basics.faults import describe
 from liouville._systems.mechanics import motion as _motion
 from liouville._systems.mechanics.consistent import recorded
 from liouville._systems.mechanics.form import (

@@ -12,7 +12,8 @@ from numpy.typing import ArrayLike
 from liouville import _core
 from liouville._basics import casadi as ca
 from liouville._basics.arguments import amount
-from liouville._basics.errors import Description, hinted, shown
+from liouville._basics.errors import hinted, shown
+from liouville._basics.faults import Description
 from liouville._systems.mechanics.form import record_blocks, total_derivative
 from liouville._systems.mechanics.traced import Function, TracedSystem, traced_invariants
 from liouville._systems.mechanics.violations import (

@@ -11,7 +11,8 @@ import numpy as np
 
 from liouville import _core
 from liouville._basics import casadi as ca
-from liouville._basics.errors import Description, describe, hinted
+from liouville._basics.errors import hinted
+from liouville._basics.faults import Description, describe
 from liouville._basics.job import Reset, Turning
 from liouville._systems.events import Event, Impact
 from liouville._systems.mechanics.form import total_derivative
