@@ -1,4 +1,4 @@
-"""What is said of a fit: of its residuals, its bounds, its steps, and of one that is not found."""
+"""Remarks on a fit: on its residuals, its bounds and its steps, and on one that is not found."""
 
 from __future__ import annotations
 
