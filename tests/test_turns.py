@@ -41,7 +41,7 @@ def test_a_torsion_spring_works_over_many_turns(kind, law):
 def test_a_torque_that_no_angle_enters_takes_no_coordinate():
     m, system = hinge(torque=lambda t, a, w, p: 60 * t * t)
     assert len(system.coordinates) == 7
-    with pytest.raises(ValueError, match="counts no turns, and 7 is over one\nhint: nothing"):
+    with pytest.raises(ValueError, match=r"over one\nhint: nothing depends.*, in radians"):
         m.start(values={"A": 7.0})
     whole = lv.integrate(system, lv.Spark(3), t=(0, 2), steps=200, **m.start())
     assert whole.joint("A").angle[-1] == pytest.approx(80, abs=1e-3)

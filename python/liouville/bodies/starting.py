@@ -361,7 +361,7 @@ def assembled(
         if held[k] not in search.counted and abs(wanted[k]) > 2 * np.pi:
             joint = [x.name for x in places if x.first <= held[k]][-1]
             sentence = f"values: joint '{joint}' counts no turns, and {wanted[k]:g} is over one"
-            hint = "nothing depends on the angle but its attitude: give it within one turn"
+            hint = "nothing depends on it but an attitude: give it within one turn, in radians"
             raise ValueError(hinted(sentence, hint))
     search.check_freedom(q)
     return {"q": q, "v": search.velocities(q, moving, speeds)}
