@@ -5,7 +5,8 @@ the truth. Of each unknown the interval is its value and 1.96 standard deviation
 either side, or the quantile of Student's t where the deviation of the measurements comes from the
 residuals. Printed are how many of 100 hold the truth, of all unknowns together and of those that
 do least and most often, how many standard deviations of a fit those of 200 data sets are, and how
-many fits have a message. Run as ``python benchmarks/coverage.py [model]``; all take three minutes.
+many fits have a message. Run as ``python benchmarks/fit_coverage.py [model]``; all take three
+minutes.
 """
 
 import sys
