@@ -29,6 +29,7 @@ __all__ = [
     "Sensitivity",
     "Separable",
     "Split",
+    "SplitBeginning",
     "Tape",
     "WaveDerivative",
     "WaveRecord",
@@ -50,7 +51,7 @@ __all__ = [
     "run",
     "run_each",
     "spark_tableau",
-    "split_pilot",
+    "split_beginning",
     "split_program",
     "stability",
     "violation",
@@ -162,6 +163,15 @@ class Sensitivity:
     def __new__(
         cls, problem: Mechanical, tapes: dict[str, Tape], patterns: dict[str, _Pattern]
     ) -> Sensitivity: ...
+
+@final
+class SplitBeginning:
+    @property
+    def pairs(self) -> int: ...
+    @property
+    def reached(self) -> float: ...
+    @property
+    def next(self) -> float: ...
 
 @final
 class SecondOrder:
@@ -403,13 +413,13 @@ def magnus_cost(
     hamiltonian: Hamiltonian, method: object, times: Sequence[float]
 ) -> tuple[float, float, float, bool]: ...
 def processor_degree(order: int, stages: int, theta: float) -> int | None: ...
-def split_pilot(
+def split_beginning(
     hamiltonian: Hamiltonian,
     method: object,
     interval: tuple[float, float],
     flows: int,
     psi: NDArray[np.complex128],
-) -> tuple[float, int, float]: ...
+) -> SplitBeginning: ...
 def split_program(name: str) -> list[tuple[bool, float, float]]: ...
 def project(
     tapes: tuple[Tape, Tape, Tape],

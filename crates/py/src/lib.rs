@@ -71,7 +71,8 @@ mod _core {
     use super::run::{Run, run, run_each};
     #[pymodule_export]
     use super::schrodinger::{
-        chebyshev_degree, driven_cost, magnus_cost, processor_degree, split_pilot, split_program,
+        chebyshev_degree, driven_cost, magnus_cost, processor_degree, split_beginning,
+        split_program,
     };
     #[pymodule_export]
     use super::second_order::{SecondOrder, Separable};
@@ -83,6 +84,8 @@ mod _core {
     use super::start::violation;
     #[pymodule_export]
     use super::tableau::{lobatto_pair, spark_tableau};
+    #[pymodule_export]
+    use super::wave_method::SplitBeginning;
 
     #[pymodule_init]
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {

@@ -5,7 +5,7 @@ use crate::convert::Values;
 use crate::derivative::WaveRecord;
 use crate::errors::refused;
 use crate::operator::Hamiltonian;
-use crate::wave_method::{DrivenMethod, SplitMethod, WaveMethod};
+use crate::wave_method::{DrivenMethod, SplitBeginning, SplitMethod, WaveMethod};
 use liouville_base::run::{Advance, StartError};
 use liouville_waves::method::{DrivenCost, Observable};
 use liouville_waves::run;
@@ -181,17 +181,18 @@ pub(crate) fn split_program(name: &str) -> PyResult<Vec<(bool, f64, f64)>> {
         .collect())
 }
 
-/// The first step of a split operator to a tolerance from a state, the flows of T that it took to find it, and where these
-/// lead; so many flows are made or more, up to the end.
+/// The beginning of a run by a split operator to a tolerance from a state, with so many flows of T or more, up to its first
+/// output.
 #[pyfunction]
-pub(crate) fn split_pilot(
+pub(crate) fn split_beginning(
     py: Python<'_>,
     hamiltonian: PyRef<'_, Hamiltonian>,
     method: SplitMethod,
     interval: (f64, f64),
     flows: usize,
     psi: PyReadonlyArray2<'_, Complex64>,
-) -> PyResult<(f64, usize, f64)> {
+) -> PyResult<SplitBeginning> {
     let (method, psi) = (method.read(&hamiltonian)?, parts(&psi)?);
-    attending(py, || method.pilot(interval, flows, psi))?.map_err(refused)
+    let begun = attending(py, || method.begin(interval, flows, psi))?;
+    begun.map(SplitBeginning).map_err(refused)
 }

@@ -4,10 +4,12 @@ use crate::convert::Values;
 use crate::errors::refused;
 use crate::operator::Hamiltonian;
 use liouville_waves::method::{
-    Driven, Eigenpairs, Looks, MagnusTolerance, ShearProgram, SplitTolerance, TermBounds, Windows,
+    Begun, Driven, Eigenpairs, Looks, MagnusTolerance, ShearProgram, SplitTolerance, TermBounds,
+    Windows,
 };
 use liouville_waves::run::{self, Method};
 use pyo3::prelude::*;
+use pyo3::types::PyType;
 use std::sync::Arc;
 
 /// A method, by the attributes of its dataclass; `norm_tol` is how far the norm may be off.
@@ -85,6 +87,34 @@ pub(crate) struct SplitMethod {
     /// Start and end of the run, times of samples and others, and densities, at which functions of time are looked at.
     looks: (f64, f64, Vec<f64>, Vec<f64>, Vec<f64>),
     norm_tol: f64,
+    begun: Option<Py<SplitBeginning>>,
+}
+
+/// The beginning of a run by a split operator: the pairs of transforms that it took, the time that it reached, and the next step.
+#[pyclass(frozen, module = "liouville._core")]
+pub(crate) struct SplitBeginning(pub(crate) run::Beginning);
+
+#[pymethods]
+impl SplitBeginning {
+    #[getter]
+    fn pairs(&self) -> usize {
+        self.0.flows
+    }
+
+    #[getter]
+    fn reached(&self) -> f64 {
+        self.0.reached
+    }
+
+    #[getter]
+    fn next(&self) -> f64 {
+        self.0.next
+    }
+
+    /// A copy of it is none: another run begins anew.
+    fn __reduce__(own: PyRef<'_, Self>) -> (Py<PyType>, ()) {
+        (own.py().None().bind(own.py()).get_type().unbind(), ())
+    }
 }
 
 impl SplitMethod {
@@ -107,7 +137,9 @@ impl SplitMethod {
             breaks: self.breaks,
         };
         let (norm, tolerance) = (self.norm_tol, Some(tolerance));
-        let found = Method::splitting(&self.scheme, &hamiltonian.inner, norm, tolerance);
+        let begun = self.begun.map(|own| own.get().0.begun.clone());
+        let begun = begun.unwrap_or_default();
+        let found = Method::splitting(&self.scheme, &hamiltonian.inner, norm, tolerance, begun);
         found.map_err(refused)
     }
 }
@@ -264,7 +296,8 @@ impl WaveMethod<'_> {
             },
             Self::SplitSteps(method) => method.read(hamiltonian)?,
             Self::Splitting { scheme, norm_tol } => {
-                Method::splitting(&scheme, &hamiltonian.inner, norm_tol, None).map_err(refused)?
+                let (begun, own) = (Begun::default(), &hamiltonian.inner);
+                Method::splitting(&scheme, own, norm_tol, None, begun).map_err(refused)?
             }
         };
         Ok(found)

@@ -9,7 +9,7 @@ use liouville_base::method::Stepper;
 pub(super) struct Doubling {
     before: Wave<f64>,
     coarse: Wave<f64>,
-    /// The state before a step that was made as halves alone.
+    /// The state before the last step, where it is kept.
     passed: Wave<f64>,
 }
 
@@ -24,10 +24,15 @@ impl Doubling {
         }
     }
 
-    /// The same for steps that are made as halves alone, too.
-    pub(super) fn passing(self) -> Self {
+    /// The same for steps that are kept, or made as halves alone.
+    pub(super) fn keeping(self) -> Self {
         let passed = self.before.clone();
         Self { passed, ..self }
+    }
+
+    /// Keeps the state before the last step.
+    pub(super) fn keep(&mut self) {
+        std::mem::swap(&mut self.before, &mut self.passed);
     }
 
     /// Makes a step as two halves, and returns how far a step made as one is off them.
@@ -66,14 +71,9 @@ impl Doubling {
         halves(stepper, step, state)
     }
 
-    /// Takes back the last step that was made as halves alone, and those since then.
+    /// Takes back the last step that was kept, or made as halves alone, and what was made since then.
     pub(super) fn put_back_passed(&self, state: &mut Wave<f64>) {
         copy(&self.passed, state);
-    }
-
-    /// The state before the last step.
-    pub(super) fn before(&self) -> &Wave<f64> {
-        &self.before
     }
 
     /// Takes the last step back.

@@ -1,7 +1,7 @@
 //! Methods for Schrödinger equations, with all that a run needs beside its Hamiltonian.
 
 use crate::method::{
-    Driven, Eigenpairs, MagnusCost, MagnusSteps, MagnusTolerance, Nodes, Phases, Processor,
+    Begun, Driven, Eigenpairs, MagnusCost, MagnusSteps, MagnusTolerance, Nodes, Phases, Processor,
     ShearProgram, SplitSteps, SplitTolerance, TermBounds, Wave, Windows, bessel,
 };
 use crate::problem::Hamiltonian;
@@ -110,7 +110,21 @@ pub enum Method {
         phases: Box<Phases>,
         /// The tolerance by which steps are chosen; none where they are given.
         tolerance: Option<SplitTolerance>,
+        /// The beginning of a run that may go on.
+        begun: Begun,
     },
+}
+
+/// The beginning of a run by a split operator.
+pub struct Beginning {
+    /// For the run that goes on.
+    pub begun: Begun,
+    /// The flows of T that it took.
+    pub flows: usize,
+    /// The time that it reached.
+    pub reached: f64,
+    /// The length of the next step.
+    pub next: f64,
 }
 
 impl Method {
@@ -146,6 +160,7 @@ impl Method {
         hamiltonian: &Arc<Hamiltonian>,
         norm: f64,
         tolerance: Option<SplitTolerance>,
+        begun: Begun,
     ) -> Result<Self, StartError> {
         let phases = Phases::new(hamiltonian.clone(), norm);
         let no_grid = || StartError::invalid("H is no kinetic energy and a potential");
@@ -153,36 +168,47 @@ impl Method {
             program: turns(name)?.into_iter().map(flow).collect(),
             phases: phases.ok_or_else(no_grid)?.into(),
             tolerance,
+            begun,
         })
     }
 
-    /// The first step of a split operator to a tolerance from this state, the flows of T that it took to find it, and where
-    /// these lead; so many flows are made or more, up to the end. Steps that fail are left to the run, which tells why.
+    /// The beginning of a run by a split operator to a tolerance from this state, with so many flows of
+    /// T or more, up to its first output. A step that fails is left to the run, which tells why.
     ///
     /// # Errors
     /// It is another method, or it was interrupted.
-    pub fn pilot(
+    pub fn begin(
         self,
         interval: (f64, f64),
         flows: usize,
         psi: [Vec<f64>; 2],
-    ) -> Result<(f64, usize, f64), StartError> {
+    ) -> Result<Beginning, StartError> {
         let Self::Splitting {
             program,
             phases,
             tolerance: Some(tolerance),
+            ..
         } = self
         else {
             return Err(StartError::invalid("a split operator to a tolerance"));
         };
-        let ([q, p], longest) = (psi, tolerance.longest);
-        let mut steps = SplitSteps::new(*phases, program, tolerance)?;
-        let (first, reached) = match steps.pilot(interval, flows, &mut Wave::new(q, p)) {
-            Err(StepError::Interrupted) => return Err(StepError::Interrupted.into()),
-            Err(_) => (longest, interval.0),
-            Ok(found) => found,
-        };
-        Ok((first, steps.stats().evaluations / 2, reached))
+        let ([q, p], first) = (psi, tolerance.first);
+        let steps = SplitSteps::new(*phases, program, tolerance)?;
+        match steps.begin_run(interval, flows, Wave::new(q, p)) {
+            Err(StepError::Interrupted) => Err(StepError::Interrupted.into()),
+            Err(_) => Ok(Beginning {
+                begun: Begun::default(),
+                flows: 0,
+                reached: interval.0,
+                next: first,
+            }),
+            Ok((steps, begun, reached)) => Ok(Beginning {
+                begun,
+                flows: steps.stats().evaluations / 2,
+                reached,
+                next: steps.next(),
+            }),
+        }
     }
 
     /// The same for this Hamiltonian and outputs at these times; shears back in time are undone, last to first.

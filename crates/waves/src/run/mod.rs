@@ -3,7 +3,9 @@
 mod method;
 mod steppers;
 
-pub use method::{Method, chebyshev_degree, magnus_cost, nodes, processor_degree, shears, turns};
+pub use method::{
+    Beginning, Method, chebyshev_degree, magnus_cost, nodes, processor_degree, shears, turns,
+};
 
 use crate::method::{Observable, Observer, Recorder, Sweeper, Wave};
 use crate::problem::Hamiltonian;

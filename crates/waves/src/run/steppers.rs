@@ -29,11 +29,15 @@ impl Method {
                 program,
                 phases,
                 tolerance,
+                begun,
             } => {
                 let phases = phases.as_ref().clone().with_cancel(cancel);
                 let program = program.clone();
                 match tolerance.clone() {
-                    Some(tolerance) => Box::new(SplitSteps::new(phases, program, tolerance)?),
+                    Some(tolerance) => {
+                        let steps = SplitSteps::new(phases, program, tolerance)?;
+                        Box::new(steps.after(begun.clone()))
+                    }
                     None => Box::new(Composed::following(phases, program)),
                 }
             }

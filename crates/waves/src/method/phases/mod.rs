@@ -7,11 +7,12 @@
 
 mod jumps;
 mod kicks;
+mod order;
 mod resolution;
 mod steps;
 mod tolerance;
 
-pub use steps::SplitSteps;
+pub use steps::{Begun, SplitSteps};
 pub use tolerance::{Looks, SplitTolerance};
 
 use super::{Wave, check_growth, check_norm};

@@ -1,8 +1,8 @@
 //! Steps of a split operator to a tolerance.
 //!
-//! A step is made as two halves and as one. Their difference is 2^p − 1 times the error of the halves where steps are short
-//! against all that moves; a smaller number is taken, which longer steps bear. H is Hermitian, or damps, so that errors of
-//! steps add: each step has the share of the tolerance that its length has of the run. Where H does not depend on time every
+//! A step is made as two halves and as one; their difference tells the error of the halves. H is Hermitian, or damps, so that
+//! errors of steps add: each step has the share of the tolerance that its length has of the run. What errors later undo is not
+//! taken off, as differences of whole runs miss what fast waves of rough potentials do. Where H does not depend on time every
 //! second step of the same length is made as two halves alone, and again by shorter ones where the next one has a larger error.
 //!
 //! Where V jumps in time the error of a step is as long as the step, and no step has its share. The jump is then found to
@@ -10,6 +10,7 @@
 
 use super::Phases;
 use super::jumps::JumpSearch;
+use super::order::SeenOrder;
 use super::tolerance::SplitTolerance;
 use crate::method::Wave;
 use crate::method::doubling::Doubling;
@@ -19,14 +20,10 @@ use liouville_base::composition::{Composed, Flow};
 use liouville_base::error::StepError;
 use liouville_base::method::{Stats, Stepper};
 use std::f64::consts::PI;
+use std::sync::{Arc, Mutex};
 
 /// The part of the tolerance that estimates may add up to.
 const SHARE: f64 = 0.8;
-
-/// The error of the halves is that part of the difference at least. With 1/30 and this share errors were at most 0.1 of
-/// tolerances of 1e-4 and 1e-8 in five potentials; with 1/63, as orders of 6 have it, and no look before the run, 5.3 times one of
-/// 1e-2 in a pulse.
-const RATIO: f64 = 30.0;
 
 /// A proposed step has about this part of the length that is within the tolerance, ...
 const SAFETY: f64 = 0.9;
@@ -60,13 +57,6 @@ const NEARER: f64 = 0.99;
 const SHORT: f64 = 1e-9;
 const MOST_SHORT: usize = 2000;
 
-/// The length of the step by which the width of the energies of a state is found, in units of 1/β.
-const FIRST: f64 = 0.5;
-
-/// The length of steps is settled after so many, or where the next one is at most so much longer than the last.
-const STEPS: usize = 4;
-const SETTLED: f64 = 1.5;
-
 /// A split operator with steps as long as a tolerance allows.
 #[derive(Clone)]
 pub struct SplitSteps {
@@ -76,6 +66,7 @@ pub struct SplitSteps {
     /// The length of the next step at most, and that of the last one.
     next: f64,
     last: f64,
+    order: SeenOrder,
     /// Roundings of the transforms of a step.
     noise: f64,
     search: JumpSearch,
@@ -85,11 +76,19 @@ pub struct SplitSteps {
     jump: Option<Jump>,
     /// Whether H is linear and does not depend on time: every second step of a length is looked at then.
     is_steady: bool,
-    /// The start of a step that was not.
-    held: Option<f64>,
+    /// The start of the last step, which may be taken back, and whether it was looked at.
+    held: Option<(f64, bool)>,
     /// The length below which steps are short, and how many in this step of the run were.
     short: (f64, usize),
+    /// The ends of this step of the run, and the next time up to which a jump was looked for.
+    ends: (f64, f64),
+    stop: f64,
+    /// The beginning of a run that was made before.
+    begun: Begun,
 }
+
+/// The beginning of a run, until the run with its start goes on from there: the start, the stepper, the state and its time.
+pub type Begun = Arc<Mutex<Option<Box<(Wave<f64>, SplitSteps, Wave<f64>, f64)>>>>;
 
 /// A jump of the potential: times before and after it, and how long steps are then.
 #[derive(Clone, Copy)]
@@ -119,17 +118,17 @@ impl SplitSteps {
         let prepare = |sampler: Sampler| sampler.with_breaks(&tolerance.breaks).with_scan();
         Ok(Self {
             scan: sampler.transpose()?.map(prepare).transpose()?,
-            doubling: if is_steady {
-                Doubling::new(points).passing()
-            } else {
-                Doubling::new(points)
-            },
+            doubling: Doubling::new(points).keeping(),
             noise: TRANSFORMS * roundings.sqrt(),
             search: JumpSearch::default(),
+            order: SeenOrder::new(tolerance.order),
             jump: None,
             is_steady,
             held: None,
             short: (0.0, 0),
+            ends: (0.0, 0.0),
+            stop: f64::NAN,
+            begun: Begun::default(),
             composed: Composed::following(phases, program),
             next: tolerance.first.min(tolerance.longest),
             last: 0.0,
@@ -137,56 +136,63 @@ impl SplitSteps {
         })
     }
 
-    /// The first steps of a run, and as many more as a number of flows of T allows: the length that they settle at, and
-    /// where they lead.
-    ///
-    /// The first has the inverse of the width of the energies of the state, by 1 − |⟨ψ(t)|ψ(t + δ)⟩|² = (ΔE δ)² + ...
+    /// The same, which goes on from the beginning of a run.
+    #[must_use]
+    pub fn after(self, begun: Begun) -> Self {
+        Self { begun, ..self }
+    }
+
+    /// Begins a run from a state, with so many flows of T or more, up to its first output.
     ///
     /// # Errors
-    /// A step failed, or the pilot was interrupted.
-    pub fn pilot(
-        &mut self,
+    /// A step failed, or was interrupted.
+    pub fn begin_run(
+        mut self,
         (t, end): (f64, f64),
         flows: usize,
-        state: &mut Wave<f64>,
-    ) -> Result<(f64, f64), StepError> {
-        self.begin(end - t);
-        let left = (end - t).abs();
-        self.next = left.min(self.width(t, end, state)?.recip());
-        self.next = self.next.min(self.tolerance.longest);
-        let (mut now, mut made, mut settled) = (t, 0, None);
-        while now.to_bits() != end.to_bits() {
-            now = self.advance(now, end, state)?;
-            made += 1;
-            if settled.is_none() && (made == STEPS || self.next <= SETTLED * self.last.abs()) {
-                settled = Some(self.next);
-            }
-            if settled.is_some() && self.stats().evaluations / 2 >= flows {
-                break;
-            }
+        start: Wave<f64>,
+    ) -> Result<(Self, Begun, f64), StepError> {
+        let mut state = start.clone();
+        let mut now = self.begin((t, end), &mut state);
+        while now.to_bits() != end.to_bits() && self.stats().evaluations / 2 < flows {
+            now = self.go_on(now, &mut state)?;
         }
-        Ok((settled.unwrap_or(self.next), now))
+        let begun = Box::new((start, self.clone(), state, now));
+        Ok((self, Arc::new(Mutex::new(Some(begun))), now))
     }
 
-    /// Begins a step of the run.
-    fn begin(&mut self, h: f64) {
+    /// The length of the next step.
+    pub fn next(&self) -> f64 {
+        self.next
+    }
+
+    /// Begins a step of the run, and returns the time of the state, a later one where the run was begun before.
+    fn begin(&mut self, ends: (f64, f64), state: &mut Wave<f64>) -> f64 {
+        let begun = self.begun.lock().ok();
+        let begun = begun
+            .and_then(|mut begun| begun.take_if(|begun| begun.1.ends == ends && begun.0 == *state));
+        if let Some((_, steps, reached, now)) = begun.map(|begun| *begun) {
+            let cancel = self.composed.parts().cancel.clone();
+            *self = steps;
+            self.composed.parts_mut().cancel = cancel;
+            *state = reached;
+            return now;
+        }
+        (self.ends, self.stop) = (ends, f64::NAN);
         (self.jump, self.held) = (None, None);
-        self.short = (SHORT * h.abs(), 0);
+        self.short = (SHORT * (ends.1 - ends.0).abs(), 0);
+        ends.0
     }
 
-    /// The width of the energies of a state, by a short step.
-    fn width(&mut self, t: f64, end: f64, state: &mut Wave<f64>) -> Result<f64, StepError> {
-        let short = (end - t).abs().min(FIRST / self.tolerance.beta);
-        let h = short.copysign(end - t);
-        self.doubling.step(&mut self.composed, (t, h), state)?;
-        let before = self.doubling.before();
-        let overlap = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
-        let real = overlap(&before.q, &state.q) + overlap(&before.p, &state.p);
-        let imaginary = overlap(&before.q, &state.p) - overlap(&before.p, &state.q);
-        let size = overlap(&before.q, &before.q) + overlap(&before.p, &before.p);
-        let rest = 1.0 - (real * real + imaginary * imaginary) / (size * size);
-        self.doubling.put_back(state);
-        Ok(rest.max(f64::EPSILON).sqrt() / short)
+    /// One step on the way to the end of a step of the run, and where it leads.
+    fn go_on(&mut self, now: f64, state: &mut Wave<f64>) -> Result<f64, StepError> {
+        let end = self.ends.1;
+        let stop = next_break(self.tolerance.breaks.iter(), now, end);
+        if stop.to_bits() != self.stop.to_bits() {
+            self.stop = stop;
+            self.expect_jump((now, stop, end))?;
+        }
+        self.advance(now, stop, state)
     }
 
     /// One step to at most `end`, and where it leads.
@@ -209,8 +215,9 @@ impl SplitSteps {
                 continue;
             }
             let goes_on = h.to_bits() == self.last.to_bits();
-            if goes_on && self.is_steady && self.held.is_none() && (stop - t).abs() > h.abs() {
-                self.held = Some(t);
+            let is_seen = !matches!(self.held, Some((_, false)));
+            if goes_on && self.is_steady && is_seen && (stop - t).abs() > h.abs() {
+                self.held = Some((t, false));
                 self.doubling.pass(&mut self.composed, (t, h), state)?;
                 return Ok(next_time(t, h, stop));
             }
@@ -227,21 +234,25 @@ impl SplitSteps {
                 }
                 made => made?,
             };
-            let error = self.error(apart, h, state.start);
+            let error = self.error(apart, (t, h), state.start);
             let allowed = SHARE * self.tolerance.rate * h.abs();
             self.last = h;
             self.propose(allowed / error);
             if let Some(jump) = crossed {
-                (self.next, self.jump) = (jump.next.max(next), None);
+                (self.next, self.jump, self.held) = (jump.next.max(next), None, None);
                 return Ok(stop);
             }
             if error <= allowed || h.abs() <= least {
                 self.count_short(h, error)?;
-                self.held = None;
+                self.doubling.keep();
+                self.held = Some((t, true));
                 return Ok(next_time(t, h, stop));
             }
-            // nor was the step before seen to be short enough
-            if let Some(before) = self.held.take() {
+            // nor was the step before seen to be short enough, or by an order that errors do not have
+            if let Some((before, is_seen)) = self.held
+                && (!is_seen || self.order.is_low())
+            {
+                self.held = None;
                 self.doubling.put_back_passed(state);
                 return Ok(before);
             }
@@ -325,16 +336,14 @@ impl SplitSteps {
     }
 
     /// The error of two halves that are so far off a step made as one, relative to the norm at the start.
-    fn error(&self, apart: f64, h: f64, start: f64) -> f64 {
+    fn error(&mut self, apart: f64, (t, h): (f64, f64), start: f64) -> f64 {
         let noise = self.noise + ROUNDING * self.tolerance.energy * h.abs();
         let found = if start > 0.0 {
             apart / start.sqrt()
         } else {
             0.0
         };
-        #[expect(clippy::cast_possible_truncation, clippy::cast_possible_wrap)]
-        let ratio = 2.0_f64.powi(self.tolerance.order as i32) - 1.0;
-        (found - noise).max(0.0) / ratio.min(RATIO)
+        self.order.error((t, h), (found - noise).max(0.0))
     }
 
     /// Chooses the length of the next step, of one whose error is to change by a factor.
@@ -357,15 +366,10 @@ impl Stepper for SplitSteps {
     type State = Wave<f64>;
 
     fn step(&mut self, t: f64, h: f64, state: &mut Wave<f64>) -> Result<(), StepError> {
-        let (mut now, end, mut stop) = (t, t + h, f64::NAN);
-        self.begin(h);
+        let end = t + h;
+        let mut now = self.begin((t, end), state);
         while now.to_bits() != end.to_bits() {
-            let next = next_break(self.tolerance.breaks.iter(), now, end);
-            if next.to_bits() != stop.to_bits() {
-                stop = next;
-                self.expect_jump((now, next, end))?;
-            }
-            now = self.advance(now, next, state)?;
+            now = self.go_on(now, state)?;
         }
         Ok(())
     }

@@ -10,6 +10,8 @@ from typing import Any
 
 import numpy as np
 
+from liouville import _core
+
 #: An interval of energies.
 Interval = tuple[float, float]
 
@@ -159,7 +161,7 @@ class SplitSteps:
     `beta` is half the width of the spectrum, `energy` how large energies of the state are,
     `first` the first step, `longest` the longest one. Steps end at `breaks` besides. `looks` are
     start and end of the run, times of samples and others, and densities, at which functions of
-    time are looked at before it.
+    time are looked at before it. A run that was `begun` for its plan goes on.
     """
 
     scheme: str
@@ -172,6 +174,7 @@ class SplitSteps:
     breaks: tuple[float, ...]
     looks: Looks
     norm_tol: float
+    begun: _core.SplitBeginning | None = None
     kind: str = field(default="split steps", init=False)
 
 
@@ -210,6 +213,7 @@ def read_propagator(given: Any) -> Propagator:
         raise TypeError(f"core is {given!r}")
     numbers = dict(given)
     kind = numbers.pop("kind")
+    numbers.pop("begun", None)  # a file has no run
     if kind not in KINDS:
         raise ValueError(f"there is no propagator {kind!r}")
     return KINDS[kind](**numbers)

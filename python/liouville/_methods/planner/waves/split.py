@@ -42,8 +42,10 @@ LOOKS = 1 << 14
 #: A nonlinearity that depends on time is looked at for such parts of the largest density.
 PARTS = (1.0, 0.25, 0.0625)
 
-#: The tolerance of the trial run by which another method is compared, and its least pairs.
-LOOSE, FEW = 1e-2, 100
+#: A run is begun with so many steps for its plan. The first has that part of the time in which a
+#: state changes, times the root of the tolerance by the order.
+BEGUN, FIRST = 4, 6.0
+
 #: A product of another method takes about so many times as long as a pair of transforms: 1.2 to 2.3
 #: on lines of 128 to 1024 points.
 PAIR = 1.5
@@ -52,9 +54,8 @@ PAIR = 1.5
 #: another one.
 LEAST = {True: 0.5, False: 0.75}
 
-#: At first that part of the trial is made, and no more where other methods take so many times as
-#: many products as it lets expect.
-TRIES, SURE = 4.0, 2.0
+#: To compare them a run is begun with that part of their products.
+PART = 0.25
 
 #: The error of a pair of transforms: 2e-17 to 7e-17 on lines of 64 to 4096 points, all adding up.
 PAIRED = 7e-17
@@ -90,18 +91,17 @@ def plan_split(
 def plan_tolerance(
     system: Schrodinger, method: SplitOperator, times: Sequence[float], psi: np.ndarray
 ) -> WavePlan:
-    """Plan a run to a tolerance from this state, whose first steps are made for their size."""
+    """Plan a run to a tolerance from this state, whose first steps are made for the plan."""
     span, core = _steps(system, method, times, psi)
-    first, made, _ = _pilot(system, core, span, psi, 0)
-    pairs = _lists(system) * _drifts(method.scheme) * float(np.ceil(span.intervals / first).sum())
-    tol = method.tol or LOOSE
+    core, pairs = _begun(system, core, span, psi, BEGUN * TWICE * _drifts(core.scheme))
+    tol = method.tol or 0.0
     if tol < (least := 2 * PAIRED * pairs):
         sentence = f"tol = {tol:g} is out of reach: {pairs:.3g} pairs of FFTs have an error of "
         sentence += f"{PAIRED * pairs:.1e} in double precision"
         least = 10 ** np.ceil(np.log10(least))
         hint = f"give tol of {least:g} or more, or a shorter interval"
         raise ValueError(hinted(sentence, hint))
-    return _chosen(system, method, span, replace(core, first=first), pairs + made, made)
+    return _chosen(system, method, span, core, pairs)
 
 
 def plan_on_grid(
@@ -109,34 +109,26 @@ def plan_on_grid(
 ) -> tuple[WavePlan | None, tuple[str, ...]]:
     """Plan a run by the split operator for the tolerance of a method, if nothing else is cheaper.
 
-    How many steps it takes depends on where the state goes, so the run is made before to a loose
-    tolerance: a part of it where that is far below the least that a series takes, else as much as
-    that allows. The error of a split operator is an estimate. Without a plan there may be a reason.
+    How many steps it takes depends on where the state goes, so the run is begun, with a part
+    of the least that a series takes, and goes on from there. The error of a split operator is an
+    estimate. Without a plan there may be a reason.
     """
     is_plain = system.nonlinearity is None and system.absorber is None
     if system.grid is None or not system.has_diagonal_drive or not is_plain:
         return None, ()
     own = SplitOperator(tol=method.tol)
-    more = (LOOSE / method.tol) ** (1 / own.order)
-    beta = 0.5 * (system.bounds_at(times[0])[1] - system.bounds_at(times[0])[0])
+    low, high = system.bounds_at(times[0])
     is_real = not (system.is_driven or np.any(psi.imag))
-    least = LEAST[is_real] * beta * float(np.abs(np.diff(times)).sum())
+    least = LEAST[is_real] * 0.5 * (high - low) * float(np.abs(np.diff(times)).sum())
     most = PAIR * min(least, products_of_levels(system, len(times) - 1))
-    kept = TWICE * _drifts(own.scheme) * (len(times) - 1.0)
-    if most < max(FEW * more, kept):
+    if most < TWICE * _drifts(own.scheme) * max(BEGUN, len(times) - 1):
         return None, ()
-    span, loose = _steps(system, replace(own, tol=LOOSE), times, psi)
-    pairs, lists = math.inf, _lists(system)
-    for flows in (most / more / TRIES, most / more):
-        first, made, reached = _pilot(system, loose, span, psi, int(flows))
-        part = (reached - times[0]) / (times[-1] - times[0])
-        pairs = max(more * made * lists / TWICE / max(part, 1e-9), kept)
-        if reached == times[-1] or SURE * pairs < most:
-            break
-    if pairs > most or method.tol < 2 * PAIRED * pairs:
-        return None, ("a split operator would take more pairs of FFTs, by a loose run",)
     span, core = _steps(system, own, times, psi)
-    found = _chosen(system, own, span, replace(core, first=first / more), pairs + made, made)
+    core, pairs = _begun(system, core, span, psi, int(PART * most))
+    if pairs > most or method.tol < 2 * PAIRED * pairs:
+        made = 0 if core.begun is None else core.begun.pairs
+        return None, (f"a split operator would take more pairs of FFTs, as {made} of them showed",)
+    found = _chosen(system, own, span, core, pairs)
     other = f"a series would take {least:.4g} products or more, with a bound of its error"
     return replace(found, method=method, reasons=(*found.reasons, other)), ()
 
@@ -144,33 +136,37 @@ def plan_on_grid(
 def _steps(
     system: Schrodinger, method: SplitOperator, times: Sequence[float], psi: np.ndarray
 ) -> tuple[Span, SplitSteps]:
-    """Return the span of a run to a tolerance, and its steps without the first."""
+    """Return the span of a run to a tolerance, and its steps."""
     _check_grid(system)
     assert method.tol is not None, "a split operator to a tolerance"
-    energy = _energy(system, times[0], psi)
+    energy, width = _energies(system, times[0], psi)
+    if system.is_driven or system.nonlinearity is not None:
+        energy = math.inf
     span = Span(times[0], tuple(times[1:]), _spectrum(system, times[0]), energy)
     span.check_reach(method.tol)
     rate = (method.tol - span.roundoff) / float(span.intervals.sum())
     longest = longest_step(system, method, times, psi)
+    first = FIRST * method.tol ** (1 / method.order) / width if width else longest
     points = system.points_between(times[0], times[-1])
     looks = _looks(system, times, points, psi)
     core = SplitSteps(
-        method.scheme, method.order, rate, span.beta, span.largest, longest, longest, points,
-        looks, NORM,
+        method.scheme, method.order, rate, span.beta, span.largest, min(first, longest), longest,
+        points, looks, NORM,
     )  # fmt: skip
     return span, core
 
 
-def _energy(system: Schrodinger, t: float, psi: np.ndarray) -> float:
-    """Return how large energies of a state are, over hbar; infinity where they change."""
-    if system.is_driven or system.nonlinearity is not None:
-        return math.inf
+def _energies(system: Schrodinger, t: float, psi: np.ndarray) -> tuple[float, float]:
+    """Return how large energies of a state are, over hbar, and the width of their distribution."""
     (start,), product = np.atleast_2d(psi)[:1], system.product_at(t)
     parts = [start.real, start.imag]
     if system.hamiltonian.size > system.size:
         parts = [np.concatenate(parts)]
-    sizes = [np.linalg.norm(product(np.ascontiguousarray(part))) for part in parts]
-    return TAIL * float(np.hypot.reduce(sizes) / np.linalg.norm(start))
+    moved = np.concatenate([product(np.ascontiguousarray(part)) for part in parts])
+    flat = np.concatenate(parts)
+    size = float(np.linalg.norm(flat))
+    largest, mean = float(np.linalg.norm(moved)) / size, float(flat @ moved) / size**2
+    return TAIL * largest, float(np.sqrt(max(largest**2 - mean**2, 0.0)))
 
 
 def _looks(
@@ -187,22 +183,28 @@ def _looks(
     return times[0], times[-1], knots, tuple(sorted(points)), densities
 
 
-def _pilot(
-    system: Schrodinger, core: SplitSteps, span: Span, psi: np.ndarray, flows: int
-) -> tuple[float, int, float]:
-    """Return the first step, the pairs of transforms that found it, and where these lead."""
-    run = (span.t0, span.times[-1])
-    return _core.split_pilot(system.hamiltonian, core, run, flows, np.atleast_2d(psi)[:1])
+def _begun(
+    system: Schrodinger, core: SplitSteps, span: Span, psi: np.ndarray, pairs: int
+) -> tuple[SplitSteps, float]:
+    """Begin a run with so many pairs of transforms, and estimate how many it takes in all."""
+    first = (span.t0, span.times[0])
+    start = np.atleast_2d(psi)[:1]
+    begun = _core.split_beginning(system.hamiltonian, core, first, pairs, start)
+    left = np.array([abs(span.times[0] - begun.reached), *span.intervals[1:]])
+    is_steady = not system.is_driven and system.nonlinearity is None
+    lists = (EACH if is_steady else TWICE) * _drifts(core.scheme)
+    whole = begun.pairs + lists * float(np.ceil(left / begun.next).sum())
+    return replace(core, begun=begun), whole
 
 
 def _chosen(
-    system: Schrodinger, method: SplitOperator, span: Span, core: SplitSteps, pairs: float,
-    made: int,
-) -> WavePlan:  # fmt: skip
-    """Make the plan of a run by these steps, which takes so many pairs, some of them before."""
+    system: Schrodinger, method: SplitOperator, span: Span, core: SplitSteps, pairs: float
+) -> WavePlan:
+    """Make the plan of a run by these steps, which takes about so many pairs."""
+    made = 0 if core.begun is None else core.begun.pairs
     why = [
         f"steps are chosen by estimates while running, the first is {core.first:.3g} long; "
-        f"products are pairs of FFTs, {made} of them in a trial, and an estimate",
+        f"products are pairs of FFTs, an estimate by the first {made} of them",
         *_left_out(system),
     ]
     if system.is_driven:
@@ -236,7 +238,7 @@ def longest_step(
         if _is_back(scheme):
             longest = min(longest, MOST_DAMPED * system.hbar / float(system.absorber.max()))
     if system.nonlinearity is not None and psi is not None:
-        tol = method.tol or LOOSE
+        tol = method.tol or 0.0
         longest = min(longest, free_step(system, scheme, run, tol, psi))
     return longest
 
@@ -264,11 +266,6 @@ def _left_out(system: Schrodinger) -> list[str]:
     if system.absorber is not None:
         why.append("psi is absorbed, and the spectrum is that of H without absorber")
     return why
-
-
-def _lists(system: Schrodinger) -> float:
-    """Return how many lists of flows a step takes."""
-    return TWICE if system.is_driven or system.nonlinearity is not None else EACH
 
 
 def _drifts(scheme: str) -> int:
