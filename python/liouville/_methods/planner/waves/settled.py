@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -16,7 +17,7 @@ from liouville._methods.planner.waves.plan import LEAST_NORM, NORM_TIMES, WavePl
 from liouville._methods.planner.waves.propagators import Krylov, Series, Shears
 from liouville._methods.planner.waves.span import Span
 from liouville._methods.planner.waves.speed import series_cost
-from liouville._methods.planner.waves.windows import SERIES, Windows, windows_of
+from liouville._methods.planner.waves.windows import LITTLE, SERIES, Windows, windows_of
 from liouville._systems import Schrodinger
 
 #: Beyond so many steps a stable method is taken.
@@ -86,7 +87,8 @@ class Settled:
         """Return the plan for a tolerance, and the fewest products of any other for it."""
         thetas, found = self.span.thetas, self._splitting(method)
         least = np.inf if found is None else self._fast(method, found).shears / 2
-        if found is not None and SERIES * float(thetas.max()) > memory():
+        needed = SERIES * float(thetas.max())
+        if found is not None and needed > LITTLE and needed > memory():
             return self._split(method, found), least
         windows = self._windows(method.tol)
         series = self._series(method, windows)
@@ -130,15 +132,22 @@ class Settled:
             core=Shears(rung.coefficients, span.sigma, norm_tol),
         )  # fmt: skip
 
-    def _windows(self, tol: float) -> Windows:
-        """Return the windows of series that share the tolerance."""
+    @cached_property
+    def _least(self) -> Windows:
+        """The windows of series for the least tolerance."""
         span, whole = self.span, float(self.span.intervals.sum())
-        windows = windows_of(
+        return windows_of(
             span.intervals, span.beta, (span.least - span.roundoff) / whole, self.system.size,
             self.is_real and self.system.is_real,
         )  # fmt: skip
-        # the same windows for every tolerance, so that a tighter one never takes fewer products
-        return replace(windows, rate=(tol - span.roundoff) / whole)
+
+    def _windows(self, tol: float) -> Windows:
+        """Return the windows of series that share the tolerance.
+
+        They are the same for every tolerance, so that a tighter one never takes fewer products.
+        """
+        span = self.span
+        return replace(self._least, rate=(tol - span.roundoff) / float(span.intervals.sum()))
 
     def _series(
         self, method: SchrodingerSplitting | Chebyshev, windows: Windows, *why: str
