@@ -86,6 +86,13 @@ MODELS = {
     ),
     "drive alone": driven(ZERO, lambda t, p: ca.cos(t), FLIP, [1.0, 0], lambda t: np.sin(t) * FLIP),
 }
+#: Waves on a grid that are not linear, or that are absorbed: the rate of what is left.
+OTHER = {
+    "nonlinearity of 0": ({"nonlinearity": lambda t, rho, p: 0 * rho}, 0.0, 0.0),
+    "nonlinearity of 2": ({"nonlinearity": lambda t, rho, p: 2.0}, 2.0, 0.0),
+    "absorber of 0": ({"absorber": np.zeros(8)}, 0.0, 0.0),
+    "absorber of 1": ({"absorber": np.ones(8, dtype=int)}, 0.0, 1.0),
+}
 METHODS = {
     "auto": "auto",
     "series": lv.Chebyshev(TOL),
@@ -123,3 +130,16 @@ def test_plain_waves_run_by_every_method_and_have_nothing_to_say(name):
                 atol=TOL,
                 err_msg=f"{label} {times}",
             )
+
+
+@pytest.mark.parametrize("name", OTHER)
+def test_waves_that_one_method_takes_run_by_auto(name):
+    more, energy, rate = OTHER[name]
+    equation = lv.Schrodinger(lv.Grid(0, 1, 8), **more)
+    psi = np.full(8, 8**-0.5)
+    for method in ("auto", lv.SplitOperator(tol=TOL)):
+        found = lv.integrate(equation, method, t=(0, 2), psi=psi)
+        assert not found.message
+        np.testing.assert_allclose(
+            found.psi[-1], psi * np.exp(-2 * (1j * energy + rate)), rtol=0, atol=TOL
+        )

@@ -19,6 +19,9 @@ from liouville._systems.waves.lattice import on_sites
 from liouville._systems.waves.nonlinearity import Nonlinearity
 from liouville._systems.waves.time_functions import TimeFunction, point
 
+#: The hint where an equation is not linear, or absorbs.
+TAKEN = "take 'auto' or SplitOperator(tol=1e-8), or SplitOperator() with h= or steps="
+
 
 class OnGrid(Bounded):
     """A base of :class:`Schrodinger`: what is a function of the position or of the density."""
@@ -83,7 +86,12 @@ class OnGrid(Bounded):
             raise ValueError(hinted(sentence, "H - iW absorbs where W is positive"))
         return values if values.any() else None
 
-    def check_plain(self, what: str, hint: str = "take SplitOperator() with h= or steps=") -> None:
+    @property
+    def is_plain(self) -> bool:
+        """Whether the equation is linear and nothing absorbs."""
+        return self.nonlinearity is None and self.absorber is None
+
+    def check_plain(self, what: str, hint: str = TAKEN) -> None:
         """Refuse a potential of the density, or one that absorbs, for what takes none."""
         if self.nonlinearity is not None:
             sentence = f"{what} is for a linear equation, and this one has a nonlinearity"

@@ -46,6 +46,9 @@ def plan_run(
         check_sampled(system.drives, times[0], times[-1])
         return plan_tolerance(system, method, times, psi)
     is_free = method is AUTO and not is_differentiated
+    if is_free and not system.is_plain:
+        plan = plan_run(system, SplitOperator(tol=AUTO.tol), times, psi)
+        return replace(plan, method=AUTO)
     said: tuple[str, ...] = ()
     if is_free and psi is not None:
         found, said = plan_on_grid(system, AUTO, times, psi)
@@ -87,5 +90,5 @@ def _check_system(system: Schrodinger, method: Planned) -> None:
     system.check_plain(name_of(method))
     takes_time = isinstance(method, Chebyshev | Magnus) or getattr(method, "mode", "") == "auto"
     if system.is_driven and not takes_time:
-        hint = "take 'auto' or Magnus(), or with h or steps SplitOperator() on a grid"
+        hint = "take 'auto' or Magnus(), or SplitOperator(tol=1e-8) on a grid"
         raise TypeError(hinted(f"{method!r} is for an H without time", hint))

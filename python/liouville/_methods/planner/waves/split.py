@@ -113,10 +113,9 @@ def plan_on_grid(
     of the least that a series takes, and goes on from there. The error of a split operator is an
     estimate. Without a plan there may be a reason.
     """
-    is_plain = system.nonlinearity is None and system.absorber is None
-    if system.grid is None or not system.has_diagonal_drive or not is_plain:
-        return None, ()
     own = SplitOperator(tol=method.tol)
+    if system.grid is None or not system.has_diagonal_drive:
+        return None, ()
     low, high = system.bounds_at(times[0])
     is_real = not (system.is_driven or np.any(psi.imag))
     least = LEAST[is_real] * 0.5 * (high - low) * float(np.abs(np.diff(times)).sum())
