@@ -4,7 +4,7 @@ use crate::convert::Values;
 use crate::errors::refused;
 use crate::operator::Hamiltonian;
 use liouville_waves::method::{
-    Begun, Driven, Eigenpairs, Looks, MagnusTolerance, ShearProgram, SplitTolerance, TermBounds,
+    BegunRun, Driven, Eigenpairs, Looks, MagnusTolerance, ShearProgram, SplitTolerance, TermBounds,
     Windows,
 };
 use liouville_waves::run::{self, Method};
@@ -296,7 +296,7 @@ impl WaveMethod<'_> {
             },
             Self::SplitSteps(method) => method.read(hamiltonian)?,
             Self::Splitting { scheme, norm_tol } => {
-                let (begun, own) = (Begun::default(), &hamiltonian.inner);
+                let (begun, own) = (BegunRun::default(), &hamiltonian.inner);
                 Method::splitting(&scheme, own, norm_tol, None, begun).map_err(refused)?
             }
         };

@@ -30,7 +30,7 @@ pub use driven::{Driven, DrivenCost, DrivenSeries};
 pub use lanczos::Lanczos;
 pub use magnus::{Magnus, MagnusCost, MagnusSteps, MagnusTolerance, Nodes, ShearProgram};
 pub use observe::{Observable, Observer};
-pub use phases::{Begun, Looks, Phases, SplitSteps, SplitTolerance};
+pub use phases::{BegunRun, Looks, Phases, SplitSteps, SplitTolerance};
 pub use processed::Processed;
 pub use processor::Processor;
 pub use shears::Shears;

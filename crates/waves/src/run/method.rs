@@ -1,8 +1,8 @@
 //! Methods for Schrödinger equations, with all that a run needs beside its Hamiltonian.
 
 use crate::method::{
-    Begun, Driven, Eigenpairs, MagnusCost, MagnusSteps, MagnusTolerance, Nodes, Phases, Processor,
-    ShearProgram, SplitSteps, SplitTolerance, TermBounds, Wave, Windows, bessel,
+    BegunRun, Driven, Eigenpairs, MagnusCost, MagnusSteps, MagnusTolerance, Nodes, Phases,
+    Processor, ShearProgram, SplitSteps, SplitTolerance, TermBounds, Wave, Windows, bessel,
 };
 use crate::problem::Hamiltonian;
 use liouville_base::composition::Flow;
@@ -111,14 +111,14 @@ pub enum Method {
         /// The tolerance by which steps are chosen; none where they are given.
         tolerance: Option<SplitTolerance>,
         /// The beginning of a run that may go on.
-        begun: Begun,
+        begun: BegunRun,
     },
 }
 
 /// The beginning of a run by a split operator.
 pub struct Beginning {
     /// For the run that goes on.
-    pub begun: Begun,
+    pub begun: BegunRun,
     /// The flows of T that it took.
     pub flows: usize,
     /// The time that it reached.
@@ -160,7 +160,7 @@ impl Method {
         hamiltonian: &Arc<Hamiltonian>,
         norm: f64,
         tolerance: Option<SplitTolerance>,
-        begun: Begun,
+        begun: BegunRun,
     ) -> Result<Self, StartError> {
         let phases = Phases::new(hamiltonian.clone(), norm);
         let no_grid = || StartError::invalid("H is no kinetic energy and a potential");
@@ -197,7 +197,7 @@ impl Method {
         match steps.begin_run(interval, flows, Wave::new(q, p)) {
             Err(StepError::Interrupted) => Err(StepError::Interrupted.into()),
             Err(_) => Ok(Beginning {
-                begun: Begun::default(),
+                begun: BegunRun::default(),
                 flows: 0,
                 reached: interval.0,
                 next: first,

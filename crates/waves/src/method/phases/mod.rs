@@ -12,7 +12,7 @@ mod resolution;
 mod steps;
 mod tolerance;
 
-pub use steps::{Begun, SplitSteps};
+pub use steps::{BegunRun, SplitSteps};
 pub use tolerance::{Looks, SplitTolerance};
 
 use super::{Wave, check_growth, check_norm};

@@ -5,11 +5,14 @@
 
 /// The error of two halves is that part of their difference from a step made as one, at least. With 1/30 errors were at most 0.1
 /// of tolerances of 1e-4 and 1e-8 in five smooth potentials; with 1/63, as orders of 6 have it, 5.3 times one of 1e-2 in a pulse.
-const RATIO: f64 = 30.0;
+const RATIO: f64 = 15.0;
+
+/// At the start nothing is seen, and the ratio is this.
+const LEAST: f64 = 2.0;
 
 /// No order is seen to be lower than the first of these, and the ratio grows by the second at each step until it is seen again.
 const LOWEST: f64 = 0.5;
-const FORGOTTEN: f64 = 1.25;
+const FORGOTTEN: f64 = 1.5;
 
 /// The step before one whose ratio is so many times below the largest was too long as well.
 const LOW: f64 = 8.0;
@@ -29,7 +32,7 @@ impl SeenOrder {
         let most = (2.0_f64.powf(order as f64) - 1.0).min(RATIO);
         let last = (f64::NAN, 0.0, 0.0);
         Self {
-            ratio: most,
+            ratio: LEAST.min(most),
             most,
             last,
         }

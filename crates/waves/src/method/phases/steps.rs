@@ -52,8 +52,7 @@ const LEAST: f64 = 64.0 * f64::EPSILON;
 /// A step up to a jump is shorter than the refused one by this factor.
 const NEARER: f64 = 0.99;
 
-/// A step is short below this part of the time between two outputs, in which no more of them are made: a jump that is not
-/// found takes about twenty.
+/// A step is short below this part of the time between two outputs, in which so many are made: an unseen jump takes twenty.
 const SHORT: f64 = 1e-9;
 const MOST_SHORT: usize = 2000;
 
@@ -78,17 +77,19 @@ pub struct SplitSteps {
     is_steady: bool,
     /// The start of the last step, which may be taken back, and whether it was looked at.
     held: Option<(f64, bool)>,
+    /// The last time from which one that was looked at was taken back: only beyond it another one is.
+    back: f64,
     /// The length below which steps are short, and how many in this step of the run were.
     short: (f64, usize),
     /// The ends of this step of the run, and the next time up to which a jump was looked for.
     ends: (f64, f64),
     stop: f64,
     /// The beginning of a run that was made before.
-    begun: Begun,
+    begun: BegunRun,
 }
 
 /// The beginning of a run, until the run with its start goes on from there: the start, the stepper, the state and its time.
-pub type Begun = Arc<Mutex<Option<Box<(Wave<f64>, SplitSteps, Wave<f64>, f64)>>>>;
+pub type BegunRun = Arc<Mutex<Option<Box<(Wave<f64>, SplitSteps, Wave<f64>, f64)>>>>;
 
 /// A jump of the potential: times before and after it, and how long steps are then.
 #[derive(Clone, Copy)]
@@ -125,10 +126,11 @@ impl SplitSteps {
             jump: None,
             is_steady,
             held: None,
+            back: 0.0,
             short: (0.0, 0),
             ends: (0.0, 0.0),
             stop: f64::NAN,
-            begun: Begun::default(),
+            begun: BegunRun::default(),
             composed: Composed::following(phases, program),
             next: tolerance.first.min(tolerance.longest),
             last: 0.0,
@@ -138,7 +140,7 @@ impl SplitSteps {
 
     /// The same, which goes on from the beginning of a run.
     #[must_use]
-    pub fn after(self, begun: Begun) -> Self {
+    pub fn after(self, begun: BegunRun) -> Self {
         Self { begun, ..self }
     }
 
@@ -151,7 +153,7 @@ impl SplitSteps {
         (t, end): (f64, f64),
         flows: usize,
         start: Wave<f64>,
-    ) -> Result<(Self, Begun, f64), StepError> {
+    ) -> Result<(Self, BegunRun, f64), StepError> {
         let mut state = start.clone();
         let mut now = self.begin((t, end), &mut state);
         while now.to_bits() != end.to_bits() && self.stats().evaluations / 2 < flows {
@@ -179,7 +181,7 @@ impl SplitSteps {
             return now;
         }
         (self.ends, self.stop) = (ends, f64::NAN);
-        (self.jump, self.held) = (None, None);
+        (self.jump, self.held, self.back) = (None, None, ends.0);
         self.short = (SHORT * (ends.1 - ends.0).abs(), 0);
         ends.0
     }
@@ -250,9 +252,9 @@ impl SplitSteps {
             }
             // nor was the step before seen to be short enough, or by an order that errors do not have
             if let Some((before, is_seen)) = self.held
-                && (!is_seen || self.order.is_low())
+                && (!is_seen || self.order.is_low() && (t - self.back) * h > 0.0)
             {
-                self.held = None;
+                (self.held, self.back) = (None, t);
                 self.doubling.put_back_passed(state);
                 return Ok(before);
             }
