@@ -56,8 +56,8 @@ impl ControlOf<'_> {
 /// Order of the method, times to record at or None, and events.
 pub(crate) type Watch<'py> = (usize, Option<PyReadonlyArray1<'py, f64>>, Vec<EventOf<'py>>);
 
-/// An event: tape, direction, how many end the run or 0, the size of a minimum that is zero, whether it needs lam, its reset or None, whether it is a switch,
-/// and its derivatives or None.
+/// An event: tape, direction, how many end the run or 0, the size of a minimum that is zero, whether it needs lam, its
+/// reset or None, whether it is a switch, and its derivatives or None.
 type EventOf<'py> = (
     PyRef<'py, convert::Tape>,
     i8,

@@ -70,8 +70,9 @@ class MechanicalRunner(TracedRunner):
         """Refuse derivatives of what depends on the reactions of redundant constraints."""
         if not self._is_differentiated or self._watched is None:
             return
-        for name, own in zip(self._watch.events, self._watched[2], strict=False):
-            if own[3] or own[4] is not None:
+        events = zip(self._watch.events, self._watched[2], strict=False)
+        for name, (*_, needs_lam, reset, _, _) in events:
+            if needs_lam or reset is not None:
                 sentence = f"event '{name}' has no derivatives, where some constraints imply others"
                 hint = "leave redundant constraints out"
                 raise ValueError(hinted(sentence, hint))
