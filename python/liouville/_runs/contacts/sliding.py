@@ -1,7 +1,7 @@
 r"""Friction that slides in space, as a force: N is that of the accelerations.
 
 The reaction of a contact in the plane has the friction of its slip. In space friction turns with
-the slip, :math:`T = -\\mu N s / |s|`, and N as a function of time and state solves the equations of
+the slip, :math:`T = -\mu N s / |s|`, and N as a function of time and state solves the equations of
 the accelerations, linear in the forces of all that is closed, sticks or is held.
 """
 

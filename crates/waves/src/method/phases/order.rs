@@ -55,3 +55,6 @@ impl SeenOrder {
         self.ratio * LOW <= self.most
     }
 }
+
+// No step is made again after an output, so that the last one is not saved.
+liouville_base::checkpoint!(SeenOrder { ratio });

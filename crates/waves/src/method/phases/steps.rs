@@ -388,6 +388,7 @@ impl Stepper for SplitSteps {
 impl Checkpoint for SplitSteps {
     fn save(&self, member: usize, out: &mut dyn Numbers) {
         (self.next, self.last).save(member, out);
+        self.order.save(member, out);
         self.composed.save(member, out);
     }
 
@@ -395,6 +396,7 @@ impl Checkpoint for SplitSteps {
         let mut lengths = (0.0, 0.0);
         lengths.restore(member, saved)?;
         (self.next, self.last) = lengths;
+        self.order.restore(member, saved)?;
         self.composed.restore(member, saved)
     }
 }
