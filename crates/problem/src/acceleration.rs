@@ -38,6 +38,8 @@ struct AccelerationEquations<'a, R> {
     at: &'a mut Acceleration<R>,
     model: &'a mut Model<R>,
     point: (f64, &'a [R], &'a [R]),
+    /// The largest multiplier so far, which may pass through zero.
+    largest: R,
 }
 
 impl<R: Real> Acceleration<R> {
@@ -138,6 +140,7 @@ impl<R: Real> Acceleration<R> {
             self.lam.fill(R::splat(0.0));
         }
         let mut solve = AccelerationEquations {
+            largest: max_norm(&self.lam),
             at: self,
             model,
             point: (t, y, z),
@@ -208,7 +211,8 @@ impl<R: Real> Equations<R> for AccelerationEquations<'_, R> {
             0.0 => 0.0,
             _ => size / lam.max(size),
         };
-        Ok(max_norm(&at.correction).zip(max_norm(&at.lam), relative))
+        self.largest = self.largest.zip(max_norm(&at.lam), f64::max);
+        Ok(max_norm(&at.correction).zip(self.largest, relative))
     }
 }
 
