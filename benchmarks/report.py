@@ -25,7 +25,7 @@ def processor() -> str:
 
 
 def surroundings(packages: Sequence[str] = ()) -> Row:
-    """Return what figures depend on besides the code: date, machine and versions."""
+    """Return the date, the machine and the versions that figures were taken with."""
     versions = {name: installed(name) for name in ("liouville", "casadi", "numpy", *packages)}
     versions["python"] = platform.python_version()
     return {

@@ -22,6 +22,7 @@ mod attempt;
 mod coupling;
 mod estimate;
 mod linear_step;
+mod linearization_point;
 mod newton_matrix;
 mod probe;
 mod project;

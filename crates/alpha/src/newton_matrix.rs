@@ -15,7 +15,7 @@
 
 use super::Reactions;
 use super::coupling::Coupling;
-use super::reaction::Reaction;
+use super::linearization_point::LinearizationPoint;
 use super::unknowns::{AlphaSolver, AlphaStep};
 use liouville_base::checkpoint::CheckpointMismatch;
 use liouville_base::error::StepError;
@@ -73,19 +73,6 @@ struct PairedBlocks {
     w_y: BlockHandle,
 }
 
-/// Where the matrix is made: the start of a step and its unknowns.
-#[derive(Clone, Debug)]
-struct LinearizationPoint {
-    t: f64,
-    y0: Vec<f64>,
-    z0: Vec<f64>,
-    predicted: Vec<f64>,
-    y1: Vec<f64>,
-    z1: Vec<f64>,
-    phi: Vec<f64>,
-    reactions: [Reaction; 2],
-}
-
 /// Factors are made anew when a step takes more corrections than the first with them, by more than this.
 const SLOW: usize = 2;
 /// Up to this size of r_λ, A0 is weighed with its own M where M changes.
@@ -97,40 +84,6 @@ struct Transport {
     mass: Mass,
     /// r_λ(t0), transported, column by column.
     r_lam: Vec<f64>,
-}
-
-impl LinearizationPoint {
-    fn new(solver: &AlphaSolver) -> Self {
-        let none = || vec![0.0; solver.phi.len()];
-        Self {
-            t: 0.0,
-            y0: none(),
-            z0: none(),
-            predicted: none(),
-            y1: none(),
-            z1: none(),
-            phi: none(),
-            reactions: solver.reactions.clone(),
-        }
-    }
-
-    fn move_to(&mut self, solver: &AlphaSolver, step: AlphaStep) {
-        self.t = step.t;
-        for (kept, x) in [
-            (&mut self.y0, &step.state.y),
-            (&mut self.z0, &step.state.z),
-            (&mut self.predicted, &solver.predicted),
-            (&mut self.y1, &solver.y),
-            (&mut self.z1, &solver.z),
-            (&mut self.phi, &solver.phi),
-        ] {
-            copy(kept, x);
-        }
-        for (kept, reaction) in self.reactions.iter_mut().zip(&solver.reactions) {
-            copy(&mut kept.a, &reaction.a);
-            copy(&mut kept.lam, &reaction.lam);
-        }
-    }
 }
 
 /// The places of all blocks, and the matrix of them.
@@ -398,14 +351,4 @@ fn transport(start: &mut Mass, end: (&Pattern, &[f64]), spare: &mut [f64], x: &m
     copy(x, spare);
 }
 
-liouville_base::checkpoint!(LinearizationPoint {
-    t,
-    y0,
-    z0,
-    predicted,
-    y1,
-    z1,
-    phi,
-    reactions
-});
 liouville_base::checkpoint!(AlphaMatrix { reuse, point });

@@ -15,8 +15,8 @@ pub trait Observe<State>: Checkpoint {
     /// A quantity that is not finite, or multipliers that cannot be solved for.
     fn observe(&mut self, t: f64, state: &State, row: &mut Vec<f64>) -> Result<(), StepError>;
 
-    /// Appends what the equations at a state depend on, whatever rows have: coordinates, velocities and multipliers. Returns
-    /// whether that is known.
+    /// Appends the arguments of the equations at a state, whatever rows have: coordinates, velocities and multipliers.
+    /// Returns whether the observer knows them.
     ///
     /// # Errors
     /// Multipliers that cannot be solved for.

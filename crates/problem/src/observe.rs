@@ -40,8 +40,8 @@ impl Carried for State {
     }
 }
 
-/// Records y, z, λ and ν, and z' and a of methods that carry a (where states are wanted); then the work of
-/// such methods; then the outputs of a tape (t, y, z) → quantities; then the angles that the observer continues.
+/// Records y, z, λ and ν, and z' and a of methods that carry a (where states are wanted), the work of such methods, the
+/// quantities that a tape computes from (t, y, z), and the angles that the observer continues.
 #[derive(Clone, Debug)]
 pub struct Observer<M: Dynamics = Model> {
     model: M,

@@ -290,7 +290,7 @@ impl Run {
         Ok(is_saved.then(|| PyArray1::from_vec(py, saved)))
     }
 
-    /// What the equations at the present state depend on: coordinates, velocities and multipliers; none where there is no
+    /// The arguments of the equations at the present state: coordinates, velocities and multipliers; none where there is no
     /// single motion on constraints.
     fn place<'py>(&mut self, py: Python<'py>) -> Option<Bound<'py, PyArray1<f64>>> {
         Some(PyArray1::from_vec(py, self.inner.place()?))

@@ -102,7 +102,7 @@ pub(super) struct Stages<R = f64> {
     pub(super) yardstick: R,
     /// The largest acceleration that forces and reactions take from one another.
     pub(super) borne: R,
-    /// What the sign of the matrix says of a solution where there are constraints.
+    /// The meaning of the matrix's sign where there are constraints.
     pub(super) signs: Signs,
     /// Whether V and Z are the same.
     pub(super) velocity_is_z: bool,

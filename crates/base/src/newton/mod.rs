@@ -22,16 +22,18 @@ mod full;
 mod predictor;
 mod progress;
 mod reuse;
+mod signs;
 mod stop;
 mod units;
 
-pub use attempts::{Attempts, BranchAttempts, Signs, Slot, Start, attempt, attempt_modified};
+pub use attempts::{Attempts, BranchAttempts, Slot, Start, attempt, attempt_modified};
 pub use backoff::Backoff;
 pub use block_matrix::{BlockGrid, BlockHandle, BlockLayout, BlockMatrix};
 pub use broyden::Broyden;
 pub use full::solve_full;
 pub use predictor::{Continuation, Polynomial, Predictor};
 pub use reuse::{Renewal, Reuse};
+pub use signs::Signs;
 pub use stop::{Projection, Stop, own_yardstick, scaled_size};
 
 use crate::error::StepError;

@@ -67,8 +67,8 @@ pub trait Advance: Send + Sync {
     fn collect(&mut self) -> (Vec<f64>, Vec<f64>) {
         (Vec::new(), Vec::new())
     }
-    /// What the equations at the present state depend on, as [`crate::observe::Observe::locate`] has it; none where that is
-    /// not known of one motion.
+    /// The arguments of the equations at the present state, by [`crate::observe::Observe::locate`]; none where the run has
+    /// no single motion with these.
     fn place(&mut self) -> Option<Vec<f64>> {
         None
     }

@@ -119,7 +119,7 @@ impl<State: Carried + Checkpoint + Clone, M: Dynamics> DenseDetector<State, M> {
         let most = steepest.into_iter().fold(0.0, f64::max) * 2.0 * near.abs();
         let least = values[0].abs().min(values[1].abs());
         let jumps = there.abs() > ZERO * least || (values[1] - values[0]).abs() > STEEP * most;
-        // what touches zero has one sign
+        // a function that touches zero has the same sign on both sides
         if jumps && values[0] * values[1] <= 0.0 {
             return Some(Obstacle::Jump);
         }

@@ -142,6 +142,6 @@ class _Problem:
             size, speed = float(np.linalg.norm(T)), float(np.linalg.norm(rate))
             if size > most[i] + weak:
                 return False
-            # what is within its bound does not move, and else it moves against the friction
+            # a contact whose friction is within its bound does not move; else it moves against it
             off.append(speed if size < most[i] - weak else speed * size + float(T @ rate))
         return bool(x[:p].min() >= -weak and max(off) <= small)

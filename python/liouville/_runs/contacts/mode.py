@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -79,42 +79,20 @@ class ModeSystem(Mechanics):
         m, own = model.lam.numel(), model.nonholonomic
         lam = ca.SX.sym("lam", m + len(gaps))
         nu = ca.SX.sym("nu", own.nu.numel() + len(slips))
-        r = ca.substitute(model.r, model.lam, lam[:m]) if m else model.r
-        first_of = [contacts.slips_of(k)[0] for k in range(c)]
-        for place, k in enumerate(gaps):
-            friction = its["friction"][k] * modes[k].sign
-            across = its["across"][k, :].T
-            r += (-across + friction * its["along"][first_of[k], :].T) * lam[m + place]
         # friction whose size is known: of loads, and of what slides in space
         known, self._slowing = frictions(contacts, modes, gaps, slips)
         added, braked = ca.SX(s.y.numel(), 1), ca.SX(0)
         for row, force in known.items():
             added += its["along"][row, :].T * force
             braked += force * contacts.drives[c + row]
-        count = own.nu.numel()
-        rn = ca.substitute(own.rn, own.nu, nu[:count]) if count else ca.SX(s.y.numel(), 1)
-        for place, row in enumerate(slips):
-            rn -= its["along"][row, :].T * nu[count + place]
-        names = contacts.names
-        holonomic = base.constraints[:m] + tuple(names[k] for k in gaps)
-        rolling = base.nonholonomic + tuple(
-            f"{names[k]} sticks" + f" along {row - first_of[k] + 1}" * bool(contacts.is_spatial[k])
-            for row, k in zip(slips, contacts.owner[slips], strict=True)
-        )
+        r, rn = _reactions(contacts, modes, (gaps, slips), (lam, nu))
+        holonomic = base.constraints[:m] + tuple(contacts.names[k] for k in gaps)
+        rolling = base.nonholonomic + tuple(_held(contacts, row) for row in slips)
         self.normals = {k: m + place for place, k in enumerate(gaps)}
         first = m + len(gaps)
         self.tangents = {row: first + own.nu.numel() + place for place, row in enumerate(slips)}
         self.own = np.r_[np.arange(m), first + np.arange(own.nu.numel())].astype(int)
         columns = base._expressions.columns
-        invariants = {name: columns[INVARIANT + name] for name in base.invariants}
-        rows_g = [its["phi"][k] for k in gaps]
-        power = columns.get("power")
-        if power is not None:
-            power = ca.substitute(power, model.lam, lam[:m]) if m else power
-            drives, power = contacts.drives, power + braked
-            for place, k in enumerate(gaps):
-                friction = its["friction"][k] * modes[k].sign
-                power += lam[m + place] * (friction * drives[c + first_of[k]] - drives[k])
         super().__init__(
             s,
             replace(
@@ -122,7 +100,7 @@ class ModeSystem(Mechanics):
                 f=model.f + added,
                 force=model.force and (model.force[0], model.force[1] + added),
                 r=r,
-                g=ca.vertcat(model.g, *rows_g),
+                g=ca.vertcat(model.g, *(its["phi"][k] for k in gaps)),
                 lam=lam,
                 is_ideal=model.is_ideal and not any(mode.sign for mode in modes),
                 nonholonomic=Nonholonomic(
@@ -133,8 +111,8 @@ class ModeSystem(Mechanics):
             states=base.states,
             coordinates=base.coordinates,
             constraints=holonomic + rolling,
-            invariants=invariants,
-            power=power,
+            invariants={name: columns[INVARIANT + name] for name in base.invariants},
+            power=_power(contacts, modes, gaps, lam, braked),
             switches={name: columns[SWITCH + name] for name in base.switch_tapes},
         )
         # friction and impacts take from the energy, and walls that move may give
@@ -243,6 +221,63 @@ class ModeSystem(Mechanics):
         tapes = self._tapes_of_events if event.reset is None else self._tapes_of_resets
         own = tapes.get(name)
         return own if own is not None else super().event(name, event)
+
+
+def _reactions(
+    contacts: Contacts,
+    modes: tuple[Mode, ...],
+    held: tuple[Sequence[int], Sequence[int]],
+    multipliers: tuple[ca.SX, ca.SX],
+) -> tuple[ca.SX, ca.SX]:
+    """Return the reactions of gaps, with their friction in the plane, and those of slips.
+
+    `held` are the contacts and the slips that a mode holds at zero.
+    """
+    model, its, (gaps, slips), (lam, nu) = (
+        contacts.system._model,
+        contacts.columns,
+        held,
+        multipliers,
+    )
+    own, m = model.nonholonomic, model.lam.numel()
+    r = ca.substitute(model.r, model.lam, lam[:m]) if m else model.r
+    for place, k in enumerate(gaps):
+        friction = its["friction"][k] * modes[k].sign
+        along = its["along"][contacts.slips_of(k)[0], :].T
+        r += (-its["across"][k, :].T + friction * along) * lam[m + place]
+    count = own.nu.numel()
+    rn = ca.substitute(own.rn, own.nu, nu[:count]) if count else ca.SX(r.numel(), 1)
+    for place, row in enumerate(slips):
+        rn -= its["along"][row, :].T * nu[count + place]
+    return r, rn
+
+
+def _power(
+    contacts: Contacts,
+    modes: tuple[Mode, ...],
+    gaps: Sequence[int],
+    lam: ca.SX,
+    braked: ca.SX,
+) -> ca.SX | None:
+    """Return the power of a system in a mode, `braked` that of friction whose size is known."""
+    power = contacts.system._expressions.columns.get("power")
+    if power is None:
+        return None
+    own, drives, its = contacts.system._model.lam, contacts.drives, contacts.columns
+    m = own.numel()
+    power = (ca.substitute(power, own, lam[:m]) if m else power) + braked
+    for place, k in enumerate(gaps):
+        friction = its["friction"][k] * modes[k].sign
+        along = drives[len(modes) + contacts.slips_of(k)[0]]
+        power += lam[m + place] * (friction * along - drives[k])
+    return power
+
+
+def _held(contacts: Contacts, row: int) -> str:
+    """Return the name of a slip that is held at zero."""
+    k = contacts.owner[row]
+    way = f" along {row - contacts.slips_of(k)[0] + 1}" if contacts.is_spatial[k] else ""
+    return f"{contacts.names[k]} sticks{way}"
 
 
 def endings(contacts: Contacts, system: ModeSystem, rest: Array, h: float) -> dict[str, Event]:

@@ -396,6 +396,5 @@ class TracedRunner(Runner):
 
     def _check_sizes(self, request: Request) -> None:
         times = self._watch.times
-        self._check_records(
-            request, self.steps.records(self.every) if times is None else times.size
-        )
+        count = self.steps.records(self.every) if times is None else times.size
+        self._check_records(request, count)

@@ -77,7 +77,7 @@ impl Search {
                     is_exact: true,
                 });
             } else if is_on_it && in_step.function().rule.touch > 0.0 {
-                before.value = f64::NAN; // what begins on zero does not touch it there
+                before.value = f64::NAN; // a function that begins on zero does not touch it there
             }
         }
         nodes.push(before);

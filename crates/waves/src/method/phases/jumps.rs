@@ -12,6 +12,14 @@ const HALVES: i32 = 8;
 /// Times this many roundings beside a jump are on their side, as a step takes V at times that are rounded.
 const BESIDE: f64 = 8.0;
 
+/// A jump of the potential: times before and after it, and how long steps are then.
+#[derive(Clone, Copy)]
+pub(super) struct Jump {
+    pub(super) before: f64,
+    pub(super) after: f64,
+    pub(super) next: f64,
+}
+
 /// Memory of a search: the potential at both ends and within.
 #[derive(Clone, Default)]
 pub(super) struct JumpSearch {

@@ -9,7 +9,7 @@
 //! the last digits of its time, and a step goes up to it and another one across.
 
 use super::Phases;
-use super::jumps::JumpSearch;
+use super::jumps::{Jump, JumpSearch};
 use super::order::SeenOrder;
 use super::tolerance::SplitTolerance;
 use crate::method::Wave;
@@ -90,14 +90,6 @@ pub struct SplitSteps {
 
 /// The beginning of a run, until the run with its start goes on from there: the start, the stepper, the state and its time.
 pub type BegunRun = Arc<Mutex<Option<Box<(Wave<f64>, SplitSteps, Wave<f64>, f64)>>>>;
-
-/// A jump of the potential: times before and after it, and how long steps are then.
-#[derive(Clone, Copy)]
-struct Jump {
-    before: f64,
-    after: f64,
-    next: f64,
-}
 
 impl SplitSteps {
     /// Steps by a list of flows.
