@@ -143,3 +143,79 @@ def test_waves_that_one_method_takes_run_by_auto(name):
         np.testing.assert_allclose(
             found.psi[-1], psi * np.exp(-2 * (1j * energy + rate)), rtol=0, atol=TOL
         )
+
+
+DISORDER = np.random.default_rng(1).uniform(-2, 2, (5, 24))
+
+
+CHAIN = lv.Schrodinger(lv.Lattice(24))
+
+
+def hops(n, is_closed=False):
+    """Return the H of a chain of n sites, open or closed."""
+    h = -np.eye(n, k=1) - np.eye(n, k=-1)
+    return h - is_closed * (np.eye(n, k=n - 1) + np.eye(n, k=1 - n))
+
+
+def kinetic(grid):
+    """Return the kinetic energy on a grid of one axis."""
+    waves = np.fft.fft(np.eye(grid.size), norm="ortho")
+    return waves.conj().T @ np.diag(grid.k[0] ** 2 / 2) @ waves
+
+
+@pytest.mark.parametrize(
+    ("source", "h"),
+    [
+        (lv.Lattice(24), hops(24)),
+        (
+            lv.Lattice((4, 6), periodic=(False, True)),
+            np.kron(hops(4), np.eye(6)) + np.kron(np.eye(4), hops(6, is_closed=True)),
+        ),
+        (lv.Grid(0, 12, 24), kinetic(lv.Grid(0, 12, 24))),
+    ],
+)
+def test_members_with_potentials_of_their_own_have_the_bits_of_runs_alone(source, h):
+    psi = np.exp(-((np.arange(24) - 12) ** 2) / 4 + 0.5j * np.arange(24))
+    psi /= np.linalg.norm(psi)
+    clean, times = lv.Schrodinger(source), (0.0, 1.0, 3.0)
+    run = lv.ensemble(clean, "auto", t=times, psi=psi, potential=DISORDER)
+    for k, potential in enumerate(DISORDER):
+        own = lv.Schrodinger(source.with_potential(potential))
+        assert np.array_equal(lv.integrate(own, "auto", t=times, psi=psi).psi, run.psi[:, k])
+        alone = lv.integrate(clean, "auto", t=times, psi=psi, potential=potential)
+        assert np.array_equal(alone.psi, run.psi[:, k])
+        for t, found in zip(times, run.psi[:, k], strict=True):
+            wanted = scipy.linalg.expm(-1j * t * (h + np.diag(potential))) @ psi
+            assert np.linalg.norm(found - wanted) <= 1e-8
+
+
+@pytest.mark.parametrize(
+    ("potential", "kind", "words"),
+    [
+        (
+            DISORDER[0],
+            ValueError,
+            r"potential must have shape \(P, 24\) for P members, not \(24,\)",
+        ),
+        (DISORDER[:, 1:], ValueError, r"must have shape \(P, 24\) for P members, not \(5, 23\)"),
+        (DISORDER[:0], ValueError, "potential has no members along its first axis"),
+        (
+            DISORDER * [[1], [1], [np.nan], [1], [1]],
+            ValueError,
+            r"member 2: potential\[0\] must be",
+        ),
+        (1j * DISORDER, TypeError, "potential must be real numbers, not complex ones"),
+    ],
+)
+def test_potentials_of_members_that_do_not_fit_are_refused(potential, kind, words):
+    with pytest.raises(kind, match=words):
+        lv.ensemble(CHAIN, "auto", t=(0, 1), psi=np.eye(24)[0], potential=potential)
+
+
+def test_a_potential_of_its_own_is_for_grids_and_lattices():
+    with pytest.raises(TypeError, match="potential= is that of a Grid or a Lattice, not of"):
+        lv.integrate(lv.Schrodinger(np.eye(2)), "auto", t=(0, 1), psi=[1, 0], potential=[1, 2])
+    with pytest.raises(ValueError, match="potential must have 3 members as psi has, not 5"):
+        lv.ensemble(CHAIN, "auto", t=(0, 1), psi=np.eye(24)[:3], potential=DISORDER)
+    with pytest.raises(ValueError, match=r"potential must have shape \(24,\), not \(5, 24\)"):
+        lv.integrate(CHAIN, "auto", t=(0, 1), psi=np.eye(24)[0], potential=DISORDER)

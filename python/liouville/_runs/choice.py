@@ -175,7 +175,9 @@ def _of_waves(system: Schrodinger, method: Any, request: Request) -> Runner:
         method = AUTO
     if not isinstance(method, WaveMethod | WavePlan):
         raise no_runner(method, "wave", "Schrödinger equations")
-    if request.is_ensemble and _are_varied(system, request.params):
+    if request.is_ensemble and (
+        "potential" in request.start or _are_varied(system, request.params)
+    ):
         from liouville._runs.waves.members import WaveMembersRunner
 
         return WaveMembersRunner(system, method, request)

@@ -101,7 +101,9 @@ def ensemble(
         Start values by the system's names, with a row for each of P members: ``q`` and ``v`` of
         shape (P, n), and so on. Those of a mechanical or semi-explicit system may also have shape
         (n,), for all members alike, as may ``x`` where parameters have rows; ``z`` of the latter,
-        of shape (P, l), is a guess that may be left out.
+        of shape (P, l), is a guess that may be left out. Beside `psi` a Grid or a Lattice may be
+        given a ``potential`` for each member, of shape (P, N) or in its own shape after P, in place
+        of the one it has.
 
     Returns
     -------

@@ -28,7 +28,10 @@ def are_given(
     if any(name in own and np.ndim(x) == np.ndim(own[name]) + 1 for name, x in given):
         return True
     if isinstance(system, Schrodinger):
-        return system.is_many(start.get("psi"))
+        shape = np.shape(start.get("potential", 0.0))
+        return system.is_many(start.get("psi")) or (
+            shape not in ((), *system.shapes) and shape[1:] in system.shapes
+        )
 
     def axes(value: Any) -> int:
         if isinstance(value, Mapping):

@@ -1,4 +1,4 @@
-"""Runs of an ensemble of wave functions whose equations have parameters of their own."""
+"""Runs of an ensemble of wave functions whose equations differ by parameters or potentials."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from liouville._methods import WaveMethod
 from liouville._methods.control import Steps
 from liouville._methods.planner import WavePlan
 from liouville._runs.runner import Request, Runner, threads_of
-from liouville._runs.waves.steps import start_of
+from liouville._runs.waves.steps import POTENTIAL, potentials_of, start_of
 from liouville._runs.waves.wave import WaveRunner
 from liouville._solution.tangents import Tangent
 from liouville._systems import Schrodinger, members
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 
 class WaveMembersRunner(Runner):
-    """Runs wave functions, each by an equation with its own parameters; see :class:`Runner`.
+    """Runs wave functions, each by an equation of its own; see :class:`Runner`.
 
     Each member is planned as a run alone is, and has its bits.
     """
@@ -45,18 +45,25 @@ class WaveMembersRunner(Runner):
         psi = start_of(request.start)
         of_params = members.parameters(system, request.params)[1]
         counts = {f"parameter '{name}'": many for name, many in of_params.items()}
-        is_many = system.is_many(psi)
-        system.inward(psi, is_many)  # what it refuses is that of no member alone
-        many = members.common(({"psi": len(psi)} if is_many else {}) | counts)
+        if system.is_many(psi):
+            counts = {"psi": len(psi)} | counts
+        system.inward(psi, "psi" in counts)  # what it refuses is that of no member alone
+        potentials = potentials_of(request.start, system)
+        if potentials is not None:
+            counts[POTENTIAL] = len(potentials)
+        many = members.common(counts)
         self.members, self.varied = (many,), tuple(of_params)
         given: Mapping[str, Any] = request.params or {}
         self.params = {**system.params, **given}
         self._each: list[WaveRunner] = []
         for k in range(many):
             values = {name: x[k] if name in of_params else x for name, x in given.items()}
+            start = {"psi": psi[k] if "psi" in counts else psi}
+            if potentials is not None:
+                start[POTENTIAL] = potentials[k]
             own = replace(
-                request, start={"psi": psi[k] if is_many else psi}, params=values, threads=1,
-                is_ensemble=False, has_pullback=False,
+                request, start=start, params=values, threads=1, is_ensemble=False,
+                has_pullback=False,
             )  # fmt: skip
             try:
                 self._each.append(WaveRunner(system, method, own))

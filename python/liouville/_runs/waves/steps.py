@@ -6,11 +6,17 @@ from collections.abc import Callable, Mapping
 from itertools import pairwise
 from typing import Any
 
-from liouville._basics.errors import hinted
+import numpy as np
+
+from liouville._basics.errors import hinted, misshapen
 from liouville._methods import Magnus, SplitOperator, Stepped, WaveMethod
 from liouville._methods.control import Steps, Takes, steps_of
 from liouville._methods.planner import WavePlan
 from liouville._runs.runner import Request, kept
+from liouville._systems import Schrodinger
+
+#: A run may have this in place of the potential of its grid or lattice.
+POTENTIAL = "potential"
 
 
 def is_stepped(method: WaveMethod | WavePlan, request: Request) -> bool:
@@ -22,13 +28,24 @@ def is_stepped(method: WaveMethod | WavePlan, request: Request) -> bool:
 
 
 def start_of(start: Mapping[str, Any]) -> Any:
-    """Return psi of a start; TypeError where there is anything else."""
-    if set(start) != {"psi"}:
-        if not start:
-            raise TypeError("start value 'psi' is missing: a Schrodinger equation takes psi=")
-        given = ", ".join(sorted(start))
-        raise TypeError(f"a Schrodinger equation starts with psi=, not with {given}")
+    """Return psi of a start; TypeError where there is anything else but a potential."""
+    if more := sorted(start.keys() - {"psi", POTENTIAL}):
+        raise TypeError(f"a Schrodinger equation starts with psi=, not with {', '.join(more)}")
+    if "psi" not in start:
+        raise TypeError("start value 'psi' is missing: a Schrodinger equation takes psi=")
     return start["psi"]
+
+
+def potentials_of(start: Mapping[str, Any], system: Schrodinger) -> np.ndarray | None:
+    """Return the potentials of the members of a start, None where there are none."""
+    if start.get(POTENTIAL) is None:
+        return None
+    given = np.asarray(start[POTENTIAL])
+    shapes = system.with_potential(0.0).shapes
+    if given.shape[1:] not in shapes:
+        wanted = " or ".join(f"(P, {', '.join(map(str, shape))})" for shape in shapes)
+        raise misshapen(POTENTIAL, given.shape, f"{wanted} for P members")
+    return given
 
 
 def stops_of(

@@ -26,7 +26,13 @@ from liouville._methods.planner.waves.propagators import Diagonal, Krylov, Serie
 from liouville._methods.planner.waves.resonance import resonance
 from liouville._runs.runner import Request, Runner, threads_of
 from liouville._runs.waves.failures import described
-from liouville._runs.waves.steps import check_no_steps, is_stepped, start_of, stops_of
+from liouville._runs.waves.steps import (
+    POTENTIAL,
+    check_no_steps,
+    is_stepped,
+    start_of,
+    stops_of,
+)
 from liouville._solution.tangents import Tangent
 from liouville._systems import Schrodinger
 
@@ -60,7 +66,10 @@ class WaveRunner(Runner):
     def __init__(
         self, system: Schrodinger, method: WaveMethod | WavePlan, request: Request
     ) -> None:
-        self.system = system = system.with_params(request.params)
+        system = system.with_params(request.params)
+        if (potential := request.start.get(POTENTIAL)) is not None:
+            system = system.with_potential(potential)
+        self.system = system
         self.params = system.params
         times = times_of(request.t)
         self.psi = system.inward(start_of(request.start), request.is_ensemble)

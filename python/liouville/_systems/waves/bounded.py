@@ -54,7 +54,6 @@ class Bounded(Pickled):
     frame: Frame
     size: int
     points: tuple[float, ...]
-    is_driven: bool
     _given: Bounds | None
     _way: str
     _terms: list[Term]
@@ -63,6 +62,11 @@ class Bounded(Pickled):
     _params: Parameters
     _moving: TimeFunction | None
     moving_product: MovingProduct | None
+
+    @property
+    def is_driven(self) -> bool:
+        """Whether H has a drive, or depends on time."""
+        return bool(self._functions or self._moving or self.moving_product)
 
     @cached_property
     def _static(self) -> _core.Hamiltonian:
@@ -201,7 +205,6 @@ class Bounded(Pickled):
             other.__dict__.pop(name, None)
         operators = [operator for term in each for operator in term.operators]
         other._functions, other._drive, other._terms = [], [], [Term(operators, bounds)]
-        other.is_driven = False
         other._join()
         return other
 

@@ -22,19 +22,13 @@ from liouville._systems.waves.lattice import Lattice
 from liouville._systems.waves.moving import MovingProduct
 from liouville._systems.waves.nonlinearity import Nonlinearity
 from liouville._systems.waves.observed import Observable
-from liouville._systems.waves.on_grid import OnGrid
+from liouville._systems.waves.on_grid import OF_FUNCTIONS, OF_POTENTIAL, OnGrid
 from liouville._systems.waves.products import Product
 from liouville._systems.waves.sensitivity import DriveSensitivity, PotentialSensitivity
 from liouville._systems.waves.sites.system import SiteSystem
 from liouville._systems.waves.spins import SpinChain
 from liouville._systems.waves.time_functions import TimeFunction
 from liouville._systems.waves.typed import Density, Options
-
-#: Values computed once of functions of time and their parameters, ...
-OF_FUNCTIONS = ("_spectrum", "_known", "settled", "sensitivity", "potential_sensitivity")
-
-#: ... and of a potential.
-OF_POTENTIAL = ("_static", "_closer", "_parts", "term_bounds")
 
 
 class Schrodinger(OnGrid, Generic[Density]):
@@ -246,16 +240,9 @@ class Schrodinger(OnGrid, Generic[Density]):
 
     def _build(self, source: Any, driven: list[Entries]) -> None:
         """Make the terms, and what the core calls them."""
-        self.potential, self._potential, self._moving = None, None, None
-        if isinstance(source, Grid):
-            first = self._of_grid(source, time_functions.potential(source, self._params))
-        else:
-            first = forms.term_of(source, self.source, self.frame, 1 / self.hbar)
         each = (forms.term_of_matrix(matrix, self.frame, 1 / self.hbar) for matrix in driven)
-        self._terms = [first, *each]
+        self._terms = [self._first(source), *each]
         self.is_foreign = isinstance(source, (Product, MovingProduct))
-        is_moved = self.nonlinearity is not None and self.nonlinearity.is_driven
-        self.is_driven = bool(driven or self._moving or self.moving_product or is_moved)
         self._join()
         if isinstance(source, Product):
             check_symmetric("H", self._static)
@@ -353,19 +340,19 @@ class Schrodinger(OnGrid, Generic[Density]):
             It has a wrong shape, is zero, or not finite; the message names the component.
         """
         given = foreign.state(psi, self.size, is_ensemble)
-        return self.frame.inward(observed.checked(given, self._shapes, is_ensemble))
+        return self.frame.inward(observed.checked(given, self.shapes, is_ensemble))
 
     def is_many(self, psi: Any) -> bool:
         """Return whether these are states of several members, and not one."""
         shape = np.shape(foreign.state(psi, self.size, False))
-        return shape not in self._shapes and shape[1:] in self._shapes
+        return shape not in self.shapes and shape[1:] in self.shapes
 
     def outward(self, psi: np.ndarray) -> np.ndarray:
         """Return states of the core as the user has them; components are the last axis."""
         return self.frame.outward(psi)
 
     @property
-    def _shapes(self) -> list[tuple[int, ...]]:
+    def shapes(self) -> list[tuple[int, ...]]:
         """The shapes that a state may have."""
         shape = getattr(self.source, "shape", (self.size,))
         is_model = isinstance(self.source, (Grid, Lattice))
@@ -389,7 +376,7 @@ class Schrodinger(OnGrid, Generic[Density]):
             One is of the wrong kind or shape, or known by its products and not Hermitian; the
             message has its name.
         """
-        return observed.observables(observe, self.frame, self._shapes, self._at_points)
+        return observed.observables(observe, self.frame, self.shapes, self._at_points)
 
     def portable(self, observe: Mapping[str, Any] | None) -> dict[str, Any]:
         """Return observables in a form that can be pickled: functions by their values."""

@@ -152,7 +152,7 @@ class Grid:
         """Leave out what can be computed again."""
         return {name: x for name, x in self.__dict__.items() if name != "points"}
 
-    def with_potential(self, potential: Callable[..., Any]) -> Grid:
+    def with_potential(self, potential: ArrayLike | Callable[..., Any]) -> Grid:
         """Return the grid with another potential."""
         return Grid(self.low, self.high, self.shape, potential, self.mass)
 

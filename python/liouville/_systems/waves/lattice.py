@@ -101,6 +101,10 @@ class Lattice:
         """Number of sites."""
         return prod(self.shape)
 
+    def with_potential(self, potential: ArrayLike) -> Lattice:
+        """Return the lattice with another potential."""
+        return Lattice(self.shape, self.hopping, potential, self.periodic)
+
     def entries(self) -> Entries:
         """Return the matrix H."""
         sites = np.arange(self.size).reshape(self.shape)

@@ -3,33 +3,75 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from copy import copy
 from functools import cached_property
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from liouville import _core
 from liouville._basics.errors import hinted
 from liouville._systems.waves import observed
 from liouville._systems.waves.bounded import Bounded
 from liouville._systems.waves.entries import check_size
-from liouville._systems.waves.forms import Term, twice
+from liouville._systems.waves.forms import Term, source_of, term_of, twice
 from liouville._systems.waves.grid import Grid
-from liouville._systems.waves.lattice import on_sites
+from liouville._systems.waves.lattice import Lattice, on_sites
 from liouville._systems.waves.nonlinearity import Nonlinearity
 from liouville._systems.waves.time_functions import TimeFunction, point
+from liouville._systems.waves.time_functions import potential as potential_of
 
 #: The hint where an equation is not linear, or absorbs.
 TAKEN = "take 'auto' or SplitOperator(tol=1e-8), or SplitOperator() with h= or steps="
+
+#: Values computed once of functions of time and their parameters, ...
+OF_FUNCTIONS = ("_spectrum", "_known", "settled", "sensitivity", "potential_sensitivity")
+
+#: ... and of a potential.
+OF_POTENTIAL = ("_static", "_closer", "_parts", "term_bounds")
 
 
 class OnGrid(Bounded):
     """A base of :class:`Schrodinger`: what is a function of the position or of the density."""
 
+    source: Any
     potential: np.ndarray | None
     nonlinearity: Nonlinearity | None
     _potential: TimeFunction | None
     _absorbing: TimeFunction | np.ndarray | None
+
+    def _first(self, source: Any) -> Term:
+        """Make the term of the Hamiltonian without its drive."""
+        self.potential, self._potential, self._moving = None, None, None
+        if isinstance(source, Grid):
+            return self._of_grid(source, potential_of(source, self._params))
+        return term_of(source, self.source, self.frame, 1 / self.hbar)
+
+    @property
+    def is_driven(self) -> bool:
+        """Whether H has a drive, or depends on time."""
+        return super().is_driven or (self.nonlinearity is not None and self.nonlinearity.is_driven)
+
+    def with_potential(self, potential: ArrayLike) -> Self:
+        """Return the equation with another potential of its grid or lattice.
+
+        Raises
+        ------
+        TypeError, ValueError
+            It has neither, or the potential does not fit.
+        """
+        if not isinstance(self.source, (Grid, Lattice)):
+            sentence = f"potential= is that of a Grid or a Lattice, not of {self!r}"
+            raise TypeError(hinted(sentence, "give functions of a drive parameters"))
+        other = copy(self)
+        for name in (*OF_FUNCTIONS, *OF_POTENTIAL):
+            other.__dict__.pop(name, None)
+        other.source = self.source.with_potential(potential)
+        other.grid = other.source if isinstance(other.source, Grid) else None
+        other._terms = [other._first(source_of(other.source)), *self._terms[1:]]
+        other._join()
+        return other
 
     def _read_nonlinearity(self, function: Callable[..., Any] | None) -> Nonlinearity | None:
         """Return a function of the density, on a grid alone."""
