@@ -19,7 +19,7 @@ class Scene:
 
     def __init__(self, seed):
         rng = np.random.default_rng(seed)
-        self.n = n = int(rng.integers(3, 6))
+        self.n = n = int(rng.integers(3, 7))
         self.rest, self.mu = float(rng.choice([0, 0.2, 0.5])), float(rng.choice([0.1, 0.3, 0.6]))
         self.features, self.inertias = [], []
         for _ in range(n):
@@ -31,6 +31,8 @@ class Scene:
         places = np.linspace(-1.1, 1.1, n)
         rng.shuffle(places)
         height, angle = 0.35 + rng.uniform(0, 0.25, n), rng.uniform(-0.5, 0.5, n)
+        if n > 5:  # which would overlap side by side
+            height += 0.6 * (np.argsort(np.argsort(places)) % 2)
         self.start = {"q": np.ravel(np.column_stack([places, height, angle]))}
         self.start["v"] = rng.normal(size=3 * n)
         self.laws = {}
@@ -142,7 +144,12 @@ def ends(seed, **steps):
     is_held_to_the_laws(scene, run)
 
 
-@pytest.mark.parametrize("seed", range(4))
+#: Scenes with a disc at rest in a corner, whose margin is zero, and with a box that lies down on an
+#: edge of which both corners bear as much as friction.
+AT_EDGES = [70039, 70046]
+
+
+@pytest.mark.parametrize("seed", [*range(4), *AT_EDGES])
 def test_a_scene_obeys_the_laws_at_every_record(seed):
     ends(seed, h=0.02)
 
@@ -154,9 +161,9 @@ def test_a_scene_obeys_the_laws_with_controlled_steps():
 @pytest.mark.slow
 def test_of_many_scenes_none_breaks_the_laws_and_few_are_refused():
     refused = []
-    for seed in range(4, 120):
+    for seed in range(4, 504):
         try:
             ends(seed, h=0.02)
         except lv.IntegrationError as error:
             refused.append(f"{seed}: {error}")
-    assert len(refused) <= 3, refused
+    assert len(refused) <= 5, refused

@@ -25,8 +25,9 @@ if TYPE_CHECKING:
     from liouville._runs.contacts.traced import Contacts
     from liouville._solution.solution import Solution
 
-#: Forces below this part of those that would move the system so are none.
-NONE, ROUNDED = 1e-9, 1e-14
+#: Forces below this part of those that would move the system so are none; a margin is zero within
+#: the second part of these, or of the forces.
+NONE, ROUNDED = 1e-9, 2e-14
 #: Rows are independent where singular values are above this part of the largest.
 INDEPENDENT = 1e-10
 #: Contacts contradict one another by more than this part of their rates.
@@ -81,12 +82,13 @@ def shared(at: Matrices, modes: tuple[Mode, ...]) -> Shared:
     some, ways = vt[:rank].T @ (sides / scale), vt[rank:].T
     w, margin = _best(borne + limits @ some, limits @ ways)
     x = scale * (some + ways @ w)
+    zero = ROUNDED * max(weight, float(np.abs(x).max(initial=0.0)))
     normal, friction = at.load.copy(), given
     normal[closed] = x[: len(closed)]
     for k in closed:
         friction[k] = -at.laws.friction[k] * modes[k].sign * normal[k]
     friction[sticks] = x[len(closed) :]
-    return Shared(scale * margin < -ROUNDED * weight, normal, friction)
+    return Shared(scale * margin < -zero, normal, friction)
 
 
 def loads(
