@@ -1,334 +1,205 @@
-//! The derivative of a reset, with the impulses that keep the constraints: forwards, and transposed.
-//!
-//! A law of the state leads to (ŷ, ẑ), and then
+//! Resets of a mechanical system, with the impulses that keep the constraints.
 //!
 //!     y⁺ = ŷ + v_z x,   p_z x − r_λ μ = 0,   g(t, y⁺) = 0
 //!     p(y⁺, z⁺) = p(y⁺, ẑ) + r_λ μ + e_yᵀ Λ,   w(y⁺, z⁺) = 0
 //!
 //! and k(t, y⁺, z⁺) = 0 with the reactions to it, and an impact has y⁺ = y, ẑ = z and e_y (v⁺ − v) = −(1 + ε) (e_t +
-//! e_y v). Coordinates are corrected one after another, by
+//! e_y v). Coordinates are corrected by
 //!
 //!     p_z x − r_λ μ = 0,   w_z x + g = 0,   y ← y + v_z x
 //!
-//! where they are, and so are their derivatives, with those of these equations. Linear equations have the matrix of
-//! accelerations, bordered by e_y.
+//! where they are. Linear equations have the matrix of accelerations, bordered by e_y.
 
-use super::slopes::{Before, LinearReset, SlopesModel};
+use super::linear_reset::{ListedReset, ResetEquations};
+use super::slopes::{Before, SlopesModel};
 use liouville_base::error::StepError;
-use liouville_base::linalg::{add_scaled, copy, dot, max_norm};
+use liouville_base::linalg::{add_scaled, copy, dot};
+use liouville_base::linear::set;
 use liouville_problem::{Model, Saddle};
 
-/// More corrections than a law takes to the constraints.
-const MOST_CORRECTIONS: usize = 100;
-/// The corrections end with that after one of this part of y.
-const NEAR: f64 = 1e-10;
-
-/// A correction of coordinates: from where, by which x and μ, with the matrix there.
-#[derive(Clone, Debug)]
-struct Correction {
-    saddle: Saddle,
-    y: Vec<f64>,
-    x: Vec<f64>,
-    mu: Vec<f64>,
-}
-
-/// A reset that is linearised.
-#[derive(Clone, Debug)]
-pub struct LinearImpulse {
+/// The equations of corrections and impulses.
+pub struct Impulses {
     model: Model,
-    /// How many numbers time and parameters have.
-    width: usize,
-    /// Corrections from ŷ to y⁺.
-    corrections: Vec<Correction>,
     /// The matrix at (y⁺, z⁺).
     end: Saddle,
     none: Vec<f64>,
-    /// ŷ, ẑ; y⁺, z⁺; μ with Λ behind.
-    jumped: [Vec<f64>; 2],
-    after: [Vec<f64>; 2],
+    /// y⁺ and ẑ; z⁺; μ with Λ behind.
+    states: [Vec<f64>; 2],
+    after: Vec<f64>,
     impulses: Vec<f64>,
     /// e_y, and v_zᵀ e_y at the end.
     gradient: Vec<f64>,
     row: Vec<f64>,
-    /// The unknowns for a unit right-hand side e_y, and v_zᵀ e_y.
-    unit: [Vec<f64>; 2],
-    unit_transposed: [Vec<f64>; 2],
-    x: Vec<f64>,
-    mu: Vec<f64>,
+    /// The unknowns for a unit right-hand side e_y, and v_zᵀ e_y of the transposed matrix.
+    unit: Vec<f64>,
+    unit_transposed: Vec<f64>,
 }
 
-impl LinearImpulse {
-    /// Memory for this model, with so many derivatives by time and parameters.
-    pub fn new(model: Model, width: usize) -> Self {
-        let (n, m) = (model.problem.n, model.problem.multipliers());
+impl Impulses {
+    /// A reset of this model, with so many derivatives by time and parameters.
+    pub fn listed(model: Model, width: usize) -> ListedReset<Self> {
+        let (n, multipliers) = (model.problem.n, model.problem.multipliers());
         let zeros = || vec![0.0; n];
-        let pair = || [zeros(), vec![0.0; m]];
-        Self {
-            width,
-            corrections: Vec::new(),
+        let equations = Self {
             end: Saddle::new(&model),
-            none: vec![0.0; model.problem.multipliers()],
-            jumped: [zeros(), zeros()],
-            after: [zeros(), zeros()],
+            none: vec![0.0; multipliers],
+            states: [zeros(), zeros()],
+            after: zeros(),
             impulses: Vec::new(),
             gradient: zeros(),
             row: zeros(),
-            unit: pair(),
-            unit_transposed: pair(),
-            x: zeros(),
-            mu: vec![0.0; m],
+            unit: vec![0.0; n + multipliers],
+            unit_transposed: vec![0.0; n + multipliers],
             model,
+        };
+        ListedReset::new(equations, [n, n], width)
+    }
+
+    /// Solves with the matrix at the end, or its transpose.
+    fn solve<const TRANSPOSED: bool>(&mut self, x: &mut [f64]) {
+        let (x, mu) = x.split_at_mut(self.model.problem.n);
+        if TRANSPOSED {
+            self.end.solve_transposed(&self.model, x, mu);
+        } else {
+            self.end.solve(&self.model, x, mu);
         }
     }
 
-    /// Finds the impulses, which led from z to z⁺.
-    fn find_impulses(&mut self, t: f64, is_impact: bool) -> Result<(), StepError> {
-        let ([y, z], jumped) = (&self.after, &self.jumped[1]);
-        self.end.update(&mut self.model, t, y, z, &self.none)?;
-        copy(&mut self.x, self.model.end(t, y, z)[0]);
-        add_scaled(&mut self.x, -1.0, self.model.end(t, y, jumped)[0]);
-        self.mu.fill(0.0);
-        self.end.solve(&self.model, &mut self.x, &mut self.mu);
-        self.impulses.clear();
-        if !is_impact {
-            self.impulses.extend(self.mu.iter().map(|mu| -mu));
-            return Ok(());
+    /// Solves with the matrix at the end in place, bordered by e_y where there is one number more for an impact.
+    fn solve_bordered<const TRANSPOSED: bool>(&mut self, x: &mut [f64]) {
+        let inner = self.unit.len();
+        let (x, border) = x.split_at_mut(inner);
+        self.solve::<TRANSPOSED>(x);
+        // the column of the border is −e_y
+        let (row, unit, sign) = if TRANSPOSED {
+            (&self.gradient, &self.unit_transposed, -1.0)
+        } else {
+            (&self.row, &self.unit, 1.0)
+        };
+        if let [last] = border {
+            let n = row.len();
+            let size = (sign * *last - dot(row, &x[..n])) / dot(row, &unit[..n]);
+            add_scaled(x, size, unit);
+            *last = sign * size;
         }
+    }
+
+    /// Finds the border of the matrix, of an impact.
+    fn find_border(&mut self, t: f64) {
+        let n = self.row.len();
         self.row.fill(0.0);
-        let problem = self.model.problem.clone();
-        match &problem.patterns.v_z {
+        match &self.model.problem.clone().patterns.v_z {
             Some(pattern) => {
-                let v_z = self.model.stage_blocks(t, y, z)[1];
+                let v_z = self.model.stage_blocks(t, &self.states[0], &self.after)[1];
                 pattern.multiply_add_transposed(v_z, 1.0, &self.gradient, &mut self.row);
             }
             None => copy(&mut self.row, &self.gradient),
         }
-        for ([x, mu], from) in [
-            (&mut self.unit, &self.gradient),
-            (&mut self.unit_transposed, &self.row),
-        ] {
-            copy(x, from);
-            mu.fill(0.0);
-        }
-        let [x, mu] = &mut self.unit;
-        self.end.solve(&self.model, x, mu);
-        let [x, mu] = &mut self.unit_transposed;
-        self.end.solve_transposed(&self.model, x, mu);
-        let [x, mu] = &self.unit;
-        let size = dot(&self.row, &self.x) / dot(&self.row, x);
-        let own = self.mu.iter().zip(mu);
-        self.impulses
-            .extend(own.map(|(found, unit)| size * unit - found));
-        self.impulses.push(size);
-        Ok(())
-    }
-
-    /// Moves ŷ to the constraints, and keeps each correction that this takes.
-    fn correct(&mut self, t: f64) -> Result<(), StepError> {
-        let (m, [mut y, z]) = (self.model.problem.m, self.jumped.clone());
-        let mut is_near = false;
-        for _ in 0..MOST_CORRECTIONS {
-            let mut saddle = Saddle::new(&self.model);
-            saddle.update(&mut self.model, t, &y, &z, &self.none)?;
-            let (mut x, mut mu) = (vec![0.0; y.len()], self.none.clone());
-            let g = self.model.node(t, &y, &self.none[..m])[0];
-            add_scaled(&mut mu[..m], -1.0, g);
-            saddle.solve(&self.model, &mut x, &mut mu);
-            let from = y.clone();
-            saddle.mass.add_velocity(&x, &mut y);
-            let moved = from.iter().zip(&y).map(|(a, b)| (a - b).abs());
-            let is_over = is_near;
-            is_near = moved.fold(0.0, f64::max) <= NEAR * max_norm(&y);
-            let y = from;
-            self.corrections.push(Correction { saddle, y, x, mu });
-            if is_over {
-                break;
-            }
-        }
-        Ok(())
-    }
-
-    /// Takes dŷ through all corrections, with what else moves of (t, y, z, λ, θ).
-    fn push_corrections(
-        &mut self,
-        slopes: &mut SlopesModel,
-        (t, lam): (f64, &[f64]),
-        mut along: Vec<f64>,
-        dy: &mut [f64],
-    ) -> Result<(), StepError> {
-        let n = dy.len();
-        for correction in &mut self.corrections {
-            let Correction { saddle, y, x, mu } = correction;
-            copy(&mut along[1..=n], dy);
-            let point: Before<'_> = (t, [y, &self.jumped[1], lam]);
-            let moved = slopes.moves(point, [x, mu], &along, false)?;
-            let (equations, change) = moved.split_at(n + mu.len());
-            self.x.fill(0.0);
-            self.mu.fill(0.0);
-            add_scaled(&mut self.x, -1.0, &equations[..n]);
-            add_scaled(&mut self.mu, -1.0, &equations[n..]);
-            saddle.solve(&self.model, &mut self.x, &mut self.mu);
-            add_scaled(dy, 1.0, change);
-            saddle.mass.add_velocity(&self.x, dy);
-        }
-        Ok(())
-    }
-
-    /// Takes cotangents of y⁺ to those of ŷ and ẑ, and of all else.
-    fn pull_corrections(
-        &mut self,
-        slopes: &mut SlopesModel,
-        (t, lam): (f64, &[f64]),
-        [of_y, of_z]: [&mut [f64]; 2],
-        found: &mut [f64],
-    ) -> Result<(), StepError> {
-        let n = of_y.len();
-        for correction in self.corrections.iter_mut().rev() {
-            let Correction { saddle, y, x, mu } = correction;
-            self.x.fill(0.0);
-            self.mu.fill(0.0);
-            saddle.mass.add_velocity_transposed(-1.0, of_y, &mut self.x);
-            saddle.solve_transposed(&self.model, &mut self.x, &mut self.mu);
-            let back = [&self.x[..], &self.mu, of_y].concat();
-            let point: Before<'_> = (t, [y, &self.jumped[1], lam]);
-            let moved = slopes.moves(point, [x, mu], &back, true)?;
-            add_scaled(of_y, 1.0, &moved[1..=n]);
-            add_scaled(of_z, 1.0, &moved[1 + n..=2 * n]);
-            found[0] += moved[0];
-            add_scaled(&mut found[1 + 2 * n..], 1.0, &moved[1 + 2 * n..]);
-        }
-        Ok(())
+        let of = [&self.gradient, &self.row].map(|from| {
+            let mut right = vec![0.0; self.none.len() + n];
+            copy(&mut right[..n], from);
+            right
+        });
+        let [mut unit, mut transposed] = of;
+        self.solve::<false>(&mut unit);
+        self.solve::<true>(&mut transposed);
+        (self.unit, self.unit_transposed) = (unit, transposed);
     }
 }
 
-impl LinearReset for LinearImpulse {
-    fn make(
+impl ResetEquations for Impulses {
+    type Matrices = Saddle;
+
+    fn correct(
         &mut self,
-        slopes: &mut SlopesModel,
-        before: Before<'_>,
-        [y, z]: [&[f64]; 2],
-    ) -> Result<(), StepError> {
-        let (t, [y0, z0, _]) = before;
-        let n = self.model.problem.n;
-        copy(&mut self.after[0], y);
-        copy(&mut self.after[1], z);
-        self.corrections.clear();
-        let is_impact = slopes.is_impact;
-        let law = slopes.law(before)?;
-        if is_impact {
-            copy(&mut self.gradient, &law[1..]);
-            copy(&mut self.jumped[0], y0);
-            copy(&mut self.jumped[1], z0);
-        } else {
-            let (jumped_y, jumped_z) = law.split_at(n);
-            copy(&mut self.jumped[0], jumped_y);
-            copy(&mut self.jumped[1], jumped_z);
-        }
-        if slopes.has_moves() {
-            self.correct(t)?;
-        }
-        if slopes.has_impulse() {
-            self.find_impulses(t, slopes.is_impact)?;
-        }
-        Ok(())
+        t: f64,
+        y: &mut [f64],
+        z: &[f64],
+    ) -> Result<(Saddle, [Vec<f64>; 2]), StepError> {
+        let model = &mut self.model;
+        let m = model.problem.m;
+        let mut saddle = Saddle::new(model);
+        saddle.update(model, t, y, z, &self.none)?;
+        let (mut x, mut mu) = (vec![0.0; y.len()], self.none.clone());
+        add_scaled(&mut mu[..m], -1.0, model.node(t, y, &self.none[..m])[0]);
+        saddle.solve(model, &mut x, &mut mu);
+        saddle.mass.add_velocity(&x, y);
+        Ok((saddle, [x, mu]))
     }
 
-    fn push(
+    fn add_move<const TRANSPOSED: bool>(
         &mut self,
-        slopes: &mut SlopesModel,
-        before: Before<'_>,
-        along: &[f64],
-        [dy, dz]: [&mut [f64]; 2],
-    ) -> Result<(), StepError> {
-        let (t, [y0, z0, lam]) = before;
-        let problem = &self.model.problem;
-        let (n, multipliers) = (problem.n, problem.multipliers());
-        let mut along = along.to_vec();
-        if slopes.is_impact {
-            copy(dy, &along[1..=n]);
+        saddle: &mut Saddle,
+        equations: &mut [f64],
+        dy: &mut [f64],
+    ) {
+        let (x, mu) = equations.split_at_mut(dy.len());
+        if TRANSPOSED {
+            saddle.mass.add_velocity_transposed(-1.0, dy, x);
+            saddle.solve_transposed(&self.model, x, mu);
         } else {
-            let (found_y, found_z) = slopes.reset(before, &along, false)?.split_at(n);
-            copy(dy, found_y);
-            copy(dz, found_z);
-            copy(&mut along[1 + n..=2 * n], dz);
-            if slopes.has_moves() {
-                self.push_corrections(slopes, (t, lam), along.clone(), dy)?;
+            for value in x.iter_mut().chain(&mut *mu) {
+                *value = -*value;
             }
-            copy(&mut along[1..=n], dy);
+            saddle.solve(&self.model, x, mu);
+            saddle.mass.add_velocity(x, dy);
         }
+    }
+
+    fn make_end(
+        &mut self,
+        slopes: &SlopesModel,
+        t: f64,
+        law: &[f64],
+        [y, jumped, z]: [&[f64]; 3],
+    ) -> Result<(), StepError> {
         if !slopes.has_impulse() {
             return Ok(());
         }
-        let z = if slopes.is_impact {
-            z0
-        } else {
-            &self.jumped[1]
-        };
-        let y = if slopes.is_impact { y0 } else { &self.after[0] };
-        let ends: [&[f64]; 2] = [&self.after[1], &self.impulses];
-        let moved = slopes.impulse((t, [y, z, lam]), ends, &along, false)?;
-        self.mu.fill(0.0);
-        dz.fill(0.0);
-        add_scaled(dz, -1.0, &moved[..n]);
-        add_scaled(&mut self.mu, -1.0, &moved[n..n + multipliers]);
-        self.end.solve(&self.model, dz, &mut self.mu);
-        if let Some(rate) = moved.get(n + multipliers) {
-            let unit = &self.unit[0];
-            let size = (-rate - dot(&self.row, dz)) / dot(&self.row, unit);
-            add_scaled(dz, size, unit);
+        copy(&mut self.states[0], y);
+        copy(&mut self.states[1], jumped);
+        copy(&mut self.after, z);
+        self.end.update(&mut self.model, t, y, z, &self.none)?;
+        let mut x = self.model.end(t, y, jumped)[0].to_vec();
+        add_scaled(&mut x, -1.0, self.model.end(t, y, z)[0]);
+        x.resize(self.unit.len() + usize::from(slopes.is_impact), 0.0);
+        if slopes.is_impact {
+            copy(&mut self.gradient, &law[1..]);
+            self.find_border(t);
         }
+        self.solve_bordered::<false>(&mut x);
+        self.impulses.clear();
+        self.impulses.extend_from_slice(&x[y.len()..]);
         Ok(())
     }
 
-    fn pull(
+    fn end<const TRANSPOSED: bool>(
         &mut self,
         slopes: &mut SlopesModel,
-        before: Before<'_>,
-        [of_y, of_z]: [&[f64]; 2],
-    ) -> Result<Vec<f64>, StepError> {
-        let (t, [y0, z0, lam]) = before;
-        let n = self.model.problem.n;
-        let width = 2 * n + lam.len() + self.width;
-        let (mut found, mut of_y, mut of_z) = (vec![0.0; width], of_y.to_vec(), of_z.to_vec());
-        if slopes.has_impulse() {
-            copy(&mut self.x, &of_z);
-            self.mu.fill(0.0);
-            self.end
-                .solve_transposed(&self.model, &mut self.x, &mut self.mu);
-            let mut back = [&self.x[..], &self.mu].concat();
-            if slopes.is_impact {
-                let [unit, unit_mu] = &self.unit_transposed;
-                let size = dot(&self.gradient, &self.x) / dot(&self.gradient, unit);
-                add_scaled(&mut back[..n], -size, unit);
-                add_scaled(&mut back[n..], -size, unit_mu);
-                back.push(size);
-            }
-            let z = if slopes.is_impact {
-                z0
-            } else {
-                &self.jumped[1]
-            };
-            let y = if slopes.is_impact { y0 } else { &self.after[0] };
-            let ends: [&[f64]; 2] = [&self.after[1], &self.impulses];
-            let moved = slopes.impulse((t, [y, z, lam]), ends, &back, true)?;
-            add_scaled(&mut found, -1.0, moved);
-            of_z.fill(0.0);
+        (t, lam): (f64, &[f64]),
+        changes: &mut [f64],
+        dz: &mut [f64],
+    ) -> Result<(), StepError> {
+        if !slopes.has_impulse() {
+            set::<TRANSPOSED, _>(dz, 1.0, &mut changes[1 + dz.len()..=2 * dz.len()]);
+            return Ok(());
         }
-        if slopes.is_impact {
-            add_scaled(&mut found[1..=n], 1.0, &of_y);
-            return Ok(found);
+        let ([y, z], ends) = (
+            self.states.clone(),
+            [self.after.clone(), self.impulses.clone()],
+        );
+        let (at, ends): (Before<'_>, [&[f64]; 2]) = ((t, [&y, &z, lam]), [&ends[0], &ends[1]]);
+        if TRANSPOSED {
+            let mut back = dz.to_vec();
+            back.resize(dz.len() + self.impulses.len(), 0.0);
+            self.solve_bordered::<true>(&mut back);
+            add_scaled(changes, -1.0, slopes.impulse(at, ends, &back, true)?);
+        } else {
+            let moved = slopes.impulse(at, ends, changes, false)?;
+            let mut x: Vec<f64> = moved.iter().map(|x| -x).collect();
+            self.solve_bordered::<false>(&mut x);
+            copy(dz, &x[..dz.len()]);
         }
-        let (own_y, own_z) = found[1..=2 * n].split_at_mut(n);
-        add_scaled(&mut of_y, 1.0, own_y);
-        add_scaled(&mut of_z, 1.0, own_z);
-        own_y.fill(0.0);
-        own_z.fill(0.0);
-        if slopes.has_moves() {
-            let of = [&mut of_y[..], &mut of_z];
-            self.pull_corrections(slopes, (t, lam), of, &mut found)?;
-        }
-        let back = [of_y, of_z].concat();
-        add_scaled(&mut found, 1.0, slopes.reset(before, &back, true)?);
-        Ok(found)
+        Ok(())
     }
 }

@@ -5,6 +5,7 @@ mod event;
 mod function;
 mod hits;
 mod impulse;
+mod linear_reset;
 mod reset;
 mod semi_explicit;
 mod sides;
@@ -13,10 +14,11 @@ mod tangents;
 mod times;
 
 pub use event::Event;
-pub use impulse::LinearImpulse;
+pub use impulse::Impulses;
+pub use linear_reset::LinearReset;
 pub use reset::{Law, Reset};
-pub use semi_explicit::SemiExplicitReset;
-pub use slopes::{Before, EventSlopes, FollowEvents, LinearReset, Meeting, SlopesModel};
+pub use semi_explicit::HiddenMoves;
+pub use slopes::{Before, EventSlopes, FollowEvents, Meeting, SlopesModel};
 pub use tangents::{MotionDerivatives, TangentEvents};
 pub use times::Given;
 

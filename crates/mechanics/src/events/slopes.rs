@@ -191,43 +191,6 @@ impl SlopesModel {
     }
 }
 
-/// A reset that is linearised, for the tangents and cotangents behind it.
-pub trait LinearReset: Send + Sync {
-    /// Linearises the reset that led from one point to (y, z).
-    ///
-    /// # Errors
-    /// A value that is not finite, a singular matrix, or a law that leaves the constraints.
-    fn make(
-        &mut self,
-        slopes: &mut SlopesModel,
-        before: Before<'_>,
-        after: [&[f64]; 2],
-    ) -> Result<(), StepError>;
-
-    /// Writes (dy⁺, dz⁺) along dx.
-    ///
-    /// # Errors
-    /// A derivative that is not finite.
-    fn push(
-        &mut self,
-        slopes: &mut SlopesModel,
-        before: Before<'_>,
-        along: &[f64],
-        out: [&mut [f64]; 2],
-    ) -> Result<(), StepError>;
-
-    /// Returns cotangents of x, from those of (y⁺, z⁺).
-    ///
-    /// # Errors
-    /// A derivative that is not finite.
-    fn pull(
-        &mut self,
-        slopes: &mut SlopesModel,
-        before: Before<'_>,
-        of: [&[f64]; 2],
-    ) -> Result<Vec<f64>, StepError>;
-}
-
 /// An event that a part of a step has led to.
 #[derive(Clone, Copy, Debug)]
 pub struct Meeting<'a> {

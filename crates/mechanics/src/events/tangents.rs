@@ -8,7 +8,8 @@
 //! each step. The step after an event ends at the end of the step that it has cut: its length takes up the change of the event's
 //! time. At a given time κ is −t̃.
 
-use super::slopes::{FollowEvents, LinearReset, Meeting, SlopesModel};
+use super::linear_reset::LinearReset;
+use super::slopes::{FollowEvents, Meeting, SlopesModel};
 use super::times::Given;
 use liouville_base::error::StepError;
 use liouville_base::linalg::{Matrix, add_scaled, dot};

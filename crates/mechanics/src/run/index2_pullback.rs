@@ -3,7 +3,7 @@
 use super::pullback::Pullback;
 use super::recording::{Recording, StepAdjoint, no_directions};
 use super::{Job, Method, Problem, Starter, System};
-use crate::events::SemiExplicitReset;
+use crate::events::HiddenMoves;
 use liouville_base::error::StepError;
 use liouville_base::recorder::StepRecord;
 use liouville_base::run::StartError;
@@ -89,7 +89,7 @@ impl Pullback<Index2Adjoint> {
         };
         let method = Recording {
             point: SemiExplicitPoint::new(model.clone(), derivatives.clone()),
-            reset: Box::new(SemiExplicitReset::new(model, derivatives)),
+            reset: Box::new(HiddenMoves::listed(model, derivatives)),
             sizes: [problem.n, problem.l, 0],
             adjoint,
             steps,

@@ -3,7 +3,7 @@
 use super::pullback::Pullback;
 use super::recording::{Recording, StepAdjoint, no_directions};
 use super::{Job, Method, Problem, Starter, System};
-use crate::events::{LinearImpulse, LinearReset};
+use crate::events::{Impulses, LinearReset};
 use liouville_base::error::StepError;
 use liouville_base::recorder::StepRecord;
 use liouville_base::run::StartError;
@@ -55,7 +55,7 @@ impl Starter {
             model.problem.n,
             model.problem.multipliers(),
         ];
-        let reset = LinearImpulse::new(model.clone(), derivatives.problem.width());
+        let reset = Impulses::listed(model.clone(), derivatives.problem.width());
         let point = PointAdjoint::new(model, derivatives);
         (point, Box::new(reset), sizes)
     }

@@ -1,9 +1,7 @@
 //! Runs that carry tangents with their states.
 
 use super::member::{BoxedStepper, Member, Observed};
-use crate::events::{
-    DenseDetector, LinearImpulse, MotionDerivatives, SemiExplicitReset, TangentEvents,
-};
+use crate::events::{DenseDetector, HiddenMoves, Impulses, MotionDerivatives, TangentEvents};
 
 use super::{Begun, MethodStart, Starter, System, SystemSensitivity, Tangents};
 use liouville_alpha::{Alpha, AlphaSlopes, AlphaStartTangents, AlphaState, AlphaTangents};
@@ -135,10 +133,7 @@ impl Starter {
             observed: [Box::new(observer.clone()), Box::new(observer)],
             derivatives: MotionDerivatives {
                 point: Box::new(point),
-                reset: Box::new(SemiExplicitReset::new(
-                    of.model.clone(),
-                    sensitivity.clone(),
-                )),
+                reset: Box::new(HiddenMoves::listed(of.model.clone(), sensitivity.clone())),
                 carried: None,
             },
             of,
@@ -170,7 +165,7 @@ impl Starter {
             observed: [Box::new(observer.clone()), Box::new(observer)],
             derivatives: MotionDerivatives {
                 point: Box::new(point),
-                reset: Box::new(LinearImpulse::new(
+                reset: Box::new(Impulses::listed(
                     model.clone(),
                     tangents.sensitivity.width(),
                 )),

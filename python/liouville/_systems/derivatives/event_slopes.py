@@ -63,8 +63,8 @@ def _moves(system: Mechanics | SemiExplicit, what: str, x: ca.SX) -> Pair | None
     if not isinstance(system, Mechanics):
         field, k = (system._expressions.columns[name] for name in ("field", "constraint"))
         held = ca.SX.sym("held", k.numel())
-        change = ca.jtimes(field, s.z, held)
-        found = ca.vertcat(ca.jtimes(k, s.y, change) - k, change)
+        change = -ca.jtimes(field, s.z, held)
+        found = ca.vertcat(-ca.jtimes(k, s.y, change) - k, change)
         return _pair(f"moves of {what}", system, x, found, {"move": ca.SX(0, 1), "held": held})
     model, own = system._model, system._model.nonholonomic
     if not model.g.numel():
