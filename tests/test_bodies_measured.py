@@ -1,6 +1,7 @@
 """Coordinates of joints and points of bodies as functions: observed, fitted, met by events."""
 
 import pickle
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -174,3 +175,44 @@ def test_a_mass_is_fitted_to_the_force_of_a_load_cell():
         system, lv.Spark(3), t=(0, 1), h=0.02, **start, tangents={"params.m": 1.0}
     ).tangent_of(tension)["params.m"]
     np.testing.assert_allclose(slopes, 2 * (run.lam**2).sum(axis=1) / 2.5, rtol=1e-9)
+
+
+@pytest.mark.parametrize("method", [lv.Spark(3), lv.LobattoPair(3), lv.HHT(-0.1)])
+@pytest.mark.parametrize("times", [{}, {"t_eval": [0.1, 0.234]}, {"states": False}])
+def test_a_run_records_forces_in_joints(method, times):
+    torque = SYSTEM.joint_torque("ball")
+    observe = {
+        "load": SYSTEM.joint_force("hinge"),
+        "own": lambda t, q, v, lam, params: params.scale * torque(t, q, v, lam),
+    }
+    call = {"t": (0, 0.5), "steps": 20, **START}
+    run = lv.integrate(SYSTEM, method, **call, **times, observe=observe)
+    plain = lv.integrate(SYSTEM, method, **call, t_eval=times.get("t_eval", run.t))
+    np.testing.assert_allclose(run.observed["load"], plain.joint("hinge").force, atol=1e-9)
+    np.testing.assert_allclose(run.observed["own"], 2 * plain.joint("ball").torque, atol=1e-9)
+
+
+def test_members_record_forces_in_joints_alone_in_lock_step_and_elsewhere():
+    starts = [{**START, "v": x * START["v"]} for x in (1.0, 0.5, 0.0)]
+    call = {"t": (0, 0.2), "steps": 10, "observe": {"load": SYSTEM.joint_force("slide")}}
+    each = [lv.integrate(SYSTEM, lv.Spark(3), **call, **x).observed["load"] for x in starts]
+    rows = {name: np.array([x[name] for x in starts]) for name in START}
+    for how in ({}, {"states": False}, {"executor": ThreadPoolExecutor(2)}):
+        run = lv.ensemble(SYSTEM, lv.Spark(3), **call, **rows, **how)
+        np.testing.assert_allclose(run.observed["load"], np.stack(each, axis=1), atol=1e-11)
+
+
+def test_a_force_in_a_joint_is_recorded_through_bounces_and_contact():
+    m = lv.bodies.Assembly(gravity=(0, -9.81, 0))
+    m.bar("rod", (0, 0), (1, 0), mass=1.0)
+    m.revolute(
+        "pin", m.ground, "rod", at=(0, 0), limits=lv.bodies.Limits(-0.2, 0.2, restitution=0.4)
+    )
+    system = m.system()
+    run = lv.integrate(
+        system, lv.Spark(3), t=(0, 1.5), h=0.02, **m.start(),
+        observe={"load": system.joint_force("pin"), "lam": lambda t, q, v, lam, params: lam},
+    )  # fmt: skip
+    assert sum(len(x.changes) for x in run.contacts.values()) > 3
+    np.testing.assert_allclose(run.observed["load"], run.joint("pin").force, atol=1e-9)
+    assert np.array_equal(run.observed["lam"], run.lam)

@@ -41,11 +41,13 @@ impl Carried for State {
 }
 
 /// Records y, z, λ and ν, and z' and a of methods that carry a (where states are wanted), the work of such methods, the
-/// quantities that a tape computes from (t, y, z), and the angles that the observer continues.
+/// quantities that a tape computes from (t, y, z) or (t, y, z, λ), and the angles that the observer continues.
 #[derive(Clone, Debug)]
 pub struct Observer<M: Dynamics = Model> {
     model: M,
-    states: Option<M::Solver>,
+    has_states: bool,
+    /// Solves for multipliers, where states are recorded or the tape wants them.
+    solver: Option<M::Solver>,
     /// Solves for multipliers that are not recorded, made at its first use.
     beside: Option<M::Solver>,
     tape: Arc<Tape>,
@@ -57,19 +59,23 @@ impl<M: Dynamics> Observer<M> {
     /// An observer of `model`, with or without its states.
     ///
     /// # Panics
-    /// When the tape's inputs are not (t, y, z, params).
+    /// When the tape's inputs are neither (t, y, z, params) nor (t, y, z, λ, params).
     pub fn new(model: M, params: &[f64], tape: Arc<Tape>, states: bool) -> Self {
-        let [n, l, _] = model.sizes();
-        assert_eq!(
-            tape.inputs(),
-            [1, n, l, params.len()],
-            "inputs of an observer"
-        );
-        let states = states.then(|| model.solver());
+        let [n, l, m] = model.sizes();
+        let has_lam = takes_multipliers(&tape);
+        let wanted = [1, n, l, m, params.len()];
+        let wanted = if has_lam {
+            &wanted[..]
+        } else {
+            &[1, n, l, params.len()]
+        };
+        assert_eq!(tape.inputs(), wanted, "inputs of an observer");
+        let solver = (states || has_lam).then(|| model.solver());
         let registers = tape.bind(params);
         Self {
             model,
-            states,
+            has_states: states,
+            solver,
             beside: None,
             tape,
             registers,
@@ -101,7 +107,7 @@ impl<M: Dynamics> Observer<M> {
 
     /// The solver of the multipliers, where states are recorded.
     pub fn solved(&self) -> Option<&M::Solver> {
-        self.states.as_ref()
+        self.solver.as_ref().filter(|_| self.has_states)
     }
 
     fn append<S: Carried>(
@@ -112,21 +118,27 @@ impl<M: Dynamics> Observer<M> {
     ) -> Result<(), StepError> {
         finite_state(state.y(), t)?;
         finite_state(state.z(), t)?;
-        if let Some(states) = &mut self.states {
-            self.model.solve_lam(states, t, state.y(), state.z())?;
-            row.extend_from_slice(state.y());
-            row.extend_from_slice(state.z());
-            row.extend_from_slice(M::lam(states));
+        let (y, z) = (state.y(), state.z());
+        if let Some(solver) = &mut self.solver {
+            self.model.solve_lam(solver, t, y, z)?;
+        }
+        if let Some(solved) = self.solved() {
+            row.extend([y, z, M::lam(solved)].into_iter().flatten());
         }
         if let Some((a, work)) = state.accelerations() {
-            if let Some(states) = &self.states {
-                row.extend_from_slice(M::z_dot(states));
+            if let Some(solved) = self.solved() {
+                row.extend_from_slice(M::z_dot(solved));
                 row.extend_from_slice(a);
             }
             row.push(work);
         }
-        let args: [&[f64]; 3] = [&[t], state.y(), state.z()];
-        let values = self.tape.eval(&mut self.registers, args);
+        let values = match &self.solver {
+            Some(solved) if takes_multipliers(&self.tape) => {
+                let args = [&[t], y, z, M::lam(solved)];
+                self.tape.eval(&mut self.registers, args)
+            }
+            _ => self.tape.eval(&mut self.registers, [&[t], y, z]),
+        };
         finite(values, Quantity::Observable, t)?;
         row.extend_from_slice(values);
         if let Some(turns) = &mut self.turns {
@@ -140,8 +152,8 @@ impl<M: Dynamics> Observer<M> {
 impl Observer {
     /// Forgets what it has observed.
     pub fn reset(&mut self) {
-        if let Some(states) = &mut self.states {
-            states.reset();
+        if let Some(solver) = &mut self.solver {
+            solver.reset();
         }
         self.beside = None;
         if let Some(turns) = &mut self.turns {
@@ -154,10 +166,7 @@ impl<S: Carried, M: Dynamics> Observe<S> for Observer<M> {
     fn width(&self, state: &S) -> usize {
         let [n, l, m] = self.model.sizes();
         let accelerations = state.accelerations().map_or(0, |(a, _)| a.len());
-        let states = self
-            .states
-            .as_ref()
-            .map_or(0, |_| n + l + m + 2 * accelerations);
+        let states = usize::from(self.has_states) * (n + l + m + 2 * accelerations);
         let angles = self.turns.as_ref().map_or(0, Turns::count);
         states + usize::from(state.accelerations().is_some()) + self.tape.outputs() + angles
     }
@@ -189,8 +198,8 @@ impl<S: Carried, M: Dynamics> Observe<S> for Observer<M> {
 
 impl<M: Dynamics> Checkpoint for Observer<M> {
     fn save(&self, member: usize, out: &mut dyn Numbers) {
-        if let Some(states) = &self.states {
-            states.save(member, out);
+        if let Some(solver) = &self.solver {
+            solver.save(member, out);
         }
         if let Some(turns) = &self.turns {
             turns.save(member, out);
@@ -198,14 +207,19 @@ impl<M: Dynamics> Checkpoint for Observer<M> {
     }
 
     fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
-        if let Some(states) = &mut self.states {
-            states.restore(member, saved)?;
+        if let Some(solver) = &mut self.solver {
+            solver.restore(member, saved)?;
         }
         match &mut self.turns {
             Some(turns) => turns.restore(member, saved),
             None => Ok(()),
         }
     }
+}
+
+/// Whether a tape of quantities has λ among its inputs.
+fn takes_multipliers(tape: &Tape) -> bool {
+    tape.inputs().len() == 5
 }
 
 /// Records what [`Observer`] does of several members in lock-step, a row of each one after another.
@@ -225,11 +239,12 @@ pub struct Observers<R> {
     single: State,
 }
 
-/// The model of all members, the solver of its multipliers where states are recorded, and the tape of the quantities.
+/// The model of all members, the solver of its multipliers where they are recorded or the quantities are of them, and
+/// the registers of their tape.
 #[derive(Clone, Debug)]
 struct Together<R> {
     model: Model<R>,
-    states: Option<Acceleration<R>>,
+    solver: Option<Acceleration<R>>,
     registers: Registers<R>,
 }
 
@@ -237,7 +252,7 @@ impl<R: Real> Observers<R> {
     /// Observers of the first `members` in lock-step, with or without their states.
     ///
     /// # Panics
-    /// When the tape's inputs are not (t, y, z, params).
+    /// When the tape's inputs are neither (t, y, z, params) nor (t, y, z, λ, params).
     pub fn new(
         problem: &Arc<Mechanical>,
         (params, members): (&[R], usize),
@@ -246,7 +261,7 @@ impl<R: Real> Observers<R> {
         let together = problem.redundant.is_none().then(|| {
             let model = Model::new(problem.clone(), params);
             Together {
-                states: has_states.then(|| Acceleration::new(&model)),
+                solver: (has_states || takes_multipliers(&tape)).then(|| Acceleration::new(&model)),
                 registers: tape.bind(params),
                 model,
             }
@@ -282,20 +297,26 @@ impl<R: Real> Together<R> {
     /// Appends the rows of the first `members`; an error does not say which of them it is.
     fn append(
         &mut self,
-        tape: &Tape,
+        (tape, has_states): (&Tape, bool),
         (t, state): (f64, &State<R>),
         (members, turns): (usize, Option<&Turns<R>>),
         row: &mut Vec<f64>,
     ) -> Result<(), StepError> {
         finite_state(&state.y, t)?;
         finite_state(&state.z, t)?;
-        if let Some(states) = &mut self.states {
-            states.solve(&mut self.model, t, &state.y, &state.z)?;
+        let (y, z) = (&state.y[..], &state.z[..]);
+        if let Some(solver) = &mut self.solver {
+            solver.solve(&mut self.model, t, y, z)?;
         }
-        let args: [&[R]; 3] = [&[R::splat(t)], &state.y, &state.z];
-        let values = tape.eval(&mut self.registers, args);
+        let values = match &self.solver {
+            Some(solved) if takes_multipliers(tape) => {
+                tape.eval(&mut self.registers, [&[R::splat(t)], y, z, &solved.lam])
+            }
+            _ => tape.eval(&mut self.registers, [&[R::splat(t)], y, z]),
+        };
         finite(values, Quantity::Observable, t)?;
-        let parts = (self.states.as_ref()).map(|states| [&state.y[..], &state.z, &states.lam]);
+        let solved = self.solver.as_ref().filter(|_| has_states);
+        let parts = solved.map(|solved| [y, z, &solved.lam]);
         for member in 0..members {
             let own = parts.iter().flatten().copied().chain([values]).flatten();
             row.extend(own.map(|x| x.member(member)));
@@ -315,7 +336,13 @@ impl<R: Real> Observe<State<R>> for Observers<R> {
         let start = row.len();
         let turns = self.turns.as_ref();
         if let Some(together) = &mut self.together
-            && (together.append(&self.tape, (t, state), (self.members, turns), row)).is_ok()
+            && (together.append(
+                (&self.tape, self.has_states),
+                (t, state),
+                (self.members, turns),
+                row,
+            ))
+            .is_ok()
         {
             return Ok(());
         }

@@ -98,7 +98,8 @@ def integrate(
         for those that have a direction, end the run, or reset its state.
     observe : mapping of str to callable, optional
         Further quantities ``f(t, q, v, params)`` (the system's own states), scalars or vectors,
-        evaluated in the core at each kept step.
+        evaluated in the core at each kept step; of mechanics also ``f(t, q, v, lam, params)`` with
+        multipliers, such as ``system.joint_force("A")``.
     params : mapping, optional
         Parameters that differ from the system's defaults.
     states : bool, default True

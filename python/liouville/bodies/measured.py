@@ -132,8 +132,9 @@ class Measured(Lagrangian):
     def joint_force(self, name: str, frame: str = "world") -> Function:
         """Return the force in a joint as a function of (t, q, v, lam, params).
 
-        It is for ``observe=`` of :func:`liouville.fit`, as a load cell measures it, and for
-        ``solution.tangent_of``. The force is that of ``solution.joint(name, frame).force``.
+        It is for ``observe=`` of runs and of :func:`liouville.fit`, as a load cell measures it, for
+        events, and for ``solution.tangent_of``. The force is that of
+        ``solution.joint(name, frame).force``.
 
         Parameters
         ----------

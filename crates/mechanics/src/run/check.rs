@@ -132,7 +132,11 @@ impl Job {
             && (2..=most).contains(&self.start.len())
             && (self.start.iter().zip([n, l, n])).all(|(x, size)| x.len() == members * size)
             && [params, members * params].contains(&self.params.len())
-            && self.recorded.tape.inputs() == [1, n, l, params];
+            && match self.recorded.tape.inputs() {
+                [1, y, z, p] => [y, z, p] == [&n, &l, &params],
+                [1, y, z, m, p] => [y, z, m, p] == [&n, &l, &system.multipliers(), &params],
+                _ => false,
+            };
         if fits {
             return Ok(());
         }
@@ -149,7 +153,7 @@ impl Job {
         };
         invalid(format!(
             "a run starts from {rows}{sizes}, with params of size {params}, and has a step; its observer takes \
-             [1, {n}, {l}, {params}]"
+             [1, {n}, {l}, {params}], or multipliers before the last"
         ))
     }
 

@@ -231,9 +231,10 @@ def _recorded(
     if not which.size:
         return run
     t = hits.t[which]
-    first, second = (hits.after[name][which] for name in system.states)
     tape, widths = system.observer(observe, True)
-    rows = tape.map(params, [*map(np.ascontiguousarray, (t[:, None], first, second))])
+    names = [*system.states, "lam"][: len(tape.inputs) - 2]
+    args = [t[:, None], *(hits.after[name][which] for name in names)]
+    rows = tape.map(params, [*map(np.ascontiguousarray, args)])
     cuts = np.cumsum([*widths.values()])[:-1]
     parts = dict(zip(widths, np.split(rows, cuts, axis=1), strict=True))
     order = np.argsort(np.concatenate([run.t, t]), kind="stable")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -162,6 +162,12 @@ class ModeSystem(Mechanics):
             self._tapes_of_events[name] = record(f"event '{name}'", inputs, value), needs, None
             self._values_of_events[name] = value
 
+    @property
+    def _args_of_events(self) -> dict[str, Any]:
+        """The arguments of a user's functions, of the multipliers those of the system's own."""
+        args = super()._args_of_events
+        return {**args, "lam": args["lam"][self.own.tolist()]}
+
     def slows(self, contacts: Contacts, h: float) -> dict[str, Event]:
         """Return the events where slips in space come to change within few steps by themselves."""
         found: dict[str, Event] = {}
@@ -288,16 +294,3 @@ def endings(contacts: Contacts, system: ModeSystem, rest: Array, h: float) -> di
             size = rest[contacts.slips_of(k)[0]] if kind == "stop" else 0.0
             found[name] = replace(ENDING, size=float(size))
     return found
-
-
-def of_own(events: Mapping[str, Event], system: ModeSystem) -> dict[str, Event]:
-    """Return a user's events for a mode, whose functions see the system's own multipliers."""
-    own = system.own.tolist()
-
-    def seen(function: Callable[..., Any]) -> Callable[..., Any]:
-        def value(t: Any, y: Any, z: Any, lam: Any, params: Any) -> Any:
-            return function(t, y, z, lam[own], params)
-
-        return value
-
-    return {name: replace(event, function=seen(event.function)) for name, event in events.items()}

@@ -15,7 +15,7 @@ from liouville._runs.contacts.complementarity import Array
 from liouville._runs.contacts.joined import Link, Part, Stretch, check, joined
 from liouville._runs.contacts.margin import loads, refuse_space, torn
 from liouville._runs.contacts.matrices import Matrices
-from liouville._runs.contacts.mode import FEW, ModeSystem, endings, of_own
+from liouville._runs.contacts.mode import FEW, ModeSystem, endings
 from liouville._runs.contacts.switching import AT_REST, EPS, Switching
 from liouville._runs.contacts.tangent import Moving, at_end, ended_by, moving, through
 from liouville._runs.contacts.traced import Contacts
@@ -303,7 +303,7 @@ class Course:
             else event
             for name, event in self.events.items()
         }
-        return system, span, h, {**events, **of_own(left, system)}, start
+        return system, span, h, {**events, **left}, start
 
     def _has_window(self, system: ModeSystem, until: float) -> bool:
         """Whether the next stretch goes through hits that the core answers."""

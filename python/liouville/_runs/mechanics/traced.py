@@ -294,12 +294,13 @@ class TracedRunner(Runner):
     def _initial(self) -> dict[str, Any]:
         t0 = self.steps.t0
         each, rows = np.atleast_2d(self._each_values), []
+        tape, widths = self.system.observer(None, self._states)
         starts = zip(*(np.atleast_2d(x) for x in self._begin[:2]), strict=True)
         for k, (y, z) in enumerate(starts):
             values = each[k % len(each)]
             args = [np.array([[t0]]), y[None], self._first_z(y, z, values)[None]]
-            rows.append(self._observer.map(values, args)[0])
-        return initial_of(np.array(rows), self.widths, self.system.invariants, bool(self.members))
+            rows.append(tape.map(values, args)[0])
+        return initial_of(np.array(rows), widths, self.system.invariants, bool(self.members))
 
     def stats(self, run: _core.Run) -> dict[str, Any]:
         """Return the numbers of a run that this method has."""

@@ -94,8 +94,8 @@ def fit(
         ``"linear"`` for least squares, or ``"huber"``, ``"soft_l1"`` or ``"cauchy"``, by which
         residuals beyond their `sigma` count less: outliers move a fit little.
     observe : mapping of str to callable, optional
-        Functions of (t, states, params) that were measured, by the names in `data`; with an
-        argument ``lam`` also of multipliers, such as ``system.joint_force("A")``.
+        Functions of (t, states, params) that were measured, by the names in `data`; or of
+        (t, states, lam, params) with multipliers, such as ``system.joint_force("A")``.
     events : mapping of str to Event, optional
         Events of the run with their resets, such as impacts, as those of ``integrate``.
     t0 : float, optional

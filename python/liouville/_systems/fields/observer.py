@@ -98,7 +98,8 @@ class Observer:
 
     def portable(self, observe: Mapping[str, Any] | None) -> dict[str, Any]:
         """Return functions to observe in a form that can be pickled."""
-        return recorded(observe, self._expressions.symbols.args)
+        args = self._expressions.symbols.args
+        return recorded(observe, lambda _: args)
 
     def _record(self, observe: Mapping[str, Any]) -> tuple[_core.Tape, dict[str, int]]:
         s, columns = self._expressions.symbols, self._expressions.columns

@@ -22,6 +22,7 @@ from liouville._systems.tape import record
 from liouville._systems.tracing import trace as _trace
 from liouville._systems.tracing.expressions import Expressions, Parametrised, Symbols, recorded
 from liouville._systems.tracing.layout import POINT, Layout
+from liouville._systems.tracing.signatures import takes_multipliers
 
 #: The prefix of invariants among the expressions and in a record.
 INVARIANT = "invariant "
@@ -186,9 +187,12 @@ class TracedSystem(Parametrised, ABC):
         s, parts = self._symbols, self._parts(states)
         columns = self._expressions.columns
         parts |= {name: columns[name] for name in (INVARIANT + each for each in self.invariants)}
-        for name, function in _trace.mapping("observe", observe).items():
-            parts[f"observed {name}"] = _trace.column(f"observed '{name}'", function, s.args)
-        tape = record("observer", s.inputs(z=s.z), *parts.values())
+        own = self._expressions_of(observe)
+        parts |= {f"observed {name}": x for name, x in own.items()}
+        inputs, lam = s.inputs(z=s.z), self._multipliers
+        if lam is not None and ca.depends_on(ca.vertcat(ca.SX(0, 1), *own.values()), lam):
+            inputs = self._inputs_of_functions
+        tape = record("observer", inputs, *parts.values())
         return tape, {name: x.numel() for name, x in parts.items()}
 
     def measured(self, functions: Mapping[str, Function]) -> tuple[_core.Tape, dict[str, int]]:
@@ -197,10 +201,7 @@ class TracedSystem(Parametrised, ABC):
         Returns the tape, whose derivatives by y, z, lam and params stand one column of the Jacobian
         after another, and the width of each function.
         """
-        columns = {
-            name: self._expression(f"observed '{name}'", function)
-            for name, function in _trace.mapping("observe", functions).items()
-        }
+        columns = self._expressions_of(functions)
         values = ca.vertcat(ca.SX(0, 1), *columns.values())
         inputs = self._inputs_of_functions
         by = ca.vertcat(*(x for name, x in inputs.items() if name != "t"))
@@ -214,11 +215,21 @@ class TracedSystem(Parametrised, ABC):
         tape = record("slopes", inputs, ca.densify(ca.jacobian(value, by)))
         return tape, value.numel()
 
+    def _expressions_of(self, observe: Mapping[str, Function]) -> dict[str, ca.SX]:
+        """Return the expressions of functions to observe, by name."""
+        return {
+            name: self._expression(f"observed '{name}'", function)
+            for name, function in _trace.mapping("observe", observe).items()
+        }
+
     def _expression(self, what: str, function: Function) -> ca.SX:
         """Return the expressions of a function, which may have multipliers as an argument."""
-        has_lam = _trace.takes_multipliers(function) and self._multipliers is not None
-        args = self._args_of_events if has_lam else self._symbols.args
-        return _trace.column(what, function, args)
+        return _trace.column(what, function, self._args_of(function))
+
+    def _args_of(self, function: Function) -> Mapping[str, Any]:
+        """Return the arguments of a function of the states, and of multipliers where it has lam."""
+        has_lam = takes_multipliers(function) and self._multipliers is not None
+        return self._args_of_events if has_lam else self._symbols.args
 
     @property
     def _inputs_of_functions(self) -> dict[str, ca.SX]:
@@ -231,7 +242,7 @@ class TracedSystem(Parametrised, ABC):
 
     def portable(self, observe: Mapping[str, Any] | None) -> dict[str, Any]:
         """Return functions to observe in a form that can be pickled."""
-        return recorded(observe, self._symbols.args)
+        return recorded(observe, self._args_of)
 
     @property
     def _args_of_events(self) -> dict[str, Any]:

@@ -11,6 +11,7 @@ import zlib
 from collections.abc import Callable, Iterable, Mapping
 from copy import copy
 from functools import cached_property
+from inspect import Parameter, Signature
 from typing import Any, Self
 
 import numpy as np
@@ -208,6 +209,8 @@ class Recorded:
     """
 
     def __init__(self, what: str, function: Callable[..., Any], args: _trace.Args) -> None:
+        own = [Parameter(name, Parameter.POSITIONAL_OR_KEYWORD) for name in args]
+        self.__signature__ = Signature(own)
         *symbols, params = args.values()
         self._function = written([*symbols, params.vector], [_trace.column(what, function, args)])
 
@@ -217,10 +220,12 @@ class Recorded:
         return read(self._function, [*symbols, _trace.vector_of(namespace)])[0]
 
 
-def recorded(observe: Mapping[str, Any] | None, args: _trace.Args) -> dict[str, Recorded]:
-    """Return functions to observe in a form that can be pickled."""
+def recorded(
+    observe: Mapping[str, Any] | None, args_of: Callable[[Any], _trace.Args]
+) -> dict[str, Recorded]:
+    """Return functions to observe in a form that can be pickled, from the arguments of each."""
     return {
-        name: Recorded(f"observed '{name}'", function, args)
+        name: Recorded(f"observed '{name}'", function, args_of(function))
         for name, function in _trace.mapping("observe", observe).items()
     }
 

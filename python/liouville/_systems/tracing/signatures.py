@@ -11,6 +11,9 @@ from liouville._basics.errors import hinted
 #: States that are not the same numbers: a velocity that is called p, or a momentum called v.
 MISTAKEN = {("v", "p"), ("p", "v")}
 
+#: The kinds of arguments that are given by their places.
+PLACED = (inspect.Parameter.POSITIONAL_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD)
+
 
 def check_signature(what: str, function: Callable[..., Any], args: Mapping[str, Any]) -> None:
     """Refuse a function that does not take these arguments, one after another."""
@@ -21,6 +24,14 @@ def check_signature(what: str, function: Callable[..., Any], args: Mapping[str, 
         signature.bind(*args.values())
     except TypeError:
         raise misfitting(what, function, args) from None
+
+
+def takes_multipliers(function: Callable[..., Any]) -> bool:
+    """Return whether a function has an argument lam, or needs five, as an event's may."""
+    signature = _signature(function)
+    own = {} if signature is None else signature.parameters
+    needed = [x for x in own.values() if x.kind in PLACED and x.default is x.empty]
+    return "lam" in own or len(needed) == 5
 
 
 def misnamed(function: Callable[..., Any], args: Mapping[str, Any]) -> list[str]:

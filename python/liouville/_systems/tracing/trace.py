@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
 import keyword
 import traceback
 import warnings
@@ -223,14 +222,6 @@ def names(value: Sequence[str] | int, prefix: str) -> tuple[str, ...]:
     if twice:
         raise ValueError(f"{prefix} names {min(twice)!r} twice")
     return found
-
-
-def takes_multipliers(function: Callable[..., Any]) -> bool:
-    """Return whether a function has an argument lam."""
-    try:
-        return "lam" in inspect.signature(function).parameters
-    except (TypeError, ValueError):  # of builtin functions
-        return False
 
 
 def scalar(what: str, function: Callable[..., Any], args: Args) -> ca.SX:
