@@ -297,6 +297,12 @@ GIVEN = {"h": 0.05, "params": ("l",)}
         (noisy(0), GIVEN | {"sigma": "a"}, "sigma must be real numbers"),
         (noisy(0), GIVEN | {"sigma": [0.1] * 3}, r"sigma of 'q' must have shape .*, not \(3,\)"),
         ({"t": TRUTH.t, "q": TRUTH.q + 0j}, GIVEN, "data 'q' must be real numbers"),
+        (
+            {"t": TRUTH.t, "x": np.array([*map(str, TRUTH.q[:, 0])], dtype=object)},
+            GIVEN,
+            "data 'x' must be real numbers, not text such as '1.2'\nhint: pandas.to_numeric",
+        ),
+        ({"t": TRUTH.t, "x": [*map(str, TRUTH.q[:, 0])]}, GIVEN, "not text such as '1.2'"),
     ],
 )
 def test_bad_calls_are_refused(data, more, says):
@@ -517,9 +523,15 @@ def test_data_of_one_coordinate_are_a_column_or_a_frame():
         (frame.set_index("t").to_xarray(), 1e-3),
         (frame.rename(columns={"t": "time"}).set_index("time").to_xarray(), {"x": 1e-3}),
         (frame.rename(columns={"t": "time"}), 1e-3),
+        (frame.astype({"x": "Float64"}), 1e-3),
+        (frame.astype({"x": object}), 1e-3),
     ):
         found = lv.fit(SPRING, lv.Spark(3), given, sigma=sigma, **SOUGHT)
         assert found.params == wanted.params
+    frame.loc[3, "x"], missing = np.nan, frame.astype({"x": "Float64"})
+    missing.loc[3, "x"] = pandas.NA
+    each = [lv.fit(SPRING, lv.Spark(3), x, sigma=1e-3, **SOUGHT) for x in (frame, missing)]
+    assert each[0].params == each[1].params
     with pytest.raises(TypeError, match="data has no 't'"):
         lv.fit(SPRING, lv.Spark(3), frame[["x"]], **SOUGHT)
     dated = frame.assign(t=pandas.to_timedelta(frame["t"], unit="s"))

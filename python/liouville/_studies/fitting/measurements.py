@@ -27,18 +27,32 @@ FINER, FEW = 1e-2, 1000
 
 
 def _numbers(what: str, value: Any) -> np.ndarray:
-    """Return real numbers as an array of floats; None and what is masked are NaN."""
+    """Return real numbers as an array of floats; None, NA and what is masked are NaN."""
+    given = f"of type {value.dtype}" if hasattr(value, "dtype") else repr(value)
     try:
         array = np.ma.asanyarray(value) if np.ma.isMaskedArray(value) else np.asarray(value)
-        if array.dtype.kind in "iufO":
+        if array.dtype.kind == "O":
+            is_masked, array = np.ma.getmaskarray(array), np.array(array, dtype=object)
+            array[is_masked] = None
+            array = np.vectorize(_or_missing, otypes=[object])(array)
+        texts = [x for x in array.ravel().tolist() if isinstance(x, str | bytes)]
+        if texts:
+            given = f"text such as {texts[0]!r}"
+        elif array.dtype.kind in "iufO":
             return np.ma.filled(array.astype(float), np.nan)
     except (TypeError, ValueError):
         pass
-    given = f"of type {value.dtype}" if hasattr(value, "dtype") else repr(value)
     sentence = f"{what} must be real numbers, not {given}"
+    if given.startswith("text"):
+        sentence = hinted(sentence, "pandas.to_numeric makes numbers of a column of a table")
     if getattr(getattr(value, "dtype", None), "kind", None) in ("m", "M"):
         sentence = hinted(sentence, 'give seconds: (t - t[0]) / np.timedelta64(1, "s")')
     raise TypeError(sentence)
+
+
+def _or_missing(x: Any) -> Any:
+    """Return an entry of an array of objects, NaN where it is None or pandas' NA."""
+    return np.nan if x is None or type(x).__name__ == "NAType" else x
 
 
 def _by_name(data: Any) -> Any:
