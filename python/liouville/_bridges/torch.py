@@ -141,26 +141,12 @@ def _function() -> Any:
     torch = library("torch", "lv.torch.solver")
     base: Any = torch.autograd.Function
 
-    def called(function: RunFunction, tensors: Sequence[Any], known: Any, call: Call) -> Any:
-        arrays = [x.detach().cpu().resolve_conj().resolve_neg().numpy() for x in tensors]
-        found = function.mapped(arrays, call, known)
-        return tuple(torch.from_numpy(np.array(x)).to(tensors[0].device) for x in found)
-
-    def batched(info: Any, in_dims: Any, args: Sequence[Any]) -> list[Any]:
-        """Return tensors with the members of a batch as their first axis; others are let be."""
-        return [
-            x if not isinstance(x, torch.Tensor)
-            else x.expand(info.batch_size, *x.shape) if axis is None
-            else x.movedim(axis, 0)
-            for x, axis in zip(args, in_dims, strict=True)
-        ]  # fmt: skip
-
     class Run(base):  # type: ignore[misc]
         """A run as a function of its inputs."""
 
         @staticmethod
         def forward(function: RunFunction, *inputs: Any) -> Any:
-            return called(function, inputs, None, lambda at, _: at.values)
+            return _called(function, inputs, None, lambda at, _: at.values)
 
         @staticmethod
         def setup_context(ctx: Any, args: Any, _: Any) -> None:
@@ -171,18 +157,66 @@ def _function() -> Any:
 
         @staticmethod
         def backward(ctx: Any, *cotangents: Any) -> Any:
-            return None, *derived(ctx, cotangents, True)
+            return None, *_derived(ctx, cotangents, True)
 
         @staticmethod
         def jvp(ctx: Any, _: Any, *directions: Any) -> Any:
             pairs = zip(ctx.saved_tensors, directions, strict=True)
             own = [torch.zeros_like(x) if d is None else d for x, d in pairs]
-            return derived(ctx, own, False)
+            return _derived(ctx, own, False)
 
         @staticmethod
         def vmap(info: Any, in_dims: Any, *args: Any) -> Any:
-            found = Run.apply(*batched(info, in_dims, args))
+            found = Run.apply(*_batched(info, in_dims, args))
             return found, (0,) * len(found)
+
+    return Run
+
+
+@cache
+def _derivative() -> Any:
+    """Return the derivative of a run, or its transpose, as a linear function of PyTorch."""
+    base: Any = library("torch", "lv.torch.solver").autograd.Function
+
+    class Derivative(base):  # type: ignore[misc]
+        """It takes the run's inputs, then cotangents or directions, in which it is linear."""
+
+        @staticmethod
+        def forward(function: RunFunction, known: Any, is_transposed: bool, *args: Any) -> Any:
+            def call(at: RunMembers, linear: list[Any]) -> list[Any]:
+                return at.pulled(linear) if is_transposed else at.pushed(linear)
+
+            return _called(function, args, known, call)
+
+        @staticmethod
+        def setup_context(ctx: Any, args: Any, _: Any) -> None:
+            ctx.function, ctx.known, ctx.is_transposed, *tensors = args
+            count = len(ctx.function.inputs)
+            ctx.save_for_backward(*tensors[:count])
+            ctx.save_for_forward(*tensors[:count])
+
+        @staticmethod
+        def backward(ctx: Any, *cotangents: Any) -> Any:
+            found = _derived(ctx, cotangents, not ctx.is_transposed)
+            return (None,) * (3 + len(ctx.function.inputs)) + found
+
+        @staticmethod
+        def jvp(ctx: Any, *directions: Any) -> Any:
+            linear = directions[3 + len(ctx.function.inputs) :]
+            return _derived(ctx, linear, ctx.is_transposed)
+
+        @staticmethod
+        def vmap(info: Any, in_dims: Any, *args: Any) -> Any:
+            found = Derivative.apply(*_batched(info, in_dims, args))
+            return found, (0,) * len(found)
+
+    return Derivative
+
+
+@cache
+def _held() -> Any:
+    """Return the identity of PyTorch's tensors that refuses to be differentiated."""
+    base: Any = library("torch", "lv.torch.solver").autograd.Function
 
     class Held(base):  # type: ignore[misc]
         """Inputs of a derivative, which is not differentiated by them."""
@@ -205,42 +239,31 @@ def _function() -> Any:
         def jvp(ctx: Any, *directions: Any) -> Any:
             raise NotImplementedError(FIRST)
 
-    class Derivative(base):  # type: ignore[misc]
-        """The derivative of a run, or its transpose, as a linear function."""
+    return Held
 
-        @staticmethod
-        def forward(function: RunFunction, known: Any, is_transposed: bool, *args: Any) -> Any:
-            def call(at: RunMembers, linear: list[Any]) -> list[Any]:
-                return at.pulled(linear) if is_transposed else at.pushed(linear)
 
-            return called(function, args, known, call)
+def _called(function: RunFunction, tensors: Sequence[Any], known: Any, call: Call) -> Any:
+    """Return tensors of what is called with runs, and of the tensors behind their inputs."""
+    torch = library("torch", "lv.torch.solver")
+    arrays = [x.detach().cpu().resolve_conj().resolve_neg().numpy() for x in tensors]
+    found = function.mapped(arrays, call, known)
+    return tuple(torch.from_numpy(np.array(x)).to(tensors[0].device) for x in found)
 
-        @staticmethod
-        def setup_context(ctx: Any, args: Any, _: Any) -> None:
-            ctx.function, ctx.known, ctx.is_transposed, *tensors = args
-            count = len(ctx.function.inputs)
-            ctx.save_for_backward(*tensors[:count])
-            ctx.save_for_forward(*tensors[:count])
 
-        @staticmethod
-        def backward(ctx: Any, *cotangents: Any) -> Any:
-            found = derived(ctx, cotangents, not ctx.is_transposed)
-            return (None,) * (3 + len(ctx.function.inputs)) + found
+def _derived(ctx: Any, linear: Sequence[Any], is_transposed: bool) -> tuple[Any, ...]:
+    """Return the derivative at the inputs that a context has, or its transpose."""
+    inputs = _held().apply(*ctx.saved_tensors)
+    how = ctx.function, ctx.known, is_transposed
+    found: tuple[Any, ...] = _derivative().apply(*how, *inputs, *linear)
+    return found
 
-        @staticmethod
-        def jvp(ctx: Any, *directions: Any) -> Any:
-            linear = directions[3 + len(ctx.function.inputs) :]
-            return derived(ctx, linear, ctx.is_transposed)
 
-        @staticmethod
-        def vmap(info: Any, in_dims: Any, *args: Any) -> Any:
-            found = Derivative.apply(*batched(info, in_dims, args))
-            return found, (0,) * len(found)
-
-    def derived(ctx: Any, linear: Sequence[Any], is_transposed: bool) -> tuple[Any, ...]:
-        inputs = Held.apply(*ctx.saved_tensors)
-        how = ctx.function, ctx.known, is_transposed
-        found: tuple[Any, ...] = Derivative.apply(*how, *inputs, *linear)
-        return found
-
-    return Run
+def _batched(info: Any, in_dims: Any, args: Sequence[Any]) -> list[Any]:
+    """Return tensors with the members of a batch as their first axis; others are let be."""
+    tensor = library("torch", "lv.torch.solver").Tensor
+    return [
+        x if not isinstance(x, tensor)
+        else x.expand(info.batch_size, *x.shape) if axis is None
+        else x.movedim(axis, 0)
+        for x, axis in zip(args, in_dims, strict=True)
+    ]  # fmt: skip
