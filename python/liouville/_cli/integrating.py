@@ -13,11 +13,9 @@ from liouville._basics.progress import bar
 from liouville._cli.models import (
     check_given,
     interval_of,
-    kept_times,
     reference_at,
-    step_of,
     system_of,
-    times_at,
+    times_of,
 )
 from liouville._cli.options import (
     Keep,
@@ -120,16 +118,7 @@ def run(
         is_stepped = chosen.form != "wave" and h is None and rtol is None
         check_given(module, system, until, is_stepped, begin)
         span = interval_of(module, until)
-        times: Any = span
-        at = times_at(span, at) if at else None
-        if isinstance(chosen, lv.WavePlan):
-            times = chosen.times
-        elif chosen.form == "wave" and at:
-            times, at = times_at(span, [*span, *at]), None
-        elif chosen.form == "wave" and hasattr(chosen, "tol") and h is None:
-            times = kept_times(span, keep)
-        elif h is None and rtol is None:
-            h = step_of(module, chosen)
+        times, at, h = times_of(module, chosen, span, at, keep, h, rtol)
         outline: Any = getattr(module, "outline", None)
         wanted = {"out": out, "plot": figure, "animate": film, "report": page}
         _check_stored(store, checkpoint, wanted)

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+import liouville as lv
 from liouville import problems
 from liouville._basics.errors import hinted
 from liouville._solution.points import with_ends
@@ -93,6 +94,29 @@ def check_given(
         sentence = f"{', '.join(others)} and {last} are missing"
         hint = f"give {' '.join(missing.values())}, or define them in {module.__name__}.py"
         raise ValueError(hinted(sentence, hint))
+
+
+def times_of(
+    module: ModuleType,
+    method: Any,
+    span: tuple[float, float],
+    at: Sequence[float] | None,
+    keep: int,
+    h: float | None,
+    rtol: float | None,
+) -> tuple[Any, list[float] | None, float | None]:
+    """Give the times of a run, those of its records if they are given, and its step.
+
+    Of a wave function the times are those of its records: by default as many as are to be kept.
+    """
+    at = times_at(span, at) if at else None
+    if isinstance(method, lv.WavePlan):
+        return method.times, at, h
+    if method.form == "wave" and at:
+        return times_at(span, [*span, *at]), None, h
+    if method.form == "wave" and hasattr(method, "tol") and h is None:
+        return kept_times(span, keep), at, h
+    return span, at, step_of(module, method) if h is None and rtol is None else h
 
 
 def kept_times(interval: tuple[float, float], keep: int) -> list[float]:

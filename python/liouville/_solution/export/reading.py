@@ -80,14 +80,7 @@ def read(layout: Layout, where: str) -> Solution:
     members = None if own["members"] < 0 else int(own["members"])
     names = _names(layout, where)
     axes = Axes(members is not None, "unknown" in names)
-    for name in own["order"]:
-        if name not in layout.variables and name not in layout.labels:
-            raise ValueError(f"{where} has no {name!r}, which its 'order' names")
-    variables = {
-        name: _variable(name, layout.variables[name], axes, where)
-        for name in own["order"]
-        if name in layout.variables
-    }
+    variables = _variables(layout, own["order"], axes, where)
     times = _times(layout, where)
     _check_sizes(variables, names, times, members, where)
     _check_members(own, members, names, where)
@@ -136,6 +129,17 @@ def read(layout: Layout, where: str) -> Solution:
         status=own["status"],
         message=own["message"],
     )
+
+
+def _variables(
+    layout: Layout, order: list[str], axes: Axes, where: str
+) -> dict[str, tuple[Any, Any, Any]]:
+    """Return the arrays of a file in their order; ValueError where one is missing or wrong."""
+    for name in order:
+        if name not in layout.variables and name not in layout.labels:
+            raise ValueError(f"{where} has no {name!r}, which its 'order' names")
+    own = (name for name in order if name in layout.variables)
+    return {name: _variable(name, layout.variables[name], axes, where) for name in own}
 
 
 def _document(attributes: Mapping[str, Any], key: str, where: str) -> Any:

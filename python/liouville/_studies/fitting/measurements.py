@@ -203,21 +203,15 @@ class Measurements:
                 raise ValueError(hinted(sentence, "give the state, or its coordinates"))
             given[place] = True
             self.values[:, place] = values
-            deviation = sigma.get(name) if isinstance(sigma, Mapping) else sigma
-            if deviation is None and sigma is not None:
-                raise ValueError(f"sigma has no value for {name!r}")
-            if deviation is None:
-                continue
-            weights = _numbers("sigma", deviation)
-            if weights.shape == (count,) and wanted == (count, 1):
-                weights = weights[:, None]
-            if weights.shape not in ((), values.shape[1:], values.shape):
-                either = f"{values.shape}, or be a number"
-                raise misshapen(f"sigma of {name!r}", weights.shape, either)
-            self.weights[:, place] = weights
+            if sigma is not None:
+                self.weights[:, place] = _deviations_of(name, sigma, values.shape)
         for name in sigma if isinstance(sigma, Mapping) else ():
             if name not in data or name == "t":
                 raise ValueError(f"sigma has {name!r}, of which there are no data")
+        self._check()
+
+    def _check(self) -> None:
+        """Find what was measured, and refuse what is infinite, missing, or has no deviation."""
         self.is_there = np.isfinite(self.values)
         if np.isinf(self.values).any():
             raise ValueError("data must be finite, or NaN where nothing was measured, not infinite")
@@ -228,6 +222,19 @@ class Measurements:
             bad = sizes[~((sizes > 0) & np.isfinite(sizes))][0]
             sentence = f"sigma must be positive and finite, not {bad:g}"
             raise ValueError(hinted(sentence, "NaN in the data is what was not measured"))
+
+
+def _deviations_of(name: str, sigma: Any, shape: tuple[int, ...]) -> np.ndarray:
+    """Return the standard deviations of data of a name and shape, as they are given."""
+    given = sigma.get(name) if isinstance(sigma, Mapping) else sigma
+    if given is None:
+        raise ValueError(f"sigma has no value for {name!r}")
+    found = _numbers("sigma", given)
+    if found.shape == shape[:1] and shape[1:] == (1,):
+        found = found[:, None]
+    if found.shape not in ((), shape[1:], shape):
+        raise misshapen(f"sigma of {name!r}", found.shape, f"{shape}, or be a number")
+    return found
 
 
 def shared_unit(trials: Sequence[Measurements], is_absolute: bool) -> float:

@@ -67,37 +67,19 @@ class Model:
 def compiled(
     s: Symbols, model: Model
 ) -> tuple[dict[str, _core.Tape], dict[str, Pattern], _core.Mechanical]:
-    """Differentiate and record: the tapes and patterns of `problem::mechanical` in the core.
-
-    One function, since its tapes share derivatives, each traced once.
-    """
+    """Differentiate and record: the tapes and patterns of `problem::mechanical` in the core."""
     v, p, f, r, g, lam = model.v, model.p, model.f, model.r, model.g, model.lam
-    n, linear, own_velocity = s.y.numel(), model.linear, differ(v, s.z)
+    n, linear, own = s.y.numel(), model.linear, model.nonholonomic
     w = total_derivative(g, s, v)
-    p_z, p_y, f_y, f_z = _slopes(s, model)
-    v_z = jacobian(v, s.z)
-    g_y = jacobian(g, s.y) if model.g_y is None else model.g_y
-    slopes = Block(g_y)
-    r_lam = None if model.is_ideal else jacobian(r, lam)
-    own = model.nonholonomic
+    jac = _blocks(s, model)
     k_z, rn_nu = jacobian(own.k, s.z), jacobian(own.rn, own.nu)
+    masses = [jac[x].part.values for x in ("p_z", "v_z") if x in jac]
     is_linear = not (
-        any(ca.depends_on(entries(x), s.z) for x in (p_z, v_z, k_z))
-        or (r_lam is not None and ca.depends_on(entries(r_lam), lam))
+        any(ca.depends_on(x, s.z) for x in (*masses, entries(k_z)))
+        or ca.depends_on(jac["r_lam"].part.values, lam)
         or ca.depends_on(entries(rn_nu), own.nu)
     )
-    jac = {
-        "p_z": Block(p_z, linear.mass),
-        **({"v_z": Block(v_z)} if own_velocity else {}),
-        "p_y": Block(p_y),
-        "f_y": Block(f_y, linear.stiffness, -1.0),
-        "f_z": Block(f_z, linear.damping, -1.0),
-        "v_y": Block(jacobian(v, s.y)),
-        "g_y": slopes,
-        "r_lam": slopes.minus_transposed() if r_lam is None else Block(r_lam),
-        "r_y": Block(jacobian(r, s.y)),
-    }
-    velocity = [v] if own_velocity else []
+    velocity = [v] if "v_z" in jac else []
     at_stage, at_node = s.inputs(z=s.z), s.inputs(lam=lam)
     momentum = linear.terms(0, mass=(2, 1.0))
 
@@ -136,6 +118,25 @@ def compiled(
     patterns = {name: block.pattern for name, block in jac.items()}
     problem = _core.Mechanical(n, g.numel(), is_linear, tapes, patterns, left_out)
     return tapes, patterns, problem
+
+
+def _blocks(s: Symbols, model: Model) -> dict[str, Block]:
+    """Differentiate a model without nonholonomic constraints, each function once."""
+    linear, r = model.linear, model.r
+    p_z, p_y, f_y, f_z = _slopes(s, model)
+    slopes = Block(jacobian(model.g, s.y) if model.g_y is None else model.g_y)
+    own = {"v_z": Block(jacobian(model.v, s.z))} if differ(model.v, s.z) else {}
+    return {
+        "p_z": Block(p_z, linear.mass),
+        **own,
+        "p_y": Block(p_y),
+        "f_y": Block(f_y, linear.stiffness, -1.0),
+        "f_z": Block(f_z, linear.damping, -1.0),
+        "v_y": Block(jacobian(model.v, s.y)),
+        "g_y": slopes,
+        "r_lam": slopes.minus_transposed() if model.is_ideal else Block(jacobian(r, model.lam)),
+        "r_y": Block(jacobian(r, s.y)),
+    }
 
 
 def _slopes(s: Symbols, model: Model) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
