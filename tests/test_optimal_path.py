@@ -32,8 +32,8 @@ def effort(t, q, v, params):
 def rayleigh(steps, **more):
     """Return the optimum of Rayleigh's problem."""
     return lv.optimal_control(
-        RAYLEIGH, lv.Spark(3), controls=("u",), t=(0, 4.5), steps=steps, q=[-5.0], v=[-5.0],
-        cost=lambda t, q, v, params: params.u**2 + q[0] ** 2, **more,
+        RAYLEIGH, lv.Spark(3), controls=("u",), steps=steps, q=[-5.0], v=[-5.0],
+        cost=lambda t, q, v, params: params.u**2 + q[0] ** 2, **{"t": (0, 4.5), **more},
     )  # fmt: skip
 
 
@@ -43,7 +43,9 @@ def moved(steps=40, **more):
 
 
 def test_a_published_optimum_with_a_constraint_of_state_and_control():
-    """Maurer and Augustin have 44.80444 for u + x/6 <= 0, and 29.37608 is that without."""
+    """Maurer and Augustin have 44.80444 for u + x/6 <= 0 until 4.5, and 29.37608 is until 2.5."""
+    shorter = rayleigh(80, t=(0, 2.5))
+    assert shorter.cost == pytest.approx(29.376078, rel=1e-6)
     found = rayleigh(80, path={"mixed": (lambda t, q, v, params: params.u + q[0] / 6, None, 0.0)})
     assert found.cost == pytest.approx(44.80444, abs=1e-5)
     run = found.driven
