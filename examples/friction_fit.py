@@ -72,6 +72,11 @@ found = lv.fit(
 found
 
 # %%
+# Residuals are noise but for the two frames.
+
+plot.fit(found)
+
+# %%
 # What was seen, and what was found.
 
 fig, panels = plt.subplots(2, sharex=True, sharey=True)

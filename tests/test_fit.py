@@ -250,7 +250,7 @@ GIVEN = {"h": 0.05, "params": ("l",)}
 @pytest.mark.parametrize(
     ("data", "more", "says"),
     [
-        ({"q": TRUTH.q}, GIVEN, "data has no 't'"),
+        ({"q": TRUTH.q}, GIVEN, "data has no 't', but 'q'\nhint: write"),
         ({"t": [0.0, 1.5, 1.5], "x": [0, 1, 2]}, GIVEN, "1.5 is followed by 1.5\nhint: sort"),
         ({"t": TRUTH.t, "w": TRUTH.q}, GIVEN, "'w', which is no state"),
         ({"t": TRUTH.t, "q": TRUTH.q[:3]}, GIVEN, "shape"),

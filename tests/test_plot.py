@@ -275,6 +275,28 @@ def test_a_section_that_cannot_be_drawn_is_refused(section):
         plot.section(line)
 
 
+def test_residuals_of_a_fit_have_the_times_and_names_of_what_was_measured():
+    spring = lv.Lagrangian(
+        lambda t, q, v, params: (v[0] ** 2 - params.k * q[0] ** 2) / 2, q=("x",), params={"k": 4.0}
+    )
+    t = np.linspace(0, 2, 21)
+    data = {"t": t, "x": np.cos(2 * t), "v[x]": np.where(t < 1, -2 * np.sin(2 * t), np.nan)}
+    data["square"] = np.cos(2 * t) ** 2 + 0.02
+    more = {"q": [1.0], "v": [0.0], "observe": {"square": lambda t, q, v, params: q[0] ** 2}}
+    found = lv.fit(spring, lv.Spark(3), data, h=0.1, params=("k",), sigma=0.01, **more)
+    (trial,) = found.trials
+    axes = plot.fit(found)
+    drawn = {line.get_color(): line.get_xydata() for line in axes.lines[:3]}
+    assert [x.get_text() for x in axes.get_legend().get_texts()] == ["x", "v[x]", "square"]
+    assert [len(x) for x in drawn.values()] == [21, 10, 21]
+    for name, xy in zip(("x", "v[x]", "square"), drawn.values(), strict=True):
+        is_own = np.array(trial.quantities) == name
+        assert np.array_equal(xy, np.stack([trial.t, trial.residuals], axis=1)[is_own])
+    np.testing.assert_allclose([*drawn.values()][2][:, 1].mean(), 2.0, atol=0.2)
+    with pytest.raises(TypeError, match=r"what plot\.fit draws must be a fit, not <Solution"):
+        plot.fit(found.solution)
+
+
 def test_an_unknown_name_is_refused_with_those_there_are(solution):
     with pytest.raises(ValueError, match=r"no coordinate 'z'\nhint: it has x, y"):
         plot.trajectories(solution, against="z")

@@ -1,4 +1,4 @@
-"""Figures of solutions and sections, and animations and views of mechanisms.
+"""Figures of solutions, sections and fits, and animations and views of mechanisms.
 
 Each panel function draws on the axes it is given, or on a figure of its own, and returns the axes:
 ``plot.invariants(solution).figure.savefig("drift.pdf")``. A notebook shows them, and an overview.
@@ -9,6 +9,7 @@ viridis in order. ``plt.style.use(plot.STYLE)`` gives figures of your own the sa
 
 from liouville.plot.canvas import ANIMATIONS, COLOURS, FIGURES, FLOOR, STYLE, check
 from liouville.plot.film import animation
+from liouville.plot.fits import fit
 from liouville.plot.observed import observed
 from liouville.plot.orders import convergence
 from liouville.plot.page import View, view
@@ -38,6 +39,7 @@ __all__ = [
     "cost",
     "density",
     "energy",
+    "fit",
     "invariants",
     "multipliers",
     "observed",

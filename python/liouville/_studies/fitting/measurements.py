@@ -9,7 +9,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from liouville._basics.arguments import interval, number
-from liouville._basics.errors import hinted, misshapen
+from liouville._basics.errors import hinted, misshapen, quoted
 from liouville._systems import Mechanics, SemiExplicit
 
 #: The quantities that are fitted.
@@ -120,7 +120,9 @@ class Measurements:
 
     def _take_times(self, data: Any, given: Mapping[str, float], t0: Any) -> None:
         if not isinstance(data, Mapping) or "t" not in data:
-            raise TypeError(hinted("data has no 't'", 'write data={"t": times, "q": values}'))
+            own = [*map(str, data)] if isinstance(data, Mapping) else []
+            sentence = f"data has no 't', but {quoted(own)}" if own else "data has no 't'"
+            raise TypeError(hinted(sentence, 'write data={"t": times, "q": values}'))
         times = _numbers("data 't'", data["t"])
         if times.ndim != 1 or not times.size or not np.isfinite(times).all():
             if times.ndim == 1 and times.size:

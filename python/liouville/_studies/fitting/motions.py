@@ -180,9 +180,8 @@ class Motion:
         """Say which quantity has no derivative, and when."""
         is_bad = (~np.isfinite(slopes)).any(axis=1) & self.is_there
         row, column = np.argwhere(is_bad)[0].tolist()
-        places = self.model.observed.places
-        state, name = [(state, x) for state, own in places.items() for x in own][column]
-        if state == "lam":
+        name = self.model.observed.labels[column]
+        if name in self.model.system.places.get("lam", ()):
             return "multipliers of redundant constraints have no derivatives to fit by"
         sentence = f"'{name}' has no derivative at t = {self.data.t[row]:g} to fit by"
         return hinted(sentence, "write a function that is smooth there, or leave that time out")
@@ -261,6 +260,13 @@ class Motion:
                 parts.append(sizes.max(axis=0) / largest)
         found: Array = np.min(parts, axis=0) if parts else np.zeros(count)
         return found
+
+    @property
+    def measured(self) -> tuple[Array, tuple[str, ...]]:
+        """The time of each residual, and what it is of."""
+        rows, columns = np.nonzero(self.is_there)
+        names = self.model.observed.labels
+        return self.data.t[rows], tuple(names[k] for k in columns.tolist())
 
     @property
     def until(self) -> Array:

@@ -38,6 +38,14 @@ class Observed:
         }
         self.places = {**system.places, **own}
 
+    @property
+    def labels(self) -> list[str]:
+        """A name for each column: of its entry, with its state where another has that too."""
+        found: list[str] = []
+        for state, own in self.places.items():
+            found += [f"{state}[{x}]" if x in found else x for x in own]
+        return found
+
     def of(self, run: Solution, values: Array) -> Array:
         """Return all quantities of all records side by side, shape (k, w)."""
         states = [run.states[name] for name in self.system.places]

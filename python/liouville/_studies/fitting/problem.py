@@ -335,7 +335,7 @@ class Problem:
         words.append(remarks.of_bounds(names, *at, np.sqrt(np.diagonal(spread_out))))
         cuts = np.cumsum([int(motion.is_there.sum()) for motion in self.motions])
         trials = [
-            Fitted(motion.params, motion.start, -own, motion.solution)
+            Fitted(motion.params, motion.start, -own, *motion.measured, motion.solution)
             for motion, own in zip(self.motions, np.split(residuals, cuts), strict=False)
         ]
         fit = Fit(

@@ -30,6 +30,10 @@ class Fitted(Suggesting):
         Its start, on its constraints; each of shape (n,).
     residuals : ndarray, shape (w,)
         Its part of the residuals of the fit, in units of their deviations.
+    t : ndarray, shape (w,)
+        The time of each of them.
+    quantities : tuple of str
+        What each of them is of: a coordinate, ``v[x]`` of another state, or a function's name.
     solution : Solution
         Its run, at the times of its measurements.
     """
@@ -37,6 +41,8 @@ class Fitted(Suggesting):
     params: dict[str, Any]
     start: dict[str, Any]
     residuals: Array
+    t: Array
+    quantities: tuple[str, ...]
     solution: Solution
 
 
