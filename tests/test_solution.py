@@ -367,6 +367,17 @@ def test_members_have_coordinates_in_xarray():
     assert np.array_equal(own.q, many[1].q)
 
 
+@pytest.mark.parametrize("name", ["study.nc", "study.zarr"])
+def test_files_of_members_have_what_they_differ_in(name, tmp_path):
+    xarray = pytest.importorskip("xarray")
+    many = swings()
+    many.save(tmp_path / name)
+    with xarray.open_dataset(tmp_path / name) as data:
+        own = data.swap_dims(member="g").sel(g=9.81)
+        assert np.array_equal(own.q, many[1].q)
+    assert lv.load(tmp_path / name).params["g"] == many.params["g"]
+
+
 def test_a_loaded_run_is_whole_with_its_system_and_method(tmp_path):
     run = swing()
     run.save(tmp_path / "run.npz")

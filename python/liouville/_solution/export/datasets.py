@@ -41,17 +41,7 @@ def to_xarray(solution: Solution) -> xarray.Dataset:
     ImportError
         xarray is not installed.
     """
-    found = decoded(dataset_of(solution))
-    if solution.members is None:
-        return found
-    taken = {*found.variables, *found.dims}
-    coordinates: dict[str, Any] = {"member": np.arange(solution.members)}
-    for name in solution.varied:
-        values = np.asarray(solution.params[name])
-        label = name if name not in taken else f"params.{name}"
-        axes = ("member", f"{label}_axis")[: values.ndim]
-        coordinates[label] = (axes, values)
-    return found.assign_coords(coordinates)
+    return decoded(dataset_of(solution))
 
 
 def decoded(dataset: xarray.Dataset) -> xarray.Dataset:
@@ -74,7 +64,15 @@ def dataset_of(solution: Solution) -> xarray.Dataset:
         | {dim: np.array(labels, dtype=object) for dim, labels in names.items()},
         attrs=layout.attributes,
     )
-    return dataset
+    if solution.members is None:
+        return dataset
+    taken = {*dataset.variables, *dataset.dims}
+    coordinates: dict[str, Any] = {"member": np.arange(solution.members)}
+    for name in solution.varied:
+        values = np.asarray(solution.params[name])
+        label = name if name not in taken else f"params.{name}"
+        coordinates[label] = (("member", f"{label}_axis")[: values.ndim], values)
+    return dataset.assign_coords(coordinates)
 
 
 def from_xarray(dataset: xarray.Dataset, where: str) -> Solution:
