@@ -278,15 +278,26 @@ class Entries:
     @cached_property
     def bounds(self) -> Bounds:
         """Bounds of the eigenvalues: Gershgorin's, or those of a small matrix themselves."""
+        (low, high), slack = self._discs
+        if self.n <= SMALL and not self.is_diagonal:
+            eigenvalues = np.linalg.eigvalsh(self.dense())
+            # a computed eigenvalue is off by a small multiple of n units of the norm
+            low = max(low, float(eigenvalues[0]) - (self.n + 1) * slack)
+            high = min(high, float(eigenvalues[-1]) + (self.n + 1) * slack)
+        return low, high
+
+    @property
+    def discs(self) -> Bounds:
+        """Gershgorin's bounds of the eigenvalues."""
+        return self._discs[0]
+
+    @cached_property
+    def _discs(self) -> tuple[Bounds, float]:
+        """The same, and a rounding of the largest sum."""
         on = self.row == self.col
         diagonal = np.bincount(self.row[on], self.values[on].real, self.n)
         radius = np.bincount(self.row[~on], np.abs(self.values[~on]), self.n)
         low, high = (diagonal - radius).min(), (diagonal + radius).max()
         check_size("H / hbar", (low, high))
         slack = ROUNDOFF * (np.abs(diagonal) + radius).max()
-        if self.n <= SMALL and not self.is_diagonal:
-            eigenvalues = np.linalg.eigvalsh(self.dense())
-            # a computed eigenvalue is off by a small multiple of n units of the norm
-            low = max(low, eigenvalues[0] - self.n * slack)
-            high = min(high, eigenvalues[-1] + self.n * slack)
-        return float(low - slack), float(high + slack)
+        return (float(low - slack), float(high + slack)), float(slack)

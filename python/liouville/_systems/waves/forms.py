@@ -22,6 +22,9 @@ from liouville._systems.waves.spins import SpinChain
 #: A matrix with more than this part of its places taken is a dense one.
 FULL = 0.25
 
+#: The bounds of a lattice with more sites are not worth the time of its eigenvalues.
+FEW_SITES = 64
+
 #: Diagonals are stored whole if there are no more of them than this, ...
 MOST_DIAGONALS = 24
 
@@ -70,9 +73,13 @@ def operators(matrix: Entries) -> list[_core.Operator]:
 def term_of_matrix(matrix: Entries, frame: Frame, scale: float) -> Term:
     """Make the term of a matrix times a number, in a frame."""
     matrix = matrix.times(scale)
+    return Term(_operators_in(frame, matrix), matrix.bounds)
+
+
+def _operators_in(frame: Frame, matrix: Entries) -> list[_core.Operator]:
+    """Return a matrix as terms in a frame."""
     inside = frame.entries(matrix)
-    inside = doubled(inside) if frame.is_doubled else inside
-    return Term(operators(inside), matrix.bounds)
+    return operators(doubled(inside) if frame.is_doubled else inside)
 
 
 def term_of(
@@ -86,12 +93,12 @@ def term_of(
     if isinstance(source, Exchange):
         low, high = source.bounds()
         return Term([source.operator(scale)], (scale * low, scale * high))
-    term = term_of_matrix(source, frame, scale)
-    if not isinstance(given, Lattice) or term.bounds is None:
-        return term
-    low, high = given.bounds()
-    closer = (max(term.bounds[0], scale * low), min(term.bounds[1], scale * high))
-    return Term(term.operators, closer)
+    if not isinstance(given, Lattice):
+        return term_of_matrix(source, frame, scale)
+    matrix, (low, high) = source.times(scale), given.bounds()
+    found = matrix.bounds if matrix.n <= FEW_SITES else matrix.discs
+    closer = (max(found[0], scale * low), min(found[1], scale * high))
+    return Term(_operators_in(frame, matrix), closer)
 
 
 def twice(operator: _core.Operator, is_doubled: bool) -> _core.Operator:
