@@ -3,6 +3,12 @@
 //! J_{k−1} = (2k/x) J_k − J_{k+1} is run backwards from an order where J_k is nothing;
 //! J_0² + 2 Σ J_k² = 1 then sets the scale, in which nothing cancels. Source: dlmf10, 10.74(iv).
 
+/// Rounding errors of a series, in units of its largest term.
+pub(super) const ROUNDING: f64 = 4.0 * f64::EPSILON;
+
+/// A series in Bessel functions ends where two terms in a row are below this part of its share of the tolerance.
+pub(super) const END: f64 = 0.3;
+
 /// Orders where J_k is below this are not begun with, ...
 const NOTHING: f64 = 1e-40;
 /// ... and where factors of them are large.

@@ -155,3 +155,12 @@ pub(super) fn add_and_pair(out: &mut [f64], two: [Scaled<'_>; 2], y: &[f64]) -> 
     }
     found
 }
+
+/// Multiplies a vector by e^{i angle}.
+pub(super) fn turn(x: &mut [f64], angle: f64) {
+    let (sin, cos) = angle.sin_cos();
+    let (q, p) = x.split_at_mut(x.len() / 2);
+    for (q, p) in q.iter_mut().zip(p) {
+        (*q, *p) = (*q * cos - *p * sin, *p * cos + *q * sin);
+    }
+}

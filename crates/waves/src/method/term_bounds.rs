@@ -35,6 +35,13 @@ fn sum(a: Interval, b: Interval) -> Interval {
     (a.0 + b.0, a.1 + b.1)
 }
 
+/// Half the width of a spectrum, where it has one.
+pub(super) fn half((low, high): Interval) -> f64 {
+    (0.5 * (high - low))
+        .max(8.0 * f64::EPSILON * low.abs().max(high.abs()))
+        .max(1e-290)
+}
+
 /// An interval times a number.
 pub(super) fn scaled(factor: f64, (low, high): Interval) -> Interval {
     let (a, b) = (factor * low, factor * high);
@@ -137,9 +144,20 @@ impl TermBounds {
         Some(sum(scaled(*first, inside), beyond))
     }
 
-    /// The same with a potential, for H at one time.
-    pub(super) fn at(&self, weights: &[f64], potential: &[f64]) -> Interval {
+    /// The same with a potential, for H at one time: a row of the weights and of the potential.
+    pub(super) fn at(&self, row: &[f64]) -> Interval {
+        let (weights, potential) = row.split_at(self.groups.len());
         self.of_sum(weights, potential, &[1.0])
+    }
+
+    /// The norm of a row of changes of these, in energies.
+    pub(super) fn size(&self, row: &[f64]) -> f64 {
+        let (weights, potential) = row.split_at(self.groups.len());
+        let of_groups = weights.iter().zip(&self.parts);
+        let sum: f64 = of_groups
+            .map(|(weight, (low, high))| weight.abs() * low.abs().max(high.abs()))
+            .sum();
+        sum + potential.iter().fold(0.0, |most: f64, v| most.max(v.abs()))
     }
 
     /// The same for a sum of H at several times, each times its number of a row.

@@ -28,6 +28,11 @@ impl Drive {
         self.tape.bind(&self.params)
     }
 
+    /// The weights at times, a row for each.
+    pub(crate) fn at(&self, times: &[f64]) -> Vec<f64> {
+        self.tape.map(&self.params, &[times], times.len())
+    }
+
     /// Adds `factor` times the weights at `t`.
     pub(crate) fn add(
         &self,

@@ -1,7 +1,7 @@
 //! A Hamiltonian as a weighted sum of its terms.
 
 use super::kept::Kept;
-use super::{Drive, HamiltonianAt, Nonlinearity, Operator, Potential, WeightedTerms};
+use super::{Drive, Nonlinearity, Operator, Potential};
 use std::sync::Arc;
 
 /// The terms H_k, read-only, and their dependence on time: H(t) = Σ f_k(t) H_k + V(t).
@@ -199,25 +199,5 @@ impl Hamiltonian {
     pub fn reach(&self) -> Option<usize> {
         let reaches = self.terms.iter().map(Operator::reach);
         reaches.collect::<Option<Vec<_>>>()?.into_iter().max()
-    }
-
-    /// Memory for weights and potential at a time; none where nothing depends on time.
-    pub fn current(&self) -> Option<HamiltonianAt> {
-        self.is_driven().then(|| HamiltonianAt::new(self))
-    }
-
-    /// All terms with weight 1, and no potential.
-    pub fn sum(&self) -> WeightedTerms<'_> {
-        self.at(None)
-    }
-
-    /// The terms with weights and potential at a time; all weights are 1 without them.
-    pub fn at<'a>(&'a self, current: Option<&'a HamiltonianAt>) -> WeightedTerms<'a> {
-        WeightedTerms {
-            terms: &self.terms,
-            weights: current.map(|current| &current.weights[..]),
-            potential: current.map_or(&[], |current| &current.potential),
-            nodes: current.map_or(&[], |current| &current.nodes),
-        }
     }
 }

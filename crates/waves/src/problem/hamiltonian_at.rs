@@ -1,7 +1,7 @@
 //! A Hamiltonian at a time, or averaged over several.
 
-use super::Hamiltonian;
 use super::potential::{AT_ONCE, PotentialRegisters};
+use super::{Hamiltonian, WeightedTerms};
 use liouville_base::cancel;
 use liouville_base::error::StepError;
 use liouville_base::tape::Registers;
@@ -10,11 +10,11 @@ use liouville_base::tape::Registers;
 #[derive(Clone, Debug)]
 pub struct HamiltonianAt {
     /// Weights of the terms.
-    pub(super) weights: Vec<f64>,
+    weights: Vec<f64>,
     /// The potential, empty if there is none.
-    pub(super) potential: Vec<f64>,
+    potential: Vec<f64>,
     /// Pairs (a, t) of the sum.
-    pub(super) nodes: Vec<(f64, f64)>,
+    nodes: Vec<(f64, f64)>,
     drive: Option<Registers<f64>>,
     points: Option<PotentialRegisters>,
 }
@@ -76,5 +76,27 @@ impl HamiltonianAt {
     /// The potential, empty if there is none.
     pub fn potential(&self) -> &[f64] {
         &self.potential
+    }
+}
+
+impl Hamiltonian {
+    /// Memory for weights and potential at a time; none where nothing depends on time.
+    pub fn current(&self) -> Option<HamiltonianAt> {
+        self.is_driven().then(|| HamiltonianAt::new(self))
+    }
+
+    /// All terms with weight 1, and no potential.
+    pub fn sum(&self) -> WeightedTerms<'_> {
+        self.at(None)
+    }
+
+    /// The terms with weights and potential at a time; all weights are 1 without them.
+    pub fn at<'a>(&'a self, current: Option<&'a HamiltonianAt>) -> WeightedTerms<'a> {
+        WeightedTerms {
+            terms: &self.terms,
+            weights: current.map(|current| &current.weights[..]),
+            potential: current.map_or(&[], |current| &current.potential),
+            nodes: current.map_or(&[], |current| &current.nodes),
+        }
     }
 }

@@ -31,6 +31,7 @@ pub use nonlinearity::Nonlinearity;
 pub use potential::Potential;
 pub(crate) use potential::{AT_ONCE, PotentialRegisters};
 pub use product::Product;
+pub use row_product::{RowBlock, Update};
 pub use sparse::Sparse;
 pub use spins::{Bond, Spins};
 pub use weighted_terms::{ProductScratch, WeightedTerms};
@@ -39,41 +40,6 @@ use liouville_base::linalg::Rows;
 use liouville_base::simd::{InstructionSet, Stored};
 use row_product::update_rows;
 use std::sync::Arc;
-
-/// The use of a product: out ← keep·out + factor·H x + diagonal·x.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Update {
-    /// The factor of `out`.
-    pub keep: f64,
-    /// The factor of the product.
-    pub factor: f64,
-    /// The factor of x itself.
-    pub diagonal: f64,
-}
-
-impl Update {
-    /// A product added to `out`.
-    pub fn added(factor: f64) -> Self {
-        Self {
-            keep: 1.0,
-            factor,
-            diagonal: 0.0,
-        }
-    }
-}
-
-/// Some rows of a product, and their neighbourhood in x.
-#[derive(Debug)]
-pub struct RowBlock<'a, S> {
-    /// The row of `out[0]`.
-    pub row: usize,
-    /// The rows to be updated.
-    pub out: &'a mut [S],
-    /// The place of `x[0]` in all of x.
-    pub place: usize,
-    /// The rows, and at least [`Operator::reach`] places more on both sides, as far as there are any.
-    pub x: &'a [S],
-}
 
 /// One real symmetric matrix H_k.
 #[derive(Clone)]

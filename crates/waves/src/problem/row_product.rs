@@ -4,9 +4,43 @@
 //! the registers of the machine and updates `out`.
 #![allow(clippy::inline_always)] // all of a kernel is compiled for one instruction set
 
-use super::{RowBlock, Update};
 use liouville_base::simd::{ForEach, InstructionSet, Kernel, Number, SimdView, SimdViews, Stored};
 use std::ops::Range;
+
+/// The use of a product: out ← keep·out + factor·H x + diagonal·x.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Update {
+    /// The factor of `out`.
+    pub keep: f64,
+    /// The factor of the product.
+    pub factor: f64,
+    /// The factor of x itself.
+    pub diagonal: f64,
+}
+
+impl Update {
+    /// A product added to `out`.
+    pub fn added(factor: f64) -> Self {
+        Self {
+            keep: 1.0,
+            factor,
+            diagonal: 0.0,
+        }
+    }
+}
+
+/// Some rows of a product, and their neighbourhood in x.
+#[derive(Debug)]
+pub struct RowBlock<'a, S> {
+    /// The row of `out[0]`.
+    pub row: usize,
+    /// The rows to be updated.
+    pub out: &'a mut [S],
+    /// The place of `x[0]` in all of x.
+    pub place: usize,
+    /// The rows, and at least [`super::Operator::reach`] places more on both sides, as far as there are any.
+    pub x: &'a [S],
+}
 
 /// A matrix form that computes rows of a product.
 pub(super) trait MatrixRows {

@@ -14,68 +14,17 @@ mod series;
 mod shears;
 
 use super::driven::polynomials::NodeMap;
+pub use super::driven::polynomials::{AtNodes, Wanted};
 use super::driven::terms::Terms;
 use super::{Sweeper, Wave};
 use liouville_base::error::StepError;
 use liouville_base::simd::Stored;
+pub(super) use majorant::{Output, SeriesPiece};
 use pull::SeriesPull;
-use recorder::KeptTerms;
 pub use recorder::Recorder;
-pub(super) use series::{Output, SeriesPiece};
-pub(super) use shears::ShearsPiece;
+use recorder::{KeptTerms, copied};
+pub(super) use recorder::{Piece, ShearsPiece};
 use std::ops::Range;
-
-/// A part of a run with choices of its own.
-pub(super) enum Piece {
-    Series(SeriesPiece),
-    Shears(ShearsPiece),
-}
-
-impl Piece {
-    /// Gives it the nodes of its weights, as an average of those there with these factors, and says whether a step ends
-    /// with it.
-    pub(super) fn average(&mut self, times: Vec<f64>, row: &[f64], is_end: bool) {
-        let (nodes, map, steps) = match self {
-            Self::Series(piece) => (&mut piece.nodes, &mut piece.map, &mut piece.steps),
-            Self::Shears(piece) => (&mut piece.nodes, &mut piece.map, &mut piece.steps),
-        };
-        *nodes = times;
-        map.series = row.to_vec();
-        map.powers = vec![1.0];
-        *steps = usize::from(is_end);
-    }
-
-    /// How many steps of the run end in it.
-    fn steps(&self) -> usize {
-        match self {
-            Self::Series(piece) => piece.steps,
-            Self::Shears(piece) => piece.steps,
-        }
-    }
-
-    /// Takes the weights of groups of terms, which begin at these, for those of all terms.
-    fn group(&mut self, firsts: &[usize]) {
-        let weights = match self {
-            Self::Series(piece) if !piece.is_by_terms => return,
-            Self::Series(piece) => &mut piece.fit.weights,
-            Self::Shears(piece) => &mut piece.weights,
-        };
-        *weights = firsts.iter().map(|first| weights[*first]).collect();
-    }
-}
-
-/// A copy of a vector, with room for so many numbers at least.
-///
-/// # Errors
-/// There is no memory for it.
-pub(super) fn copied(x: &[f64], size: usize) -> Result<Vec<f64>, StepError> {
-    let mut found = Vec::new();
-    found
-        .try_reserve_exact(x.len().max(size))
-        .map_err(|_| StepError::NoMemory)?;
-    found.extend_from_slice(x);
-    Ok(found)
-}
 
 /// The parts of the first member, one after the other.
 ///
@@ -85,25 +34,6 @@ pub(super) fn flat<S: Stored>(state: &Wave<S>) -> Result<Vec<f64>, StepError> {
     let mut found = copied(&[], state.q.len() + state.p.len())?;
     found.extend(state.q.iter().chain(&state.p).map(|x| x.member(0)));
     Ok(found)
-}
-
-/// Changes of H at the nodes of a piece, or cotangents of H there: those at one node after those at another, and nothing
-/// where there are none.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct AtNodes {
-    /// Changes or cotangents of the weights of all groups.
-    pub weights: Vec<f64>,
-    /// Changes or cotangents of the potential, at all rows of H.
-    pub potential: Vec<f64>,
-}
-
-/// Which cotangents of H are wanted.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Wanted {
-    /// Whether cotangents of the weights are wanted.
-    pub weights: bool,
-    /// Whether cotangents of the potential are wanted.
-    pub potential: bool,
 }
 
 /// The derivatives of a run, piece by piece.
@@ -295,14 +225,5 @@ impl Derivative {
             }
             Piece::Shears(piece) => piece.pull(terms, cotangent, of_steps, wanted),
         }
-    }
-}
-
-/// Multiplies a vector by e^{i angle}.
-fn turn(x: &mut [f64], angle: f64) {
-    let (sin, cos) = angle.sin_cos();
-    let (q, p) = x.split_at_mut(x.len() / 2);
-    for (q, p) in q.iter_mut().zip(p) {
-        (*q, *p) = (*q * cos - *p * sin, *p * cos + *q * sin);
     }
 }

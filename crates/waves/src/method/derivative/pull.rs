@@ -1,13 +1,13 @@
 //! The transposed recurrence of a window, from its last term to its first.
 
-use super::Wanted;
+use super::majorant::SeriesPiece;
 use super::potential::PotentialPull;
 use super::powers::TransposedPowers;
-use super::series::SeriesPiece;
 use crate::method::blocks::{
     Scaled, add, add_all, add_and_pair, add_i, by_blocks, combine, keep_times,
 };
 use crate::method::driven::choice::Form;
+use crate::method::driven::polynomials::Wanted;
 use crate::method::driven::terms::{Terms, varies};
 use crate::problem::Update;
 use liouville_base::error::StepError;

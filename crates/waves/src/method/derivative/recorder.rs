@@ -1,16 +1,86 @@
 //! Inputs of a run that is to be differentiated, and its record.
 
-use super::majorant::Majorant;
-use super::{Piece, Terms, copied};
-use crate::method::Sweeper;
+use super::majorant::{Majorant, SeriesPiece};
 use crate::method::driven::choice::Form;
-use crate::method::driven::{Driven, DrivenSeries};
+use crate::method::driven::polynomials::NodeMap;
 use liouville_base::error::StepError;
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// Most bytes of terms that are kept beyond those of one window.
 const ROOM: usize = 1 << 26;
+
+/// A part of a run with choices of its own.
+pub(in crate::method) enum Piece {
+    Series(SeriesPiece),
+    Shears(ShearsPiece),
+}
+
+impl Piece {
+    /// Gives it the nodes of its weights, as an average of those there with these factors, and says whether a step ends
+    /// with it.
+    pub(in crate::method) fn average(&mut self, times: Vec<f64>, row: &[f64], is_end: bool) {
+        let (nodes, map, steps) = match self {
+            Self::Series(piece) => (&mut piece.nodes, &mut piece.map, &mut piece.steps),
+            Self::Shears(piece) => (&mut piece.nodes, &mut piece.map, &mut piece.steps),
+        };
+        *nodes = times;
+        map.series = row.to_vec();
+        map.powers = vec![1.0];
+        *steps = usize::from(is_end);
+    }
+
+    /// How many steps of the run end in it.
+    pub(super) fn steps(&self) -> usize {
+        match self {
+            Self::Series(piece) => piece.steps,
+            Self::Shears(piece) => piece.steps,
+        }
+    }
+
+    /// Takes the weights of groups of terms, which begin at these, for those of all terms.
+    pub(super) fn group(&mut self, firsts: &[usize]) {
+        let weights = match self {
+            Self::Series(piece) if !piece.is_by_terms => return,
+            Self::Series(piece) => &mut piece.fit.weights,
+            Self::Shears(piece) => &mut piece.weights,
+        };
+        *weights = firsts.iter().map(|first| weights[*first]).collect();
+    }
+}
+
+/// Steps of shears as they were made: the same ones in each step.
+pub(in crate::method) struct ShearsPiece {
+    /// Whether p is updated, not q, and a.
+    pub(in crate::method) shears: Vec<(bool, f64)>,
+    /// How many times.
+    pub(in crate::method) repeats: usize,
+    pub(in crate::method) shift: f64,
+    /// Angles by which ψ is turned before and after them.
+    pub(in crate::method) angles: (f64, f64),
+    /// The parts before and after them, where H may change.
+    pub(in crate::method) ends: [Vec<f64>; 2],
+    /// Weights of all terms, or of groups of them.
+    pub(in crate::method) weights: Vec<f64>,
+    pub(in crate::method) potential: Vec<f64>,
+    /// Times, and the weights by those of H there.
+    pub(in crate::method) nodes: Vec<f64>,
+    pub(in crate::method) map: NodeMap,
+    pub(in crate::method) steps: usize,
+}
+
+/// A copy of a vector, with room for so many numbers at least.
+///
+/// # Errors
+/// There is no memory for it.
+pub(super) fn copied(x: &[f64], size: usize) -> Result<Vec<f64>, StepError> {
+    let mut found = Vec::new();
+    found
+        .try_reserve_exact(x.len().max(size))
+        .map_err(|_| StepError::NoMemory)?;
+    found.extend_from_slice(x);
+    Ok(found)
+}
 
 /// All terms of a window, by the place of its piece.
 pub(super) type KeptTerms = VecDeque<(usize, Vec<Vec<f64>>)>;
@@ -53,24 +123,13 @@ impl Recorder {
         }
     }
 
-    fn left(&self) -> MutexGuard<'_, Left> {
-        self.left.lock().unwrap_or_else(PoisonError::into_inner)
+    /// Has these pieces for a run that is yet to be made.
+    pub(in crate::method) fn set(&self, pieces: Vec<Piece>) {
+        self.left().pieces = pieces;
     }
 
-    /// Lays out the pieces of a run by series in time with these outputs; none where the parts do not fit.
-    ///
-    /// # Errors
-    /// H is not finite, or there is no memory.
-    pub fn lay_out(
-        &self,
-        sweeper: &Sweeper<f64>,
-        driven: Driven,
-        t0: f64,
-        times: Vec<f64>,
-    ) -> Option<Result<(), StepError>> {
-        let series = DrivenSeries::new(sweeper, driven, times)?;
-        let pieces = series.and_then(|series| series.pieces(t0));
-        Some(pieces.map(|pieces| self.left().pieces = pieces))
+    fn left(&self) -> MutexGuard<'_, Left> {
+        self.left.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Number of pieces.
@@ -144,12 +203,12 @@ impl Recorder {
         }
     }
 
-    /// Keeps all terms of a piece in place of those before it for which there is no room, whose memory is used again.
-    pub(in crate::method) fn keep(&self, piece: usize, all: Vec<Vec<f64>>, terms: &mut Terms) {
+    /// Keeps all terms of a piece in place of those before it for which there is no room, and returns these.
+    pub(in crate::method) fn keep(&self, piece: usize, all: Vec<Vec<f64>>) -> Vec<Vec<f64>> {
         if self.is_closed {
-            terms.reuse(all);
-            return;
+            return all;
         }
+        let mut unkept = Vec::new();
         let mut left = self.left();
         let bytes = |all: &[Vec<f64>]| all.iter().map(|x| size_of_val(&x[..])).sum::<usize>();
         left.bytes += bytes(&all);
@@ -158,8 +217,9 @@ impl Recorder {
             let first = left.kept.pop_front();
             let first = first.map_or_else(Vec::new, |(_, all)| all);
             left.bytes -= bytes(&first);
-            terms.reuse(first);
+            unkept.extend(first);
         }
+        unkept
     }
 
     /// Adds a piece.

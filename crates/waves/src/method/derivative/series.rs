@@ -9,53 +9,16 @@
 //!
 //! x_j = e^{iσs_j} times the cotangent of ψ_j. Source: the transpose of the series of `driven`.
 
-use super::majorant::{Length, Majorant};
+use super::majorant::{Output, SeriesPiece};
 use super::pull::SeriesPull;
-use super::{AtNodes, Wanted, turn};
-use crate::method::blocks::Scaled;
-use crate::method::driven::choice::{Form, LARGEST, Window};
-use crate::method::driven::factors::Factors;
-use crate::method::driven::polynomials::{NodeMap, by_nodes};
+use crate::method::blocks::{Scaled, turn};
+use crate::method::driven::polynomials::{AtNodes, Wanted};
 use crate::method::driven::terms::Terms;
 use crate::method::driven::whole::Fit;
 use liouville_base::error::StepError;
 use liouville_base::linalg::add_scaled;
 
-/// A state within a window: where, and the factors of the terms.
-pub(in crate::method) struct Output {
-    pub(in crate::method) s: f64,
-    pub(in crate::method) factors: Vec<f64>,
-}
-
-/// A window as it was made.
-pub(in crate::method) struct SeriesPiece {
-    /// e^{i phase} ψ at its start.
-    pub(in crate::method) start: Vec<f64>,
-    pub(in crate::method) phase: f64,
-    pub(in crate::method) window: Window,
-    pub(in crate::method) fit: Fit,
-    /// |h| times the norm of each power of the fit from the first on.
-    pub(in crate::method) sizes: Vec<f64>,
-    /// A bound of the terms that are left out, relative to the state.
-    pub(in crate::method) tail: f64,
-    /// Times, and the coefficients of the fit by the weights of H there.
-    pub(in crate::method) nodes: Vec<f64>,
-    pub(in crate::method) map: NodeMap,
-    /// The ends of steps, and at last the end of the window.
-    pub(in crate::method) outputs: Vec<Output>,
-    pub(in crate::method) steps: usize,
-    /// The part of a planned window that it is, as one in so many.
-    pub(in crate::method) parts: f64,
-    /// Whether the fit has a weight for each term, not for each group of terms.
-    pub(in crate::method) is_by_terms: bool,
-}
-
 impl SeriesPiece {
-    pub(super) fn count(&self) -> usize {
-        let counts = self.outputs.iter().map(|output| output.factors.len());
-        counts.max().unwrap_or(0)
-    }
-
     /// The angle of the phase that is left out at an output.
     fn angle(&self, output: &Output) -> f64 {
         self.phase + self.window.sigma * output.s
@@ -79,86 +42,6 @@ impl SeriesPiece {
             weights,
             potential,
         })
-    }
-
-    /// See [`super::Recorder::raise`].
-    pub(super) fn raise(&mut self, degree: usize) {
-        let powers = self.fit.degree + 1;
-        if degree < powers {
-            return;
-        }
-        for values in [&mut self.fit.weights, &mut self.fit.potential] {
-            values.resize(values.len() / powers * (degree + 1), 0.0);
-        }
-        self.fit.degree = degree;
-        self.map = by_nodes(degree);
-    }
-
-    /// See [`super::Recorder::lengthen`].
-    pub(super) fn lengthen(&mut self, changes: &[f64], tolerance: f64) -> bool {
-        let degree = self.fit.degree;
-        let width = changes.len() / self.nodes.len();
-        if width == 0 && degree == 0 && self.window.form == Form::Bessel {
-            return true; // bounds of the spectrum are for all states
-        }
-        let found = match (width, degree) {
-            (0, _) => Vec::new(),
-            (_, 0) => vec![1.0],
-            _ => self.map.apply(changes, width, degree),
-        };
-        let sizes = found.chunks(width.max(1));
-        let sizes = sizes.map(|row| row.iter().fold(0.0, |most: f64, x| most.max(x.abs())));
-        let Some((form, length)) = self.series(sizes.collect(), tolerance) else {
-            return false;
-        };
-        if form == self.window.form && length.count <= self.count() {
-            return true;
-        }
-        self.window.form = form;
-        for output in &mut self.outputs {
-            let factors = Factors::new(&self.window, output.s);
-            output.factors = (0..length.count)
-                .map(|n| factors.of(&self.window, n))
-                .collect();
-        }
-        true
-    }
-
-    /// Whether bounds of the terms, for all states and for changes of H by any of its powers, show a series that ends.
-    pub(in crate::method) fn ends(&self) -> bool {
-        let changes = vec![1.0; self.fit.degree + 1];
-        self.series(changes, f64::INFINITY).is_some()
-    }
-
-    /// The form of the series with the sizes of changes, and how many terms it takes.
-    fn series(&self, changes: Vec<f64>, tolerance: f64) -> Option<(Form, Length)> {
-        let (degree, form) = (self.fit.degree, self.window.form);
-        let majorant = Majorant {
-            theta: self.window.beta * self.window.h.abs(),
-            sizes: self.sizes.clone(),
-            changes,
-            tolerances: (self.tail, tolerance),
-        };
-        let powers = || Some((Form::Powers, majorant.powers()?));
-        let own = match form {
-            Form::Powers => powers(),
-            // bounds of the spectrum are for the terms of all states
-            Form::Bessel if degree == 0 => Majorant {
-                tolerances: (f64::INFINITY, tolerance),
-                ..majorant.clone()
-            }
-            .bessel()
-            .map(|length| (form, length)),
-            Form::Bessel => majorant.bessel().map(|length| (form, length)),
-        };
-        let best = match own {
-            Some((Form::Bessel, length)) if length.largest > LARGEST => {
-                powers().filter(|(_, other)| other.largest < length.largest)
-            }
-            Some(_) => None,
-            None => powers(),
-        };
-        best.or(own)
     }
 
     /// See [`super::Derivative::repeat`].

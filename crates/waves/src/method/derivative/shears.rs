@@ -6,33 +6,13 @@
 //!
 //! A potential is a group of each of its places x: the cotangent of V(x) gets a q̄(x) p(x), or −a p̄(x) q(x). A shear is undone by that of −a, so that no state between is kept.
 
-use super::{AtNodes, Wanted, turn};
-use crate::method::blocks::inner;
-use crate::method::driven::polynomials::NodeMap;
+use super::recorder::ShearsPiece;
+use crate::method::blocks::{inner, turn};
+use crate::method::driven::polynomials::{AtNodes, Wanted};
 use crate::method::driven::terms::Terms;
 use crate::problem::Update;
 use liouville_base::error::StepError;
 use liouville_base::linalg::add_scaled;
-
-/// Steps of shears as they were made: the same ones in each step.
-pub(in crate::method) struct ShearsPiece {
-    /// Whether p is updated, not q, and a.
-    pub(in crate::method) shears: Vec<(bool, f64)>,
-    /// How many times.
-    pub(in crate::method) repeats: usize,
-    pub(in crate::method) shift: f64,
-    /// Angles by which ψ is turned before and after them.
-    pub(in crate::method) angles: (f64, f64),
-    /// The parts before and after them, where H may change.
-    pub(in crate::method) ends: [Vec<f64>; 2],
-    /// Weights of all terms, or of groups of them.
-    pub(in crate::method) weights: Vec<f64>,
-    pub(in crate::method) potential: Vec<f64>,
-    /// Times, and the weights by those of H there.
-    pub(in crate::method) nodes: Vec<f64>,
-    pub(in crate::method) map: NodeMap,
-    pub(in crate::method) steps: usize,
-}
 
 /// Adds a (Σ w_k B_k x + V x − σ x) to `out`.
 fn add_product(

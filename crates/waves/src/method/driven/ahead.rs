@@ -1,10 +1,11 @@
 //! The windows of a run that is to be differentiated, laid out before it begins.
 
-use super::DrivenSeries;
 use super::choice::{Form, Window};
 use super::factors::Factors;
 use super::polynomials::{by_nodes, nodes};
-use crate::method::derivative::{Output, Piece, SeriesPiece};
+use super::{Driven, DrivenSeries};
+use crate::method::Sweeper;
+use crate::method::derivative::{Output, Piece, Recorder, SeriesPiece};
 use liouville_base::cancel;
 use liouville_base::error::StepError;
 
@@ -66,5 +67,23 @@ impl DrivenSeries {
             parts,
             is_by_terms: false,
         })
+    }
+}
+
+impl Recorder {
+    /// Lays out the pieces of a run by series in time with these outputs; none where the parts do not fit.
+    ///
+    /// # Errors
+    /// H is not finite, or there is no memory.
+    pub fn lay_out(
+        &self,
+        sweeper: &Sweeper<f64>,
+        driven: Driven,
+        t0: f64,
+        times: Vec<f64>,
+    ) -> Option<Result<(), StepError>> {
+        let series = DrivenSeries::new(sweeper, driven, times)?;
+        let pieces = series.and_then(|series| series.pieces(t0));
+        Some(pieces.map(|pieces| self.set(pieces)))
     }
 }

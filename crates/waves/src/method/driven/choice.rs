@@ -7,7 +7,7 @@ use super::fit::{Look, Sampler};
 use super::levels::bessel_terms;
 use super::polynomials::NODES;
 use crate::method::bessel::degree;
-use crate::method::term_bounds::Interval;
+use crate::method::term_bounds::{Interval, half};
 use liouville_base::error::StepError;
 use std::cmp::Ordering;
 use std::f64::consts::PI;
@@ -17,12 +17,6 @@ const BESSEL: [f64; 6] = [32.0, 24.0, 16.0, 12.0, 8.0, 5.6];
 /// ... and for one in powers, of which terms add up to no more than this.
 const POWERS: [f64; 7] = [8.0, 5.6, 4.0, 2.8, 2.0, 1.4, 1.0];
 pub(in crate::method) const LARGEST: f64 = 1e5;
-
-/// Rounding errors of a series, in units of its largest term.
-pub(super) const ROUNDING: f64 = 4.0 * f64::EPSILON;
-
-/// A series in Bessel functions ends where two terms in a row are below this part of its share of the tolerance.
-pub(in crate::method) const END: f64 = 0.3;
 
 /// The part of the tolerance for the fit, that for all windows without one, as around jumps, and that for rounding errors;
 /// the rest is for the tail.
@@ -77,13 +71,6 @@ impl Window {
             beta: half(bounds),
         }
     }
-}
-
-/// Half the width of a spectrum, where it has one.
-pub(super) fn half((low, high): Interval) -> f64 {
-    (0.5 * (high - low))
-        .max(8.0 * f64::EPSILON * low.abs().max(high.abs()))
-        .max(1e-290)
 }
 
 /// The tolerance of all windows.

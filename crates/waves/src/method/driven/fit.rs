@@ -5,7 +5,7 @@
 
 use super::looks::LookPoints;
 use super::polynomials::{DEGREE, NODES, chebyshev_node, coefficients, powers, settle};
-use super::scan::Scan;
+use super::scan::{BESIDE, Scan};
 use crate::method::term_bounds::{Interval, TermBounds};
 use crate::problem::{Drive, Hamiltonian, Nonlinearity, Potential, PotentialRegisters};
 use liouville_base::cancel;
@@ -16,9 +16,6 @@ use std::sync::Arc;
 
 /// Times that are looked at between two polls for cancellation.
 const POLL: usize = 64;
-
-/// A window that ends at a break takes H so many roundings of the time within it, where a jump is on its other side.
-pub(super) const BESIDE: f64 = 8.0 * f64::EPSILON;
 
 /// Rounding errors of a fit, relative to what is fitted.
 const ROUNDING: f64 = 1e-14;
@@ -187,7 +184,11 @@ impl Sampler {
         if !is_driven || start.to_bits() == end.to_bits() {
             return Ok(self);
         }
-        let scan = Some(Scan::of(&self)?);
+        let scan = Some(self.hamiltonian.scan().get(
+            |scan: &Scan| scan.is_of(&self.bounds),
+            || Scan::new(&self.bounds, |times| self.clone().rows(times)),
+            Scan::is_small,
+        )?);
         Ok(Self { scan, ..self })
     }
 
@@ -211,8 +212,14 @@ impl Sampler {
             if cancel::is_cancelled() {
                 return Err(StepError::Interrupted);
             }
-            for t in times {
-                self.sample(*t);
+            let weights = self.hamiltonian.drive().map(|drive| drive.at(times));
+            let width = self.weights.len();
+            for (k, t) in times.iter().enumerate() {
+                match &weights {
+                    Some(rows) => self.weights.copy_from_slice(&rows[k * width..][..width]),
+                    None => self.weights.fill(1.0),
+                }
+                self.add_row(*t);
             }
         }
         Ok(std::mem::take(&mut self.samples))
@@ -231,10 +238,9 @@ impl Sampler {
         };
         self.interpolate((t, h), nodes);
         let mut apart = std::mem::take(&mut self.apart);
-        apart.resize(self.width, 0.0);
         let series = &self.series[..terms * self.width];
-        let is_fine = |apart: &[f64]| self.size(apart) <= tolerance;
-        let is_missed = scan.is_missed((t, h), series, &mut apart, is_fine);
+        let is_fine = |apart: &[f64]| self.bounds.size(apart) <= tolerance;
+        let is_missed = scan.is_missed((t, h), (series, self.width), &mut apart, is_fine);
         self.apart = apart;
         is_missed
     }
@@ -242,7 +248,7 @@ impl Sampler {
     /// Ends of parts of an interval; see [`Scan::strata`].
     pub(in crate::method) fn strata(&self, interval: (f64, f64), count: usize) -> Vec<f64> {
         match &self.scan {
-            Some(scan) => scan.strata(self, interval, count),
+            Some(scan) => scan.strata(interval, count),
             None => vec![interval.0, interval.1],
         }
     }
@@ -271,6 +277,11 @@ impl Sampler {
             self.weights.fill(0.0);
             drive.add(registers, 1.0, t, &mut self.weights);
         }
+        self.add_row(t);
+    }
+
+    /// Adds a row of values at t, with these weights.
+    fn add_row(&mut self, t: f64) {
         let weights = &self.weights;
         let of_groups = self.firsts.iter().map(|first| weights[*first]);
         self.samples.extend(of_groups);
@@ -287,17 +298,11 @@ impl Sampler {
         }
     }
 
-    /// Interval of H with such weights and potential, by those of its parts.
-    pub(super) fn added(&self, row: &[f64]) -> Interval {
-        let (weights, potential) = row.split_at(self.groups());
-        self.bounds.at(weights, potential)
-    }
-
     /// Interval of H at the start of a window.
     pub(super) fn bounds_at(&mut self, window: (f64, f64)) -> Interval {
         self.samples.clear();
         self.sample(self.within(window, 0.0));
-        self.added(&self.samples)
+        self.bounds.at(&self.samples)
     }
 
     /// Chebyshev's coefficients of all rows on a window, and the length of a row.
@@ -314,21 +319,11 @@ impl Sampler {
         self.width
     }
 
-    /// The norm of a row of coefficients, in energies.
-    pub(super) fn size(&self, row: &[f64]) -> f64 {
-        let of_groups = row.iter().zip(&self.bounds.parts);
-        let sum: f64 = of_groups
-            .map(|(weight, (low, high))| weight.abs() * low.abs().max(high.abs()))
-            .sum();
-        let potential = row[self.groups()..].iter();
-        sum + potential.fold(0.0, |most: f64, v| most.max(v.abs()))
-    }
-
     /// Looks at a window: none where no degree leaves less than `tolerance`, in energies.
     pub(super) fn look(&mut self, t: f64, h: f64, tolerance: f64) -> Option<Look> {
         let first = self.bounds_at((t, h));
         let width = self.interpolate((t, h), NODES);
-        let rows = self.samples.chunks(width).map(|row| self.added(row));
+        let rows = self.samples.chunks(width).map(|row| self.bounds.at(row));
         let hull = |a: Interval, b: Interval| (a.0.min(b.0), a.1.max(b.1));
         let (low, high) = rows.fold(first, hull);
         let rows = self.samples.chunks(width).map(|row| {
@@ -336,12 +331,12 @@ impl Sampler {
             self.bounds.of_parts(weights, potential)
         });
         let wider = rows.reduce(hull)?;
-        let largest =
-            (self.samples.chunks(width)).fold(0.0, |most: f64, row| most.max(self.size(row)));
+        let largest = (self.samples.chunks(width))
+            .fold(0.0, |most: f64, row| most.max(self.bounds.size(row)));
         let rests: Vec<f64> = self
             .series
             .chunks(width)
-            .map(|row| self.size(row))
+            .map(|row| self.bounds.size(row))
             .collect();
         // a time is known to its rounding, and functions to their slopes times that
         let slopes = rests
@@ -362,7 +357,7 @@ impl Sampler {
         }
         let degree = if rest <= tolerance { 0 } else { degree };
         let fit = powers(&self.series, degree, width);
-        let sizes = fit.chunks(width).skip(1).map(|row| self.size(row));
+        let sizes = fit.chunks(width).skip(1).map(|row| self.bounds.size(row));
         let sizes = sizes.collect();
         Some(Look {
             degree,

@@ -1,9 +1,8 @@
 //! Hamiltonians of two levels, by which the terms of a series in Bessel functions are counted before any product.
 
-use super::choice::{END, ROUNDING};
 use super::fit::Sampler;
 use super::polynomials::NODES;
-use crate::method::bessel::bessel_to_the_last;
+use crate::method::bessel::{END, ROUNDING, bessel_to_the_last};
 use crate::method::term_bounds::{Interval, range};
 
 impl Sampler {

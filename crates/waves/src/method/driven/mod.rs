@@ -20,11 +20,11 @@ pub use cost::{Driven, DrivenCost};
 pub(super) use cost::{next_break, next_time};
 pub(super) use fit::Sampler;
 
-use super::bessel::LESS;
+use super::bessel::{END, LESS, ROUNDING};
 use super::observe::dot;
 use super::sweep::{Outputs, TermBlock};
 use super::{Sweeper, Wave, guard, squares};
-use choice::{END, Form, ROUNDING, Share, Window, rest_of_powers};
+use choice::{Form, Share, Window, rest_of_powers};
 use cost::Found;
 use factors::Factors;
 use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch, Numbers};
@@ -167,7 +167,8 @@ impl DrivenSeries {
             if self.expand(&window, share.tail(window.h), count)? {
                 if let Some(recorder) = &recorder {
                     let all = self.terms.taken();
-                    recorder.keep(self.made, all, &mut self.terms);
+                    let unkept = recorder.keep(self.made, all);
+                    self.terms.reuse(unkept);
                 }
                 self.made += 1;
                 let mut parts = std::mem::take(&mut self.end.parts);

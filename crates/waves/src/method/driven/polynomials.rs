@@ -49,6 +49,25 @@ impl NodeMap {
     }
 }
 
+/// Changes of H at the nodes of a piece, or cotangents of H there: those at one node after those at another, and nothing
+/// where there are none.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct AtNodes {
+    /// Changes or cotangents of the weights of all groups.
+    pub weights: Vec<f64>,
+    /// Changes or cotangents of the potential, at all rows of H.
+    pub potential: Vec<f64>,
+}
+
+/// Which cotangents of H are wanted.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Wanted {
+    /// Whether cotangents of the weights are wanted.
+    pub weights: bool,
+    /// Whether cotangents of the potential are wanted.
+    pub potential: bool,
+}
+
 /// The product of a matrix of so many columns with rows of a width.
 fn combined(matrix: &[f64], columns: usize, rows: &[f64], width: usize) -> Vec<f64> {
     let mut found = vec![0.0; matrix.len() / columns * width];

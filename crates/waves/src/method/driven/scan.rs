@@ -1,10 +1,8 @@
 //! Values of all functions of time at many times of a run, by which no window and no step passes over a pulse.
 
-use super::choice::half;
-use super::fit::{BESIDE, Sampler};
-use crate::method::term_bounds::TermBounds;
+use crate::method::term_bounds::{TermBounds, half};
 use liouville_base::error::StepError;
-use std::sync::Arc;
+use liouville_base::real::WIDTH;
 
 /// Times that are looked at in a run, at least, and for each unit of 1/β; they are apart by one and a half of equal parts at
 /// most, ...
@@ -19,6 +17,9 @@ const NUMBERS: usize = 1 << 22;
 /// Most numbers that are kept with H for its next plan, as of breaks that derivatives ask for.
 const KEPT: usize = 1 << 19;
 
+/// A window that ends at a break takes H so many roundings of the time within it, where a jump is on its other side.
+pub(super) const BESIDE: f64 = 8.0 * f64::EPSILON;
+
 /// Rows of values: weights of the groups, then the potential at some points.
 #[derive(Clone, Debug)]
 pub(super) struct Scan {
@@ -29,34 +30,37 @@ pub(super) struct Scan {
 }
 
 impl Scan {
-    /// Returns the scan of H over a run, kept or made now.
-    ///
-    /// # Errors
-    /// It was interrupted.
-    pub(super) fn of(sampler: &Sampler) -> Result<Arc<Self>, StepError> {
-        let bounds = sampler.bounds();
-        sampler.hamiltonian().scan().get(
-            |scan: &Self| scan.bounds == *bounds,
-            || Self::new(sampler.clone(), bounds),
-            |scan| scan.rows.len() <= KEPT,
-        )
+    /// Whether it is of these bounds, of the run in them.
+    pub(super) fn is_of(&self, bounds: &TermBounds) -> bool {
+        self.bounds == *bounds
     }
 
-    /// Looks at a run, and again where H is so large that it takes more times.
-    fn new(mut sampler: Sampler, bounds: &TermBounds) -> Result<Self, StepError> {
+    /// Whether it may be kept with H.
+    pub(super) fn is_small(&self) -> bool {
+        self.rows.len() <= KEPT
+    }
+
+    /// Looks at a run by rows at times, and again where H is so large that it takes more of them.
+    ///
+    /// # Errors
+    /// Rows were interrupted.
+    pub(super) fn new(
+        bounds: &TermBounds,
+        rows_at: impl Fn(&[f64]) -> Result<Vec<f64>, StepError>,
+    ) -> Result<Self, StepError> {
         let mut times = times(bounds, TIMES);
-        let mut rows = sampler.rows(&times)?;
+        let mut rows = rows_at(&times)?;
         let width = rows.len() / times.len();
-        let sizes = rows.chunks(width).map(|row| (sampler.size(row), row));
+        let sizes = rows.chunks(width).map(|row| (bounds.size(row), row));
         let finite = sizes.filter(|(size, _)| size.is_finite());
         let largest = finite.max_by(|a, b| a.0.total_cmp(&b.0));
-        let beta = largest.map_or(0.0, |(_, row)| half(sampler.added(row)));
+        let beta = largest.map_or(0.0, |(_, row)| half(bounds.at(row)));
         let theta = beta * (bounds.span.1 - bounds.span.0).abs();
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // of a positive number
         let count = ((EACH * theta) as usize).min(NUMBERS / width);
         if count > TIMES && !bounds.is_split {
             times = self::times(bounds, count);
-            rows = sampler.rows(&times)?;
+            rows = rows_at(&times)?;
         }
         Ok(Self {
             bounds: bounds.clone(),
@@ -80,12 +84,7 @@ impl Scan {
 
     /// Ends of so many parts of an interval with equal shares of its time, of the sum of the sizes of all rows, and of that of
     /// their changes.
-    pub(super) fn strata(
-        &self,
-        sampler: &Sampler,
-        (start, end): (f64, f64),
-        count: usize,
-    ) -> Vec<f64> {
+    pub(super) fn strata(&self, (start, end): (f64, f64), count: usize) -> Vec<f64> {
         let inside = self.inside((start, end - start));
         let stride = (inside.len() / TIMES).max(1);
         let places: Vec<usize> = inside.step_by(stride).collect();
@@ -98,7 +97,7 @@ impl Scan {
             cells.push([time, size * time, change]);
         };
         for pair in places.windows(2) {
-            next(self.times[pair[1]], self.sizes(sampler, (pair[0], pair[1])));
+            next(self.times[pair[1]], self.sizes((pair[0], pair[1])));
         }
         next(high, [0.0; 2]);
         let whole = |k: usize| cells.iter().map(|cell| cell[k]).sum::<f64>();
@@ -124,13 +123,13 @@ impl Scan {
     }
 
     /// Sizes of a row and of its change from one before; 0 of what is not finite.
-    fn sizes(&self, sampler: &Sampler, (before, now): (usize, usize)) -> [f64; 2] {
+    fn sizes(&self, (before, now): (usize, usize)) -> [f64; 2] {
         let width = self.rows.len() / self.times.len();
         let row = |k: usize| &self.rows[k * width..(k + 1) * width];
         let change = row(before).iter().zip(row(now)).map(|(a, b)| b - a);
         let change: Vec<f64> = change.collect();
         [row(now), &change].map(|row| {
-            let size = sampler.size(row);
+            let size = self.bounds.size(row);
             if size.is_finite() { size } else { 0.0 }
         })
     }
@@ -139,27 +138,44 @@ impl Scan {
     pub(super) fn is_missed(
         &self,
         (t, h): (f64, f64),
-        series: &[f64],
-        apart: &mut [f64],
+        (series, all): (&[f64], usize),
+        apart: &mut Vec<f64>,
         is_fine: impl Fn(&[f64]) -> bool,
     ) -> bool {
         // points that are looked at since then have no rows
-        let (all, width) = (apart.len(), self.rows.len() / self.times.len());
-        let apart = &mut apart[..width];
-        self.inside((t, h)).any(|k| {
-            let x = (2.0 * (self.times[k] - t) / h - 1.0).clamp(-1.0, 1.0);
-            let row = &self.rows[k * width..(k + 1) * width];
-            for (out, value) in apart.iter_mut().zip(row) {
-                *out = -value;
-            }
-            let (mut before, mut now) = (x, 1.0);
-            for row in series.chunks(all) {
-                for (out, x) in apart.iter_mut().zip(row) {
-                    *out += now * x;
+        let width = self.rows.len() / self.times.len();
+        let inside = self.inside((t, h));
+        let mut polynomials_at: Vec<[f64; WIDTH]> = Vec::new();
+        let mut blocks = inside.clone().step_by(WIDTH);
+        blocks.any(|first| {
+            let here = first..inside.end.min(first + WIDTH);
+            let x: [f64; WIDTH] = std::array::from_fn(|k| {
+                let time = self.times[(first + k).min(inside.end - 1)];
+                (2.0 * (time - t) / h - 1.0).clamp(-1.0, 1.0)
+            });
+            // Chebyshev's polynomials at these times
+            let (mut before, mut now) = (x, [1.0; WIDTH]);
+            let polynomials = series.chunks(all).map(|_| {
+                let next = std::array::from_fn(|k| 2.0 * x[k] * now[k] - before[k]);
+                (before, now) = (now, next);
+                before
+            });
+            polynomials_at.clear();
+            polynomials_at.extend(polynomials);
+            apart.clear();
+            apart.extend_from_slice(&self.rows[here.start * width..here.end * width]);
+            for column in 0..width {
+                let mut sum = [0.0; WIDTH];
+                for (at, row) in polynomials_at.iter().zip(series.chunks(all)) {
+                    for (sum, at) in sum.iter_mut().zip(at) {
+                        *sum += at * row[column];
+                    }
                 }
-                (before, now) = (now, 2.0 * x * now - before);
+                for (row, sum) in apart.chunks_mut(width).zip(sum) {
+                    row[column] = sum - row[column];
+                }
             }
-            !is_fine(apart)
+            apart.chunks(width).any(|row| !is_fine(row))
         })
     }
 }

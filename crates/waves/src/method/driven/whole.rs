@@ -171,7 +171,7 @@ impl Sampler {
             row.resize(groups + potential.size(), 0.0);
             potential.add(registers, (1.0, t), 0, &mut row[groups..]);
         }
-        let (low, high) = self.added(&row);
+        let (low, high) = self.bounds().at(&row);
         let first = (high - window.sigma).abs().max((low - window.sigma).abs());
         let sizes = std::iter::once(first).chain(self.sizes(fit));
         sizes.map(|size| size * window.h.abs()).collect()

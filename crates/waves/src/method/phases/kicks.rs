@@ -14,6 +14,9 @@ use liouville_fourier::Complex;
 use std::ops::Range;
 use std::sync::Arc;
 
+/// Tables kept: a step of any list has fewer distinct flows.
+pub(super) const KEPT: usize = 64;
+
 /// Points that tables of V may have in all: half a gigabyte.
 const POINTS: usize = 1 << 25;
 
@@ -154,7 +157,7 @@ impl Kicks {
         }
         let is_this = |table: &PotentialPhases| table.s.to_bits() == s.to_bits();
         self.tables.iter().position(is_this).or_else(|| {
-            if self.tables.len() >= super::KEPT.min(POINTS / self.potential.len()) {
+            if self.tables.len() >= KEPT.min(POINTS / self.potential.len()) {
                 return None;
             }
             let mut cos_sin = [0, 1].map(|_| vec![0.0; self.potential.len()]);

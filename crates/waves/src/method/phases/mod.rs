@@ -17,7 +17,7 @@ pub use tolerance::{Looks, SplitTolerance};
 
 use super::{Wave, check_growth, check_norm};
 use crate::problem::{Hamiltonian, Kinetic, Operator};
-use kicks::{Kick, Kicks};
+use kicks::{KEPT, Kick, Kicks};
 use liouville_base::cancel::CancelToken;
 use liouville_base::checkpoint::Checkpoint;
 use liouville_base::composition::{Flow, Parts};
@@ -48,9 +48,6 @@ struct KineticPhases {
     along: Vec<Complex>,
     within: Vec<Complex>,
 }
-
-/// Tables kept: a step of any list has fewer distinct flows.
-const KEPT: usize = 64;
 
 impl Phases {
     /// Flows of a Hamiltonian with one kinetic term of weight 1 whose other terms are diagonal, none if it is

@@ -10,10 +10,10 @@ mod sink;
 mod wavefront;
 
 pub use outputs::{Outputs, TermBlock};
-pub use sink::Sink;
+pub use sink::{Move, Sink};
 
 use super::derivative::Recorder;
-use crate::problem::{Hamiltonian, HamiltonianAt, Operator, ProductScratch, Update};
+use crate::problem::{Hamiltonian, HamiltonianAt, Operator, ProductScratch};
 use blocking::Blocking;
 use liouville_base::cancel::CancelToken;
 use liouville_base::error::StepError;
@@ -22,35 +22,10 @@ use liouville_base::simd::{InstructionSet, Stored};
 use shared::SweepVectors;
 use std::marker::PhantomData;
 use std::sync::Arc;
-use wavefront::{Edges, SweepPlan, add_scaled};
+use wavefront::{Edges, SweepPlan};
 
 /// Fewest bytes that threads share.
 const LEAST: usize = 1 << 21;
-
-/// One product: a ← keep·a + factor·H b + diagonal·b, or the same into b from a.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Move {
-    /// Whether b is updated, not a.
-    pub into_second: bool,
-    /// The use of the product.
-    pub update: Update,
-    /// The factor of the updated vector in its sum, where there are sums.
-    pub weight: f64,
-    /// Its place among the copies, where there are copies.
-    pub copy: usize,
-}
-
-impl Move {
-    /// A product whose result is of no other use than the next one.
-    pub fn new(into_second: bool, update: Update) -> Self {
-        Self {
-            into_second,
-            update,
-            weight: 0.0,
-            copy: 0,
-        }
-    }
-}
 
 /// Products with a Hamiltonian, one after another.
 #[derive(Clone)]

@@ -2,9 +2,35 @@
 //!
 //! A tile is some rows of several vectors, so that a block of vectors is added to many sums while its rows stay in
 //! the nearest cache.
+#![allow(clippy::inline_always)] // all of a kernel is compiled for one instruction set
 
-use super::{Move, add_scaled};
-use liouville_base::simd::{InstructionSet, Stored};
+use crate::problem::Update;
+use liouville_base::simd::{ForEach, InstructionSet, Kernel, Number, SimdView, SimdViews, Stored};
+
+/// One product: a ← keep·a + factor·H b + diagonal·b, or the same into b from a.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Move {
+    /// Whether b is updated, not a.
+    pub into_second: bool,
+    /// The use of the product.
+    pub update: Update,
+    /// The factor of the updated vector in its sum, where there are sums.
+    pub weight: f64,
+    /// Its place among the copies, where there are copies.
+    pub copy: usize,
+}
+
+impl Move {
+    /// A product whose result is of no other use than the next one.
+    pub fn new(into_second: bool, update: Update) -> Self {
+        Self {
+            into_second,
+            update,
+            weight: 0.0,
+            copy: 0,
+        }
+    }
+}
 
 /// Bytes of a vector in a tile.
 const TILE: usize = 512;
@@ -85,5 +111,35 @@ pub(super) fn copy<S: Stored>(
         let to = (tile * count + place) * rows + inside;
         tiles[to..to + now].copy_from_slice(&from[done..done + now]);
         done += now;
+    }
+}
+
+/// sum += weight x
+pub(super) fn add_scaled<S: Stored>(machine: InstructionSet, weight: f64, x: &[S], sum: &mut [S]) {
+    S::run(machine, AddScaled { weight, x, sum });
+}
+
+struct AddScaled<'a, S> {
+    weight: f64,
+    x: &'a [S],
+    sum: &'a mut [S],
+}
+
+impl<S> Kernel<S> for AddScaled<'_, S> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<W: SimdViews<Stored = S>>(mut self, views: W) {
+        views.each(self.x.len(), &mut self);
+    }
+}
+
+impl<S> ForEach<S> for AddScaled<'_, S> {
+    #[inline(always)]
+    fn visit<W: SimdView<Stored = S>>(&mut self, view: W) -> bool {
+        let change = view.load(self.x, 0).scaled(self.weight);
+        let sum = view.load(self.sum, 0) + change;
+        view.store(self.sum, 0, sum);
+        true
     }
 }

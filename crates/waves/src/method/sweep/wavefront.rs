@@ -4,13 +4,12 @@
 //! lag B ≥ reach for blocks of B rows. All its input is computed then, and the one before reads no more of its output. The
 //! data of a block stay in the cache for all moves, and each number is the result of the same operations as in moves one
 //! after another.
-#![allow(clippy::inline_always)] // all of a kernel is compiled for one instruction set
 
 use super::blocking::Blocking;
 use super::{Move, Sink};
 use crate::problem::{RowBlock, WeightedTerms};
 use liouville_base::cancel::CancelToken;
-use liouville_base::simd::{ForEach, InstructionSet, Kernel, Number, SimdView, SimdViews, Stored};
+use liouville_base::simd::{InstructionSet, Stored};
 use std::ops::Range;
 
 /// Blocks between two polls for cancellation.
@@ -150,35 +149,5 @@ impl SweepPlan<'_> {
         };
         self.hamiltonian.act(self.machine, step.update, block);
         sink.take(self.machine, step, at, out);
-    }
-}
-
-/// sum += weight x
-pub(super) fn add_scaled<S: Stored>(machine: InstructionSet, weight: f64, x: &[S], sum: &mut [S]) {
-    S::run(machine, AddScaled { weight, x, sum });
-}
-
-struct AddScaled<'a, S> {
-    weight: f64,
-    x: &'a [S],
-    sum: &'a mut [S],
-}
-
-impl<S> Kernel<S> for AddScaled<'_, S> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run<W: SimdViews<Stored = S>>(mut self, views: W) {
-        views.each(self.x.len(), &mut self);
-    }
-}
-
-impl<S> ForEach<S> for AddScaled<'_, S> {
-    #[inline(always)]
-    fn visit<W: SimdView<Stored = S>>(&mut self, view: W) -> bool {
-        let change = view.load(self.x, 0).scaled(self.weight);
-        let sum = view.load(self.sum, 0) + change;
-        view.store(self.sum, 0, sum);
-        true
     }
 }

@@ -6,12 +6,52 @@
 #![allow(clippy::inline_always)] // all of a kernel is compiled for one instruction set
 
 use super::super::row_product::{Input, MatrixRows};
-use super::Flip;
 use liouville_base::simd::{Number, SimdView};
 use std::ops::Range;
 
 const LOW: u32 = 6;
 const GROUP: usize = 1 << LOW;
+
+/// Two spins that act on each other.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Bond {
+    /// i and j, which differ.
+    pub sites: (u32, u32),
+    /// J, half of which flips two opposite spins.
+    pub xy: f64,
+    /// Δ
+    pub z: f64,
+}
+
+/// The flip of two opposite spins: bits i < j, and J/2.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Flip {
+    pub(super) i: u32,
+    pub(super) j: u32,
+    pub(super) half: f64,
+}
+
+impl Flip {
+    pub(super) fn new(bond: &Bond) -> Self {
+        let (i, j) = bond.sites;
+        Self {
+            i: i.min(j),
+            j: i.max(j),
+            half: 0.5 * bond.xy,
+        }
+    }
+
+    #[inline(always)]
+    pub(super) fn mask(self) -> usize {
+        1 << self.i | 1 << self.j
+    }
+
+    /// Whether the spins are opposite.
+    #[inline(always)]
+    pub(super) fn acts_on(self, state: usize) -> bool {
+        (state >> self.i ^ state >> self.j) & 1 == 1
+    }
+}
 
 /// The factors of states at some distance, for each of 64 neighbours.
 #[derive(Clone, Debug)]

@@ -7,22 +7,11 @@
 mod full;
 mod sector;
 
-use super::row_product::update_rows;
-use super::{RowBlock, Update};
-use full::Full;
+use super::row_product::{RowBlock, Update, update_rows};
+pub use full::Bond;
+use full::{Flip, Full};
 use liouville_base::simd::{InstructionSet, Stored};
 use sector::Sector;
-
-/// Two spins that act on each other.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Bond {
-    /// i and j, which differ.
-    pub sites: (u32, u32),
-    /// J, half of which flips two opposite spins.
-    pub xy: f64,
-    /// Δ
-    pub z: f64,
-}
 
 /// Spins on at most 32 sites.
 #[derive(Clone, Debug)]
@@ -32,36 +21,6 @@ pub struct Spins(Space);
 enum Space {
     Full(Full),
     Sector(Sector),
-}
-
-/// The flip of two opposite spins: bits i < j, and J/2.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Flip {
-    i: u32,
-    j: u32,
-    half: f64,
-}
-
-impl Flip {
-    fn new(bond: &Bond) -> Self {
-        let (i, j) = bond.sites;
-        Self {
-            i: i.min(j),
-            j: i.max(j),
-            half: 0.5 * bond.xy,
-        }
-    }
-
-    #[inline(always)]
-    fn mask(self) -> usize {
-        1 << self.i | 1 << self.j
-    }
-
-    /// Whether the spins are opposite.
-    #[inline(always)]
-    fn acts_on(self, state: usize) -> bool {
-        (state >> self.i ^ state >> self.j) & 1 == 1
-    }
 }
 
 impl Spins {

@@ -6,7 +6,7 @@
 #![allow(clippy::inline_always)] // all of a kernel is compiled for one instruction set
 
 use super::super::row_product::{Input, MatrixRows};
-use super::Flip;
+use super::full::Flip;
 use liouville_base::simd::{ForEach, Number, SimdView, SimdViews};
 use std::ops::Range;
 
