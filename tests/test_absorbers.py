@@ -5,6 +5,7 @@ import pickle
 import casadi as ca
 import numpy as np
 import pytest
+import scipy.integrate
 from scipy.linalg import expm
 
 import liouville as lv
@@ -174,3 +175,47 @@ def test_methods_that_keep_the_norm_refuse_one(method):
         lv.integrate(system, method, t=(0, 1), psi=packet(system.grid))
     with pytest.raises(TypeError, match="a ground state is for a Hermitian H"):
         lv.analysis.ground_state(system)
+
+
+def test_the_flux_through_two_points_is_what_leaves_between_them():
+    grid = lv.Grid(LOW, HIGH, 256, potential=barrier)
+    system, psi = lv.Schrodinger(grid, absorber=ramp, params={"w": 2.0}), packet(grid)
+    (k,), x, steps = grid.k, grid.points[:, 0], 2000
+    run = lv.integrate(
+        system, lv.SplitOperator(), t=(0, 5), steps=steps, psi=psi,
+        observe={"right": grid.flux(6.0), "left": grid.flux(-6.0)},
+    )  # fmt: skip
+    exact, at = dense(system, 5.0) @ psi, int(np.argmin(np.abs(x - 6)))
+    slope = np.fft.ifft(1j * k * (k > k.min()) * np.fft.fft(exact))[at]
+    wanted = (exact[at].conj() * slope).imag / grid.cell
+    assert x[at] == 6.0
+    assert abs(run.observed["right"][-1] - wanted) < 1e-7
+    out = scipy.integrate.simpson(run.observed["right"] - run.observed["left"], x=run.t)
+    left = between(run.psi[[0, -1]], k)
+    assert out == pytest.approx(left[0] - left[1], abs=1e-6)
+
+
+def between(psi, k, end=6.0):
+    """Return the integrals of |psi|^2 from -end to end, exact for what the grid has of it."""
+    n, length = 4 * k.size, HIGH - LOW
+    x = LOW + length / n * np.arange(n)
+    waves = np.exp(1j * np.outer(x - LOW, k)) / k.size
+    density = np.abs(np.fft.fft(psi) @ waves.T) ** 2 * k.size / length
+    modes = 2 * np.pi / length * np.fft.fftfreq(n, 1 / n)
+    each = np.fft.fft(density) / n * np.exp(-1j * modes * LOW)
+    return (each @ (2 * end * np.sinc(modes * end / np.pi))).real
+
+
+def test_the_flux_of_a_plane_wave_is_its_velocity_over_the_volume():
+    grid = lv.Grid((0, 0), (2, 3), (8, 10), mass=(2.0, 1.0))
+    waves = [np.exp(2j * np.pi * grid.points[:, axis] / (2, 3)[axis]) for axis in (0, 1)]
+    for axis, (length, speed) in enumerate(((2, np.pi / 2), (3, 2 * np.pi / 3))):
+        size, flux = grid.flux(0.7, axis=axis)
+        psi = waves[axis] / size**0.5
+        assert np.vdot(psi, flux(psi)) == pytest.approx(speed / length, abs=1e-13)
+    with pytest.raises(ValueError, match="place must be on axis 1, from 0 to 3, not 4"):
+        grid.flux(4, axis=1)
+    with pytest.raises(
+        ValueError, match="axis must be one of the grid, which has axes 0 to 1, not 2"
+    ):
+        grid.flux(1.0, axis=2)
