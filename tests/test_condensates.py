@@ -249,6 +249,21 @@ def test_a_collapse_is_named():
         lv.analysis.ground_state(system)
 
 
+def test_a_finer_grid_takes_no_shorter_steps():
+    """A state that half of the wave numbers hold is in no resonance with the others."""
+    pairs, ends = [], []
+    for points in (128, 1024):
+        system = trapped(points, 10.0, 10.0)
+        psi = packet(system, 1.0)
+        run = lv.integrate(system, lv.SplitOperator(tol=1e-6), t=(0, 1), psi=psi)
+        by_hand = lv.integrate(system, lv.SplitOperator(), t=(0, 1), steps=400, every=400, psi=psi)
+        assert np.linalg.norm(run.psi[-1] - by_hand.psi[-1]) < 1e-6
+        pairs.append(run.stats["products"])
+        ends.append(run.psi[-1][:: points // 128] * (points / 128) ** 0.5)
+    assert pairs[1] < 1.5 * pairs[0]
+    assert np.linalg.norm(ends[0] - ends[1]) < 2e-6
+
+
 def test_steps_in_resonance_are_named():
     """Waves with h (T + rho) near pi grow out of the roundoff on a uniform density."""
     system = free(64, np.pi * 2, 4.0)

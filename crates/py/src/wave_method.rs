@@ -83,6 +83,8 @@ pub(crate) struct SplitMethod {
     energy: f64,
     first: f64,
     longest: f64,
+    /// Parts of the wave numbers, and the longest step of each.
+    bands: Vec<(f64, f64)>,
     breaks: Vec<f64>,
     /// Start and end of the run, times of samples and others, and densities, at which functions of time are looked at.
     looks: (f64, f64, Vec<f64>, Vec<f64>, Vec<f64>),
@@ -134,6 +136,7 @@ impl SplitMethod {
             energy: self.energy,
             first: self.first,
             longest: self.longest,
+            bands: self.bands,
             breaks: self.breaks,
         };
         let (norm, tolerance) = (self.norm_tol, Some(tolerance));

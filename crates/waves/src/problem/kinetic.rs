@@ -14,6 +14,12 @@ use liouville_fourier::{Complex, FourierScratch, Grid, RealGrid, padded};
 /// Tolerance of differences between the energies of k and −k, relative to the largest.
 const EVEN: f64 = 1e-12;
 
+/// Whether each wave number of an axis of n points is at most a part of the largest, up to roundings.
+fn is_within(n: usize, part: f64) -> impl Iterator<Item = bool> {
+    let most = (1.0 + EVEN) * part * n as f64;
+    (0..n).map(move |j| 2.0 * j.min(n - j) as f64 <= most)
+}
+
 /// Points of which a product polls for cancellation.
 const LARGE: usize = 1 << 18;
 
@@ -87,26 +93,38 @@ impl Kinetic {
         &self.grid
     }
 
-    /// Factors of e^{−iTs}, normalised: along the outermost axis, and in a plane.
-    pub fn phases(&self, s: f64) -> (Vec<Complex>, Vec<Complex>) {
-        let scale = 1.0 / self.size() as f64;
-        let phase = |e: &f64| Complex::from_polar(1.0, -e * s);
-        let along = self.energies[0].iter().map(|e| phase(e) * scale).collect();
-        let last: Vec<Complex> = self.energies[2].iter().map(phase).collect();
-        let middle = self.energies[1].iter().map(phase);
-        let within = middle.flat_map(|e1| last.iter().map(move |e2| e1 * e2));
-        (along, within.collect())
+    /// Factors of e^{−iTs}, normalised: along the outermost axis, and in a plane. Those of wave numbers beyond a part of the
+    /// largest along each axis are zero.
+    pub fn phases(&self, s: f64, band: f64) -> (Vec<Complex>, Vec<Complex>) {
+        let [first, middle, last]: [Vec<Complex>; 3] = self.energies.each_ref().map(|energies| {
+            let phases = energies.iter().map(|e| Complex::from_polar(1.0, -e * s));
+            let kept = is_within(energies.len(), band).zip(phases);
+            kept.map(|(is_kept, phase)| if is_kept { phase } else { Complex::default() })
+                .collect()
+        });
+        self.in_planes(&first, &middle, &last)
     }
 
-    /// Factors that leave the lower two thirds of the wave numbers along each axis, normalised: along the outermost
-    /// axis, and in a plane.
-    pub fn low_pass(&self) -> (Vec<Complex>, Vec<Complex>) {
+    /// Factors that leave wave numbers up to a part of the largest along each axis, normalised: along the outermost axis, and
+    /// in a plane.
+    pub fn low_pass(&self, part: f64) -> (Vec<Complex>, Vec<Complex>) {
+        let [first, middle, last]: [Vec<Complex>; 3] = self.shape.map(|n| {
+            let kept = is_within(n, part).map(|is_kept| Complex::from(f64::from(is_kept)));
+            kept.collect()
+        });
+        self.in_planes(&first, &middle, &last)
+    }
+
+    /// Products of factors along each axis, normalised: along the outermost axis, and in a plane.
+    fn in_planes(
+        &self,
+        first: &[Complex],
+        middle: &[Complex],
+        last: &[Complex],
+    ) -> (Vec<Complex>, Vec<Complex>) {
         let scale = 1.0 / self.size() as f64;
-        let kept = |n: usize| (0..n).map(move |j| f64::from(3 * j.min(n - j) <= n));
-        let along = kept(self.shape[0]).map(|factor| Complex::from(factor * scale));
-        let middle = kept(self.shape[1]);
-        let within = middle.flat_map(|a| kept(self.shape[2]).map(move |b| Complex::from(a * b)));
-        (along.collect(), within.collect())
+        let within = middle.iter().flat_map(|a| last.iter().map(move |b| a * b));
+        (first.iter().map(|x| x * scale).collect(), within.collect())
     }
 
     /// ⟨x|T|x⟩, by the squares of the transform.

@@ -27,12 +27,18 @@ use liouville_fourier::{Complex, FourierScratch};
 use resolution::Resolution;
 use std::sync::Arc;
 
+/// A state is resolved by these wave numbers, as a part of all.
+const LOWER: f64 = 2.0 / 3.0;
+
 /// Part 0 is T, part 1 is V.
 #[derive(Clone)]
 pub struct Phases {
     kinetic: Arc<Kinetic>,
     kicks: Kicks,
     resolution: Option<Resolution>,
+    /// The part of the wave numbers that flows of T leave, and factors of the lower two thirds of it where it is not all.
+    band: f64,
+    within_band: Option<(Vec<Complex>, Vec<Complex>)>,
     tolerance: f64,
     cancel: CancelToken,
     tables: Vec<KineticPhases>,
@@ -60,11 +66,15 @@ impl Phases {
         let (place, kinetic) = hamiltonian.terms().iter().enumerate().find_map(kinetic)?;
         let kicks = Kicks::new(hamiltonian, place, kinetic.grid().plane())?;
         Some(Self {
-            resolution: kicks.is_nonlinear().then(|| Resolution::new(&kinetic)),
+            resolution: kicks
+                .is_nonlinear()
+                .then(|| Resolution::new(kinetic.low_pass(LOWER))),
             psi: vec![Complex::default(); kinetic.size()],
             cancel: CancelToken::of_thread(),
             tables: Vec::with_capacity(KEPT),
             memory: FourierScratch::default(),
+            band: 1.0,
+            within_band: None,
             made: 0,
             kinetic,
             kicks,
@@ -78,6 +88,23 @@ impl Phases {
         Self { cancel, ..self }
     }
 
+    /// Leaves a part of the wave numbers alone, or all.
+    fn set_band(&mut self, band: f64) {
+        self.band = band;
+        self.within_band = (band < 1.0).then(|| self.kinetic.low_pass(LOWER * band));
+        self.tables.clear();
+    }
+
+    /// The share of |ψ|² beyond two thirds of the band, where it is not all.
+    fn share_beyond(&mut self, state: &Wave<f64>) -> Result<f64, StepError> {
+        let Some(factors) = self.within_band.take() else {
+            return Ok(0.0);
+        };
+        let outcome = self.lower(state, &factors);
+        self.within_band = Some(factors);
+        outcome.map(|()| resolution::share_beyond(&self.psi, state))
+    }
+
     /// Makes room for the tables of flows of other lengths.
     fn forget_tables(&mut self) {
         self.tables.clear();
@@ -88,7 +115,7 @@ impl Phases {
     fn table(&mut self, s: f64) -> usize {
         let is_this = |table: &KineticPhases| table.s.to_bits() == s.to_bits();
         self.tables.iter().position(is_this).unwrap_or_else(|| {
-            let (along, within) = self.kinetic.phases(s);
+            let (along, within) = self.kinetic.phases(s, self.band);
             if self.tables.len() == KEPT {
                 self.tables.clear();
             }
@@ -176,13 +203,22 @@ impl Phases {
         let Some(mut resolution) = self.resolution.take() else {
             return Ok(());
         };
-        self.load(state);
-        let outcome = (self.planes(false, None, true))
-            .and_then(|()| self.multiply((&resolution.along, &resolution.within)))
-            .and_then(|()| self.planes(true, None, false))
+        let outcome = (self.lower(state, &resolution.factors))
             .and_then(|()| resolution.check(t, &self.psi, state));
         self.resolution = Some(resolution);
         outcome
+    }
+
+    /// Makes ψ a state with its wave numbers multiplied by factors.
+    fn lower(
+        &mut self,
+        state: &Wave<f64>,
+        (along, within): &(Vec<Complex>, Vec<Complex>),
+    ) -> Result<(), StepError> {
+        self.load(state);
+        self.planes(false, None, true)?;
+        self.multiply((along, within))?;
+        self.planes(true, None, false)
     }
 }
 

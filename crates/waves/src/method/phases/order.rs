@@ -17,9 +17,19 @@ const FORGOTTEN: f64 = 1.5;
 /// The step before one whose ratio is so many times below the largest was too long as well.
 const LOW: f64 = 8.0;
 
+/// A proposed step has about this part of the length that is within the tolerance, ...
+const SAFETY: f64 = 0.9;
+/// ... as a power of 2^(1/4) times the last one, since a new length takes new tables; these are the least and the largest.
+const POWERS: (f64, f64) = (-12.0, 8.0);
+const PER_OCTAVE: f64 = 4.0;
+
+/// Lengths that differ by so many roundings of the time are one, whose tables are there.
+const SAME: f64 = 4.0 * f64::EPSILON;
+
 /// How many times as large as the error of two halves their difference from a step made as one is, at most and as it is seen.
 #[derive(Clone)]
 pub(super) struct SeenOrder {
+    order: f64,
     most: f64,
     ratio: f64,
     /// The last step: its start, its length and the difference.
@@ -29,9 +39,11 @@ pub(super) struct SeenOrder {
 impl SeenOrder {
     /// That of short steps by a method of an order.
     pub(super) fn new(order: usize) -> Self {
-        let most = (2.0_f64.powf(order as f64) - 1.0).min(RATIO);
+        let order = order as f64;
+        let most = (order.exp2() - 1.0).min(RATIO);
         let last = (f64::NAN, 0.0, 0.0);
         Self {
+            order,
             ratio: LEAST.min(most),
             most,
             last,
@@ -50,10 +62,32 @@ impl SeenOrder {
         apart / self.ratio
     }
 
+    /// The length of the step after one whose error is to change by a factor.
+    pub(super) fn next(&self, last: f64, factor: f64) -> f64 {
+        let longer = SAFETY * factor.powf(1.0 / self.order);
+        let (least, largest) = POWERS;
+        // no number where the error is none
+        let power = (PER_OCTAVE * longer.log2()).floor().max(least).min(largest);
+        let power = if factor >= 1.0 {
+            power.max(0.0)
+        } else {
+            power.min(-1.0)
+        };
+        last.abs() * (power / PER_OCTAVE).exp2()
+    }
+
     /// Whether errors fall by much less than they should.
     pub(super) fn is_low(&self) -> bool {
         self.ratio * LOW <= self.most
     }
+}
+
+/// The next step from t on where so much is left: equal parts of it, and the same bits as the last one where it has its length.
+pub(super) fn parted((t, left): (f64, f64), next: f64, last: f64) -> f64 {
+    let parts = (left.abs() / next * (1.0 - f64::EPSILON)).ceil().max(1.0);
+    let h = left / parts;
+    let is_same = (h - last).abs() <= SAME * t.abs().max((t + left).abs());
+    if is_same { last } else { h }
 }
 
 // No step is made again after an output, so that the last one is not saved.

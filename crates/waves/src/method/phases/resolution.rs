@@ -4,7 +4,6 @@
 //! of |ψ|² in the upper third of the wave numbers does.
 
 use super::super::{Wave, squares};
-use crate::problem::Kinetic;
 use liouville_base::error::StepError;
 use liouville_fourier::Complex;
 
@@ -25,18 +24,15 @@ const ROUNDINGS: (f64, f64) = (5e-14, 1e-12);
 #[derive(Clone)]
 pub(super) struct Resolution {
     /// Factors that leave the lower wave numbers: along the outermost axis, and in a plane.
-    pub(super) along: Vec<Complex>,
-    pub(super) within: Vec<Complex>,
+    pub(super) factors: (Vec<Complex>, Vec<Complex>),
     most: Option<f64>,
     steps: usize,
 }
 
 impl Resolution {
-    pub(super) fn new(kinetic: &Kinetic) -> Self {
-        let (along, within) = kinetic.low_pass();
+    pub(super) fn new(factors: (Vec<Complex>, Vec<Complex>)) -> Self {
         Self {
-            along,
-            within,
+            factors,
             most: None,
             steps: 0,
         }
@@ -57,9 +53,7 @@ impl Resolution {
     ) -> Result<(), StepError> {
         self.steps = 0;
         let now = squares(&state.q, &state.p);
-        let parts = low.iter().zip(state.q.iter().zip(&state.p));
-        let beyond = parts.map(|(low, (q, p))| (Complex::new(*q, *p) - low).norm_sqr());
-        let share = beyond.sum::<f64>() / now;
+        let share = share_beyond(low, state);
         let most = *self.most.get_or_insert(SHARE.max(TIMES * share));
         if share > most {
             return Err(StepError::Unresolved { share, t });
@@ -67,6 +61,13 @@ impl Resolution {
         put_back(now, state);
         Ok(())
     }
+}
+
+/// The share of |ψ|² that a state has beyond wave numbers that are left in `low`.
+pub(super) fn share_beyond(low: &[Complex], state: &Wave<f64>) -> f64 {
+    let parts = low.iter().zip(state.q.iter().zip(&state.p));
+    let beyond = parts.map(|(low, (q, p))| (Complex::new(*q, *p) - low).norm_sqr());
+    beyond.sum::<f64>() / squares(&state.q, &state.p)
 }
 
 /// Scales a state whose sum of squares roundings have moved.

@@ -5,13 +5,17 @@
 //! taken off, as differences of whole runs miss what fast waves of rough potentials do. Where H does not depend on time every
 //! second step of the same length is made as two halves alone, and again by shorter ones where the next one has a larger error.
 //!
+//! An equation that is not linear takes as few of the wave numbers as hold the state, since resonances with all others bound
+//! the step: from the start on so little is beyond two thirds of them that what flows of T leave out is a part of the error
+//! that the step may have. A step after which there is more is taken back, and made again with more of the wave numbers.
+//!
 //! Where V jumps in time the error of a step is as long as the step, and no step has its share. The jump is then found to
 //! the last digits of its time, and a step goes up to it and another one across.
 
 use super::Phases;
 use super::jumps::{Jump, JumpSearch};
-use super::order::SeenOrder;
-use super::tolerance::SplitTolerance;
+use super::order::{SeenOrder, parted};
+use super::tolerance::{Band, ShortSteps, SplitTolerance};
 use crate::method::Wave;
 use crate::method::doubling::Doubling;
 use crate::method::driven::{Sampler, next_break, next_time};
@@ -25,11 +29,8 @@ use std::sync::{Arc, Mutex};
 /// The part of the tolerance that estimates may add up to.
 const SHARE: f64 = 0.8;
 
-/// A proposed step has about this part of the length that is within the tolerance, ...
-const SAFETY: f64 = 0.9;
-/// ... as a power of 2^(1/4) times the last one, since a new length takes new tables; these are the least and the largest.
-const POWERS: (f64, f64) = (-12.0, 8.0);
-const PER_OCTAVE: f64 = 4.0;
+/// The part of it that a state may have beyond two thirds of the wave numbers that are taken.
+const BEYOND: f64 = 0.1;
 
 /// Rounding errors of a step for each unit of its phase, ...
 const ROUNDING: f64 = 8.0 * f64::EPSILON;
@@ -43,18 +44,11 @@ const SHORTER: f64 = 0.3;
 const NODES: usize = 9;
 const UNSEEN: f64 = 10.0;
 
-/// Lengths that differ by so many roundings of the time are one, whose tables are there.
-const SAME: f64 = 4.0 * f64::EPSILON;
-
 /// A step of so many roundings of the time is taken as it is.
 const LEAST: f64 = 64.0 * f64::EPSILON;
 
 /// A step up to a jump is shorter than the refused one by this factor.
 const NEARER: f64 = 0.99;
-
-/// A step is short below this part of the time between two outputs, in which so many are made: an unseen jump takes twenty.
-const SHORT: f64 = 1e-9;
-const MOST_SHORT: usize = 2000;
 
 /// A split operator with steps as long as a tolerance allows.
 #[derive(Clone)]
@@ -69,6 +63,7 @@ pub struct SplitSteps {
     /// Roundings of the transforms of a step.
     noise: f64,
     search: JumpSearch,
+    band: Band,
     /// Functions of time as they were looked at over the run.
     scan: Option<Sampler>,
     /// A jump ahead within this step of the run.
@@ -79,8 +74,8 @@ pub struct SplitSteps {
     held: Option<(f64, bool)>,
     /// The last time from which one that was looked at was taken back: only beyond it another one is.
     back: f64,
-    /// The length below which steps are short, and how many in this step of the run were.
-    short: (f64, usize),
+    /// Short ones in this step of the run.
+    short: ShortSteps,
     /// The ends of this step of the run, and the next time up to which a jump was looked for.
     ends: (f64, f64),
     stop: f64,
@@ -97,7 +92,7 @@ impl SplitSteps {
     /// # Errors
     /// It was interrupted.
     pub fn new(
-        phases: Phases,
+        mut phases: Phases,
         program: Vec<Flow>,
         mut tolerance: SplitTolerance,
     ) -> Result<Self, StepError> {
@@ -108,7 +103,9 @@ impl SplitSteps {
         let is_steady = !kicks.is_driven() && !kicks.is_nonlinear();
         let parts = kicks.parts(std::mem::take(&mut tolerance.looks));
         let sampler = Sampler::new(kicks.hamiltonian().clone(), parts);
+        let band = Band::new(&tolerance);
         let prepare = |sampler: Sampler| sampler.with_breaks(&tolerance.breaks).with_scan();
+        phases.set_band(band.part());
         Ok(Self {
             scan: sampler.transpose()?.map(prepare).transpose()?,
             doubling: Doubling::new(points).keeping(),
@@ -119,12 +116,13 @@ impl SplitSteps {
             is_steady,
             held: None,
             back: 0.0,
-            short: (0.0, 0),
+            short: ShortSteps::default(),
             ends: (0.0, 0.0),
             stop: f64::NAN,
             begun: BegunRun::default(),
             composed: Composed::following(phases, program),
-            next: tolerance.first.min(tolerance.longest),
+            next: tolerance.first.min(band.longest()),
+            band,
             last: 0.0,
             tolerance,
         })
@@ -174,7 +172,7 @@ impl SplitSteps {
         }
         (self.ends, self.stop) = (ends, f64::NAN);
         (self.jump, self.held, self.back) = (None, None, ends.0);
-        self.short = (SHORT * (ends.1 - ends.0).abs(), 0);
+        self.short = ShortSteps::new(ends);
         ends.0
     }
 
@@ -186,6 +184,8 @@ impl SplitSteps {
             self.stop = stop;
             self.expect_jump((now, stop, end))?;
         }
+        while !self.band.is_tried && self.widens(self.next, state)? {}
+        self.band.is_tried = true;
         self.advance(now, stop, state)
     }
 
@@ -201,7 +201,7 @@ impl SplitSteps {
             };
             let h = match crossed {
                 Some(_) => stop - t,
-                None => self.length(t, stop - t),
+                None => parted((t, stop - t), self.next, self.last),
             };
             if crossed.is_none() && h.abs() > least && self.passes_over(t, h) {
                 self.next = SHORTER * h.abs();
@@ -219,6 +219,15 @@ impl SplitSteps {
                 self.composed.parts_mut().forget_tables();
             }
             let apart = match self.doubling.step(&mut self.composed, (t, h), state) {
+                // what leaves the wave numbers that are taken has no norm
+                Err(StepError::Norm { .. } | StepError::Unresolved { .. })
+                    if !self.band.is_all() =>
+                {
+                    self.begin_anew();
+                    self.doubling.put_back(state);
+                    self.take_more();
+                    continue;
+                }
                 // shorter steps may be in no resonance with waves of the state
                 Err(StepError::Unresolved { .. }) if h.abs() * 2.0 * self.tolerance.beta > PI => {
                     self.begin_anew();
@@ -228,16 +237,20 @@ impl SplitSteps {
                 }
                 made => made?,
             };
+            if crossed.is_none() && self.widens(h, state)? {
+                self.doubling.put_back(state);
+                continue;
+            }
             let error = self.error(apart, (t, h), state.start);
             let allowed = SHARE * self.tolerance.rate * h.abs();
             self.last = h;
-            self.propose(allowed / error);
+            self.next = self.order.next(h, allowed / error).min(self.band.longest());
             if let Some(jump) = crossed {
                 (self.next, self.jump, self.held) = (jump.next.max(next), None, None);
                 return Ok(stop);
             }
             if error <= allowed || h.abs() <= least {
-                self.count_short(h, error)?;
+                self.short.count(h, error)?;
                 self.doubling.keep();
                 self.held = Some((t, true));
                 return Ok(next_time(t, h, stop));
@@ -253,6 +266,23 @@ impl SplitSteps {
             self.doubling.put_back(state);
             self.look_for_jump((t, h), stop, next)?;
         }
+    }
+
+    /// Takes more of the wave numbers where a state that a step is to end with has too much beyond two thirds of them.
+    fn widens(&mut self, h: f64, state: &Wave<f64>) -> Result<bool, StepError> {
+        let most = BEYOND * self.tolerance.rate * h.abs();
+        if self.composed.parts_mut().share_beyond(state)? <= most * most {
+            return Ok(false);
+        }
+        self.take_more();
+        Ok(true)
+    }
+
+    /// Takes the next larger part of the wave numbers.
+    fn take_more(&mut self) {
+        self.band.widen();
+        self.composed.parts_mut().set_band(self.band.part());
+        (self.next, self.last, self.held) = (self.next.min(self.band.longest()), 0.0, None);
     }
 
     /// Forgets a step that failed.
@@ -310,25 +340,6 @@ impl SplitSteps {
         Ok(())
     }
 
-    /// Refuses short steps without end.
-    fn count_short(&mut self, h: f64, error: f64) -> Result<(), StepError> {
-        self.short.1 += usize::from(h.abs() < self.short.0);
-        let is_many = self.short.1 > MOST_SHORT;
-        (!is_many)
-            .then_some(())
-            .ok_or(StepError::StepTooSmall { h, error })
-    }
-
-    /// The next step where so much is left: equal parts of it, and the same bits as before where it has the same length.
-    fn length(&self, t: f64, left: f64) -> f64 {
-        let parts = (left.abs() / self.next * (1.0 - f64::EPSILON))
-            .ceil()
-            .max(1.0);
-        let h = left / parts;
-        let is_same = (h - self.last).abs() <= SAME * t.abs().max((t + left).abs());
-        if is_same { self.last } else { h }
-    }
-
     /// The error of two halves that are so far off a step made as one, relative to the norm at the start.
     fn error(&mut self, apart: f64, (t, h): (f64, f64), start: f64) -> f64 {
         let noise = self.noise + ROUNDING * self.tolerance.energy * h.abs();
@@ -338,21 +349,6 @@ impl SplitSteps {
             0.0
         };
         self.order.error((t, h), (found - noise).max(0.0))
-    }
-
-    /// Chooses the length of the next step, of one whose error is to change by a factor.
-    fn propose(&mut self, factor: f64) {
-        let longer = SAFETY * factor.powf(1.0 / self.tolerance.order as f64);
-        let (least, largest) = POWERS;
-        // no number where the error is none
-        let power = (PER_OCTAVE * longer.log2()).floor().max(least).min(largest);
-        let power = if factor >= 1.0 {
-            power.max(0.0)
-        } else {
-            power.min(-1.0)
-        };
-        let next = self.last.abs() * (power / PER_OCTAVE).exp2();
-        self.next = next.min(self.tolerance.longest);
     }
 }
 
@@ -380,6 +376,7 @@ impl Stepper for SplitSteps {
 impl Checkpoint for SplitSteps {
     fn save(&self, member: usize, out: &mut dyn Numbers) {
         (self.next, self.last).save(member, out);
+        self.band.save(member, out);
         self.order.save(member, out);
         self.composed.save(member, out);
     }
@@ -387,6 +384,8 @@ impl Checkpoint for SplitSteps {
     fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
         let mut lengths = (0.0, 0.0);
         lengths.restore(member, saved)?;
+        self.band.restore(member, saved)?;
+        self.composed.parts_mut().set_band(self.band.part());
         (self.next, self.last) = lengths;
         self.order.restore(member, saved)?;
         self.composed.restore(member, saved)

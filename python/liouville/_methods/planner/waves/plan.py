@@ -198,7 +198,11 @@ class WavePlan(Plan):
             own = self.method if isinstance(self.method, SplitOperator) else SplitOperator()
             if (core.scheme, core.order, core.beta) != (own.scheme, own.order, span.beta):
                 raise ValueError(hinted(f"its steps are not those of {own!r}", AGAIN))
-            if not min(core.first, core.longest) * LONG >= float(span.intervals.sum()):
+            parts, longest = zip(*core.bands, (1.0, core.longest), strict=True)
+            if not all(0 < part <= 1 for part in parts):
+                said = f"{parts} are no parts of the wave numbers"
+                raise ValueError(hinted(said, AGAIN))
+            if not min(core.first, *longest) * LONG >= float(span.intervals.sum()):
                 raise ValueError(hinted("its steps are too short for a run to end", AGAIN))
         if (counts > most).any():
             k = int((counts > most).argmax())

@@ -159,7 +159,9 @@ class SplitSteps:
     """The same with steps that keep to the error `rate` in a unit of time, by its `order`.
 
     `beta` is half the width of the spectrum, `energy` how large energies of the state are,
-    `first` the first step, `longest` the longest one. Steps end at `breaks` besides. `looks` are
+    `first` the first step, `longest` the longest one. `bands` are parts of the wave numbers that a
+    nonlinear equation is to make do with, and the longest step of each. Steps end at `breaks`
+    besides. `looks` are
     start and end of the run, times of samples and others, and densities, at which functions of
     time are looked at before it. A run that was `begun` for its plan goes on.
     """
@@ -171,6 +173,7 @@ class SplitSteps:
     energy: float
     first: float
     longest: float
+    bands: tuple[tuple[float, float], ...]
     breaks: tuple[float, ...]
     looks: Looks
     norm_tol: float

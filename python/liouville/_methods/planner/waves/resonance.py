@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -62,18 +63,24 @@ def resonance(system: Schrodinger, plan: WavePlan, psi: np.ndarray) -> str:
 
 
 def free_step(
-    system: Schrodinger, scheme: str, run: tuple[float, float], tol: float, psi: np.ndarray
-) -> float:
-    """Return the longest step in no resonance at which noise grows much; see :func:`resonance`.
+    system: Schrodinger,
+    scheme: str,
+    run: tuple[float, float],
+    tol: float,
+    psi: np.ndarray,
+    parts: Sequence[float],
+) -> list[float]:
+    """Return the longest steps in no resonance at which noise grows much; see :func:`resonance`.
 
-    Over a run noise may grow to a part of the tolerance.
+    They are those with parts of the wave numbers. Over a run noise may grow to a part of the
+    tolerance.
     """
     largest, strength = _energies(system, run[0], psi)
     grown = strength * abs(run[1] - run[0])
     growth = min(math.log(PART * tol / NOISE), GROWTH)
     weak = max(WEAK, growth / max(grown, 1e-300))
     first = next(m for m in itertools.count(1) if m > LAST or _factor(scheme, m) > weak)
-    return first * math.pi / (largest + 2 * strength)
+    return [first * math.pi / (part**2 * largest + 2 * strength) for part in parts]
 
 
 def _energies(system: Schrodinger, t: float, psi: np.ndarray) -> tuple[float, float]:

@@ -36,6 +36,9 @@ EACH = 2.5
 #: A run over an H(t) has so many steps at least, each of which looks thirty times at all points.
 LOOKED = 4
 
+#: Parts of the wave numbers that a nonlinear equation is to make do with.
+BANDS = (0.125, 0.1768, 0.25, 0.3536, 0.5, 0.7071)
+
 #: Times of a run at which the core looks at functions of time before it.
 LOOKS = 1 << 14
 
@@ -144,12 +147,14 @@ def _steps(
     span = Span(times[0], tuple(times[1:]), _spectrum(system, times[0]), energy)
     span.check_reach(method.tol)
     rate = (method.tol - span.roundoff) / float(span.intervals.sum())
-    longest = longest_step(system, method, times, psi)
-    first = FIRST * method.tol ** (1 / method.order) / width if width else longest
+    longest, bands = longest_steps(system, method, times, psi)
+    first = bands[0][1] if bands else longest
+    if width:
+        first = min(first, FIRST * method.tol ** (1 / method.order) / width)
     points = system.points_between(times[0], times[-1])
     looks = _looks(system, times, points, psi)
     core = SplitSteps(
-        method.scheme, method.order, rate, span.beta, span.largest, min(first, longest), longest,
+        method.scheme, method.order, rate, span.beta, span.largest, first, longest, bands,
         points, looks, NORM,
     )  # fmt: skip
     return span, core
@@ -222,10 +227,10 @@ def _chosen(
     )  # fmt: skip
 
 
-def longest_step(
+def longest_steps(
     system: Schrodinger, method: SplitOperator, times: Sequence[float], psi: np.ndarray | None
-) -> float:
-    """Return the longest step that a run to a tolerance may take.
+) -> tuple[float, tuple[tuple[float, float], ...]]:
+    """Return the longest step that a run to a tolerance may take, and those with fewer waves.
 
     It damps in an absorber, is in no resonance of a nonlinearity with waves of the state `psi`,
     and looks at an H(t) often enough. Without a state there is no look at resonances.
@@ -236,10 +241,13 @@ def longest_step(
         _check_damped(system, scheme, run, 0.0)
         if _is_back(scheme):
             longest = min(longest, MOST_DAMPED * system.hbar / float(system.absorber.max()))
-    if system.nonlinearity is not None and psi is not None:
-        tol = method.tol or 0.0
-        longest = min(longest, free_step(system, scheme, run, tol, psi))
-    return longest
+    if system.nonlinearity is None or psi is None:
+        return longest, ()
+    *free, of_all = free_step(system, scheme, run, method.tol or 0.0, psi, (*BANDS, 1.0))
+    if of_all >= longest:
+        return longest, ()
+    bands = zip(BANDS, (min(each, longest) for each in free), strict=True)
+    return of_all, tuple(bands)
 
 
 def _spectrum(system: Schrodinger, t0: float) -> Spectrum:
