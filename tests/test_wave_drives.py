@@ -181,6 +181,13 @@ def test_a_pulse_of_a_ten_thousandth_of_the_run_is_seen(method, start, length):
         assert np.linalg.norm(found - wanted) <= 2e-8
 
 
+@pytest.mark.parametrize("method", ["auto", lv.Chebyshev(1e-9), lv.Magnus(4, 1e-8)])
+def test_a_plan_says_how_short_a_pulse_may_be(method):
+    system = lv.Schrodinger(SZ, drive=[(lambda t, _: ca.exp(-((t - 3.0) ** 2)), SX)])
+    said = "in distances of 0.0012: a pulse shorter than these is seen by its time in points="
+    assert said in str(lv.plan(system, method, t=(0, 20)))
+
+
 @pytest.mark.parametrize(("count", "width"), [(40, 0.1), (400, 0.02)])
 def test_many_pulses_keep_to_the_tolerance_in_all(count, width):
     height = 0.3 / width

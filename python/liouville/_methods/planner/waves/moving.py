@@ -29,6 +29,8 @@ def plan_driven(system: Schrodinger, method: Planned, times: Sequence[float]) ->
     if found.separated is not None:
         core, hamiltonian = replace(core, by_differences=True), found.separated.hamiltonian
         why += [found.separated.reason, found.separated.unseen]
+    else:
+        why.append(span.looks)
     powers, bessel, products, theta, beyond = _core.driven_cost(
         hamiltonian, core, times[0], times[-1]
     )
@@ -69,6 +71,6 @@ def plan_magnus(system: Schrodinger, method: Magnus, times: Sequence[float], why
         scheme=f"Magnus of order {order}, {exponentials} exponentials by Chebyshev series",
         theta=theta,
         products=products,
-        reasons=(why, by_estimates),
+        reasons=(why, by_estimates, *([] if system.moving_product else [span.looks])),
         core=core,
     )  # fmt: skip

@@ -21,6 +21,9 @@ PHASE = 4.0
 #: The longest time that double precision has room for.
 LONGEST = 1e200
 
+#: Times of a run at which the core looks at functions of time before it, at least.
+LOOKS = 1 << 14
+
 #: Where energies are so many times as large as half their width, a constant may be taken off them.
 SHIFTED = 10.0
 
@@ -79,6 +82,15 @@ class Span:
         """The same in units of 1/beta."""
         thetas: NDArray[np.float64] = self.beta * self.intervals
         return thetas
+
+    @property
+    def looks(self) -> str:
+        """A sentence on the times at which the core looks at functions of time before a run."""
+        apart = abs(self.times[-1] - self.t0) / LOOKS
+        return (
+            f"functions of time are looked at before the run, in distances of {apart:.2g}: a pulse "
+            "shorter than these is seen by its time in points="
+        )
 
     def stops(self, steps: Sequence[float] | NDArray[np.float64]) -> tuple[tuple[float, int], ...]:
         """Return the times with the steps to each."""

@@ -39,9 +39,6 @@ LOOKED = 4
 #: Parts of the wave numbers that a nonlinear equation is to make do with.
 BANDS = (0.125, 0.1768, 0.25, 0.3536, 0.5, 0.7071)
 
-#: Times of a run at which the core looks at functions of time before it.
-LOOKS = 1 << 14
-
 #: A nonlinearity that depends on time is looked at for such parts of the largest density.
 PARTS = (1.0, 0.25, 0.0625)
 
@@ -212,11 +209,7 @@ def _chosen(
         *_left_out(system),
     ]
     if system.is_driven:
-        apart = abs(span.times[-1] - span.t0) / LOOKS
-        why.append(
-            f"functions of time are looked at before the run, in distances of {apart:.2g}: a pulse "
-            "shorter than these is seen by its time in points="
-        )
+        why.append(span.looks)
     return planned(
         system, method, span,
         scheme=f"split operator {core.scheme} with steps by its tolerance",
