@@ -1,6 +1,7 @@
 """Plain waves by every method: one level, no energies, eigenstates, drives that do nothing."""
 
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any, NamedTuple
 
 import casadi as ca
@@ -219,3 +220,14 @@ def test_a_potential_of_its_own_is_for_grids_and_lattices():
         lv.ensemble(CHAIN, "auto", t=(0, 1), psi=np.eye(24)[:3], potential=DISORDER)
     with pytest.raises(ValueError, match=r"potential must have shape \(24,\), not \(5, 24\)"):
         lv.integrate(CHAIN, "auto", t=(0, 1), psi=np.eye(24)[0], potential=DISORDER)
+
+
+def test_workers_take_members_that_share_a_state_in_the_shape_of_the_lattice():
+    clean, psi = lv.Schrodinger(lv.Lattice((4, 6))), np.eye(24)[9].reshape(4, 6)
+    potential = DISORDER.reshape(5, 4, 6)
+    run = lv.ensemble(clean, "auto", t=(0, 1), psi=psi, potential=potential)
+    with ThreadPoolExecutor(2) as executor:
+        other = lv.ensemble(
+            clean, "auto", t=(0, 1), psi=psi, potential=potential, executor=executor, chunk=2
+        )
+    assert np.array_equal(run.psi, other.psi)

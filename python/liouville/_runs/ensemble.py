@@ -18,7 +18,7 @@ from liouville._runs.choice import runner_of
 from liouville._runs.execute import checked, plain
 from liouville._runs.runner import Request
 from liouville._solution.solution import Solution
-from liouville._systems import Mechanics, System
+from liouville._systems import Mechanics, Schrodinger, System
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
@@ -171,6 +171,8 @@ def ensemble(
         ensemble, runner.system, runner.choice, t=t, h=h, steps=steps, every=every, states=states,
         observe=runner.system.portable(observe), threads=threads or 1,
     )  # fmt: skip
+    if isinstance(system, Schrodinger) and not system.is_many(given["psi"]):
+        given["psi"] = np.ravel(given["psi"])  # one for all members has no axis of them
     task = Task(
         part,
         _arrays(given),
