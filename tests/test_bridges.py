@@ -416,21 +416,29 @@ def test_what_contacts_have_no_gradients_of_is_refused_when_a_solver_is_made(cha
         lv.casadi.solver(TOUCHING, METHOD, **{"t": (0, 1.5), **TOUCHED, **changes})
 
 
-def test_jax_takes_whole_numbers_and_names_and_is_pickled(jax):
+@pytest.mark.parametrize("name", ["jax", "torch"])
+def test_solvers_take_whole_numbers_and_names_and_are_pickled(name, request):
     import pickle
 
-    solve = lv.jax.solver(SYSTEM, METHOD, **CALL)
-    wanted = solve(*POINT)[0]
-    np.testing.assert_array_equal(solve(POINT[0], POINT[1], 2, t1=0.5)[0], wanted)
-    np.testing.assert_array_equal(solve(*POINT[:2], l=2, t1=0.5)[0], wanted)
+    like = request.getfixturevalue(name)
+    like = like.numpy if name == "jax" else like
+    solve = getattr(lv, name).solver(SYSTEM, METHOD, **CALL)
+    *states, length, end = (like.asarray(x, dtype=like.float64) for x in POINT)
+    wanted = solve(*states, length, end)[0]
+    for two in (2, np.int64(2), like.asarray(2)):
+        np.testing.assert_array_equal(solve(*states, two, t1=0.5)[0], wanted)
+        np.testing.assert_array_equal(solve(*states, l=two, t1=0.5)[0], wanted)
     again = pickle.loads(pickle.dumps(solve))
-    np.testing.assert_array_equal(again(*POINT)[0], wanted)
+    np.testing.assert_array_equal(again(*states, length, end)[0], wanted)
     assert "(q (2,), v (2,), params.l (), t1 ()) -> (q (3, 2), lam (3, 1))" in solve.__doc__
-    assert "Run Lagrangian by Spark(stages=2)" in repr(solve)
+    assert f"<lv.{name}.solver: Run Lagrangian by Spark(stages=2)" in repr(solve)
     with pytest.raises(TypeError, match=r"has no input 'g'\nhint: there are q, v, params\.l, t1"):
-        solve(*POINT[:3], g=1.0)
+        solve(*states, length, g=1.0)
     with pytest.raises(TypeError, match=r"is given 'params\.l' twice"):
-        solve(*POINT, l=1.0)
+        solve(*states, length, end, l=1.0)
+    narrow = like.asarray(2.0, dtype=like.float32)
+    with pytest.raises(TypeError, match=r"'params\.l' must be of .*, not float32\nhint: runs take"):
+        solve(*states, narrow, end)
 
 
 def test_methods_are_called_by_their_names():
@@ -460,6 +468,15 @@ def test_jax_has_nan_for_a_member_that_fails_and_says_why(jax):
         np.testing.assert_array_equal(np.isnan(found), [False, False, True])
     alone = jax.grad(lambda v: solve(v)[-1, 0])(starts[1])
     np.testing.assert_allclose(slope[1], alone, rtol=1e-12)
+
+
+def test_torch_says_which_members_have_failed(torch):
+    solve = lv.torch.solver(SYSTEM, METHOD, **{**CALL, "wrt": ("v", "params.l"), "q": POINT[0]})
+    lengths = torch.tensor([2.0, torch.nan, 0.0])
+    found = torch.func.vmap(lambda x: solve(torch.tensor(POINT[1]), x)[0])(lengths.double())
+    np.testing.assert_array_equal(found.isnan().any(dim=(1, 2)), [False, True, True])
+    assert list(solve.failures) == [1, 2]
+    assert solve.failures[1].startswith("'params.l' must be finite, not ")
 
 
 def test_jax_has_nan_for_members_that_are_no_numbers_or_have_no_derivative(jax):

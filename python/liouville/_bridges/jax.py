@@ -11,9 +11,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from liouville._basics.errors import hinted
 from liouville._basics.options import started
-from liouville._bridges.functions import run_function
 from liouville._bridges.members import RunMembers
 from liouville._bridges.run import FIRST, RunFunction, Runnable, library
+from liouville._bridges.solver import Solver
 from liouville._methods import Method
 from liouville._runs.runner import Request
 from liouville._systems.events import Event
@@ -99,25 +99,15 @@ def solver(
         start=started(start, values), has_pullback=True,
     )  # fmt: skip
     library("jax", "lv.jax.solver")
-    return Solver(system, method, wrt, returns, request)
+    return JaxSolver(system, method, wrt, returns, request)
 
 
-class Solver:
-    """A run as a function of JAX; see :func:`solver`.
+class JaxSolver(Solver):
+    """A run as a function of JAX; see :func:`solver`."""
 
-    Attributes
-    ----------
-    failures : dict of int to str
-        The members of the last mapped call that failed, with what was said of each: a step, an
-        input that is no number, a start that the constraints do not allow, or no derivative there.
-    """
-
-    def __init__(
-        self, system: Runnable, method: Method | str, wrt: Any, returns: Any, request: Request
-    ) -> None:
-        self._given = system, method, wrt, returns, request
-        self._function = function = run_function(*self._given)
-        self.__name__, self.__doc__ = "solve", function.described
+    def __init__(self, *given: Any) -> None:
+        super().__init__(*given)
+        function = self._function
         jax = library("jax", "lv.jax.solver")
 
         def evaluated(*inputs: Any) -> list[Any]:
@@ -135,11 +125,6 @@ class Solver:
 
         self._run = run
 
-    @property
-    def failures(self) -> dict[int, str]:
-        """The members of the last mapped call that failed."""
-        return dict(self._function.failures)
-
     def __call__(self, *inputs: Any, **named: Any) -> Any:
         """Return the states in `returns` for inputs in the order of `wrt` or by their names."""
         jax = library("jax", "lv.jax.solver")
@@ -149,14 +134,6 @@ class Solver:
         self._function.check([(x.shape, str(x.dtype)) for x in arrays])
         found = self._run(*arrays)
         return found[0] if self._function.is_single else tuple(found)
-
-    def __repr__(self) -> str:
-        """Return the description of a run, with its inputs and outputs."""
-        return f"<lv.jax.solver: {self._function.described}>"
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        """Return the arguments, of which it is made again."""
-        return Solver, self._given
 
 
 def _floats(numpy: Any, x: Any) -> Any:

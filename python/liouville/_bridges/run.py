@@ -180,7 +180,9 @@ class RunFunction(ABC):
         for (name, wanted), (shape, kind) in zip(self.inputs.items(), given, strict=True):
             own = self.types[name]
             if kind != own:
-                raise TypeError(f"'{name}' must be of type {own}, not {kind}")
+                hint = "runs take numbers of 64 bits: x.double() or x.astype('float64')"
+                sentence = f"'{name}' must be of type {own}, not {kind}"
+                raise TypeError(hinted(sentence, hint) if kind == "float32" else sentence)
             if tuple(shape) != wanted:
                 raise misshapen(f"'{name}'", shape, wanted)
 

@@ -11,9 +11,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from liouville._basics.errors import hinted
 from liouville._basics.options import started
-from liouville._bridges.functions import run_function
 from liouville._bridges.members import Call, RunMembers
 from liouville._bridges.run import FIRST, RunFunction, Runnable, library
+from liouville._bridges.solver import Solver
 from liouville._methods import Method
 from liouville._runs.runner import Request
 from liouville._systems.events import Event
@@ -66,9 +66,10 @@ def solver(
     callable
         ``f(*tensors)`` with a tensor of ``torch.float64``, or a number, for each name in `wrt`, and
         one of ``torch.complex128`` for psi, whose gradient is that of :func:`liouville.vjp`; or by
-        keywords, ``f(q, l=2.0)`` for ``"params.l"``. It returns a tensor for each name in
-        `returns`, or one where that is a string: of shape (k, n), at the kept times, the start
-        among them. Of members that are mapped those that fail have NaN.
+        keywords, ``f(q, l=2)`` for ``"params.l"``; whole numbers are taken as floats. It returns a
+        tensor for each name in `returns`, or one where that is a string: of shape (k, n), at the
+        kept times, the start among them. Of members that are mapped those that fail have NaN, and
+        ``f.failures`` says why. It can be pickled where the system can.
         It moves a start onto its constraints as ``system.consistent`` does, and derivatives are
         those of the start moved. Where some constraints imply others, they are taken at starts on
         all of them.
@@ -92,7 +93,7 @@ def solver(
         end = lv.torch.solver(system, lv.Spark(3), wrt=["v", "params.l"], t=(0, 1), h=0.02, q=q)
         end(v, 2.0)[-1, 1].backward()  # v.grad is that of the height at the end
     """
-    torch = library("torch", "lv.torch.solver")
+    library("torch", "lv.torch.solver")
     if isinstance(params, Mapping):
         params = {name: _fixed(f"params.{name}", x) for name, x in params.items()}
     given = {name: _fixed(name, x) for name, x in started(start, values).items()}
@@ -100,23 +101,32 @@ def solver(
         t=t, h=h, steps=steps, rtol=rtol, every=every, t_eval=t_eval, events=events, params=params,
         start=given, has_pullback=True,
     )  # fmt: skip
-    function = run_function(system, method, wrt, returns, request)
+    return TorchSolver(system, method, wrt, returns, request)
 
-    def solve(*inputs: Any, **named: Any) -> Any:
-        inputs = tuple(function.ordered(inputs, named))
-        kind = {"dtype": torch.float64}
-        if places := [x.device for x in inputs if isinstance(x, torch.Tensor)]:
-            kind["device"] = places[0]
-        tensors = [torch.tensor(x, **kind) if isinstance(x, float | int) else x for x in inputs]
-        for x in tensors:
-            if not isinstance(x, torch.Tensor):
-                raise TypeError(f"inputs must be tensors of torch.float64 and floats, not {x!r}")
+
+class TorchSolver(Solver):
+    """A run as a function of PyTorch; see :func:`solver`."""
+
+    def __call__(self, *inputs: Any, **named: Any) -> Any:
+        """Return the states in `returns` for inputs in the order of `wrt` or by their names."""
+        torch, function = library("torch", "lv.torch.solver"), self._function
+        given = function.ordered(inputs, named)
+        places = [x.device for x in given if isinstance(x, torch.Tensor)]
+        tensors = [_tensor(x, *places[:1]) for x in given]
         function.check([(x.shape, str(x.dtype).removeprefix("torch.")) for x in tensors])
         found = _function().apply(function, *tensors)
         return found[0] if function.is_single else found
 
-    solve.__doc__ = function.described
-    return solve
+
+def _tensor(x: Any, *place: Any) -> Any:
+    """Return a tensor; numbers, and whole ones in tensors, are floats of 64 bits there."""
+    torch = library("torch", "lv.torch.solver")
+    if isinstance(x, float | int | np.number):
+        return torch.tensor(float(x), dtype=torch.float64, device=place[0] if place else None)
+    if not isinstance(x, torch.Tensor):
+        raise TypeError(f"inputs must be tensors of torch.float64 and numbers, not {x!r}")
+    is_whole = not (x.is_floating_point() or x.is_complex() or x.dtype == torch.bool)
+    return x.double() if is_whole else x
 
 
 def _fixed(name: str, value: Any) -> Any:
