@@ -9,7 +9,6 @@ from scipy.stats import chi2, f
 from test_index2_gradients import general
 
 import liouville as lv
-from liouville.problems import euler_top
 
 
 def springs():
@@ -364,10 +363,8 @@ def test_semi_explicit_systems():
         lv.fit(system, method, data, free="z", **call)
     with pytest.raises(TypeError, match="does not step"):
         lv.fit(system, lv.HHT(), data, **call)
-    with pytest.raises(
-        TypeError, match=r"fit takes a mechanical or .*PolynomialField\nhint: lv.vjp"
-    ):
-        lv.fit(euler_top.system, lv.VolumeSplitting(), {"t": [0, 1]}, h=0.1, params=(), x=[1, 0, 0])
+    with pytest.raises(TypeError, match=r"fit takes a mechanical or .*Schrodinger\nhint: lv.vjp"):
+        lv.fit(lv.Schrodinger(np.eye(2)), "auto", {"t": [0, 1]}, h=0.1, params=(), psi=[1, 0])
 
 
 def test_too_few_measurements():

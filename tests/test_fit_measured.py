@@ -92,6 +92,43 @@ def test_restitution_from_bounces(steps):
     assert [found.params["e"], found.params["g"]] == pytest.approx([0.8, 9.81], abs=1e-8)
 
 
+def test_rates_of_a_flow_are_fitted_to_tracks_and_to_functions_of_them():
+    """Where squares are least the pullbacks of all runs together are nothing."""
+    flow = lv.PotentialField(
+        lambda t, x, params: (
+            params.a * ca.sin(x[0]) * ca.sin(x[1]) + params.b[0] * ca.cos(x[0] - t)
+        ),
+        x=("x", "y"),
+        params={"a": 1.3, "b": [0.35]},
+    )
+    rng, sigma, call = np.random.default_rng(2), 0.01, {"t": (0, 3), "steps": 60, "every": 5}
+    starts, trials = [[1.7, 0.9], [0.4, 0.3]], []
+    for x in starts:
+        run = lv.integrate(flow, **call, x=x)
+        seen = run.x + sigma * rng.standard_normal(run.x.shape)
+        trials.append(lv.Trial({"t": run.t, "x": seen[:, 0], "far": np.hypot(*seen.T)}, {"x": x}))
+    found = lv.fit(
+        flow, data=trials, h=0.05, params={"a": 1.0, "b": [0.2]}, free="x", sigma=sigma,
+        observe={"far": lambda t, x, params: ca.norm_2(x)},
+    )  # fmt: skip
+    assert found.names[:3] == ("params.a", "params.b[0]", "trials[0].x.x")
+    assert 0.5 < found.chi2 / found.dof < 1.5
+    truth = {"params.a": 1.3, "params.b[0]": 0.35}
+    assert all(abs(found.values[k] - x) < 4 * found.errors[k] for k, x in truth.items())
+    total = np.zeros(2)
+    for trial, fitted in zip(trials, found.trials, strict=True):
+        own = {"params": found.params, **fitted.start}
+        run, pullback = lv.vjp(flow, "auto", wrt=["params.a", "params.b", "x"], **call, **own)
+        size = np.hypot(*run.x.T)
+        away = (size - trial.data["far"]) / sigma**2
+        along = away[:, None] * run.x / size[:, None]
+        along[:, 0] += (run.x[:, 0] - trial.data["x"]) / sigma**2
+        by = pullback(x=along)
+        total += [by["params.a"], by["params.b"][0]]
+        assert np.abs(by["x"] * sigma).max() < 1e-4
+    assert np.abs(total * [found.errors[k] for k in truth]).max() < 1e-4
+
+
 def test_trials_have_parameters_in_common():
     """Two oscillations under known forces from unknown starts have one stiffness."""
     trials, truths = [], ({"u": 0.0}, {"u": 1.5})

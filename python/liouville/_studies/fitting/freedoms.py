@@ -11,7 +11,7 @@ import numpy as np
 from liouville._basics.errors import hinted, quoted
 from liouville._runs.tangents import PARAMS, places_of
 from liouville._studies.fitting.measurements import System
-from liouville._systems import SemiExplicit
+from liouville._systems import Field, SemiExplicit
 from liouville._systems.derivatives import semi_explicit as _semi_explicit_sensitivity
 from liouville._systems.derivatives import sensitivity as _sensitivity
 from liouville.analysis.linearization import linearized_at
@@ -26,19 +26,33 @@ def movable(system: System) -> tuple[str, ...]:
     return ("y",) if isinstance(system, SemiExplicit) else system.states
 
 
+def started(system: System, given: Mapping[str, Any]) -> dict[str, Array]:
+    """Return a start that was given, checked; TypeError or ValueError where it is none."""
+    found = system.start(given)
+    return dict(zip(system.states, (found,) if isinstance(system, Field) else found, strict=True))
+
+
+def consistent(system: System, t: float, params: Mapping[str, Any], start: Any) -> dict[str, Array]:
+    """Return a start as it is moved onto its constraints; fields have none."""
+    return dict(
+        start if isinstance(system, Field) else system.consistent(t=t, params=params, **start)
+    )
+
+
 def free_directions(
     system: System, t: float, start: Mapping[str, Array], params: Array, free: Sequence[str]
 ) -> Array:
-    """Return directions of both states in which those named move on the constraints, as columns.
+    """Return directions of all states in which those named move on the constraints, as columns.
 
     Raises
     ------
     ValueError
         Constraints leave them no freedom.
     """
+    if isinstance(system, Field) or not free:
+        width = sum(x.size for x in start.values())
+        return np.eye(width)[:, : width * len(free)]
     first, second = start.values()
-    if not free:
-        return np.zeros((first.size + second.size, 0))
     if isinstance(system, SemiExplicit):
         gradients = _semi_explicit_sensitivity.gradients(system, t, first, params)
         null = Split.of(gradients).null
@@ -69,12 +83,12 @@ class FreeStart:
 
     Attributes
     ----------
-    system : Mechanics or SemiExplicit
+    system : Mechanics, SemiExplicit or Field
         What starts, without constraints that the others imply.
     t : float
         When.
     states : dict of str to ndarray
-        Both states before they are moved: those that are held as they were given, wherever the
+        All states before they are moved: those that are held as they were given, wherever the
         constraints are, so that they are moved from there whatever is fitted.
     basis : ndarray, shape (w, L)
         The directions, as columns.
@@ -100,7 +114,7 @@ class FreeStart:
         basis = free_directions(system, t, found, values, free)
         held = [name for name in movable(system) if name not in free]
         states = {**found, **{name: given[name] for name in held}}
-        if not isinstance(system, SemiExplicit):
+        if not isinstance(system, SemiExplicit | Field):
             y, z = found.values()
             system = system.stepped(t, y, z, values)
         return cls(system, t, states, basis)
@@ -113,7 +127,7 @@ class FreeStart:
 
     def moved(self, along: Array, params: Mapping[str, Any]) -> dict[str, Array]:
         """Return the start, so far along each direction."""
-        return dict(self.system.consistent(t=self.t, params=params, **self._beside(along)))
+        return consistent(self.system, self.t, params, self._beside(along))
 
     def _beside(self, along: Array) -> dict[str, Any]:
         return {name: x + self.bases[name] @ along for name, x in self.states.items()}
@@ -147,6 +161,8 @@ class FreeStart:
         return dict(zip(names, map(np.ascontiguousarray, found), strict=True))
 
     def _pushed(self, at: tuple[Array, ...], values: Array, moves: Any) -> tuple[Array, ...]:
+        if isinstance(self.system, Field):
+            return tuple(moves[:1])
         if isinstance(self.system, SemiExplicit):
             move = _semi_explicit_sensitivity.moved_start
             return (move(self.system, self.t, at[0], values, moves),)

@@ -20,12 +20,12 @@ from liouville._studies.fitting.profile import Held, Profile
 from liouville._studies.fitting.result import Fit
 from liouville._studies.fitting.robust import loss_of
 from liouville._studies.fitting.unknowns import Unknowns
-from liouville._systems import Mechanics, SemiExplicit
+from liouville._systems import Field, Mechanics, SemiExplicit
 from liouville._systems.events import Event
 
 
 def fit(
-    system: Mechanics | SemiExplicit,
+    system: Mechanics | SemiExplicit | Field,
     method: Method | str = "auto",
     data: Mapping[str, ArrayLike] | Trial | Sequence[Trial] | None = None,
     *,
@@ -56,12 +56,12 @@ def fit(
 
     Parameters
     ----------
-    system : Mechanics or SemiExplicit
+    system : Mechanics, SemiExplicit or Field
         What moves.
     method : Method or str, default "auto"
         Any that has tangents of the system, or its name, as for ``integrate``: of mechanics
         ``Spark``, ``LobattoPair`` or a ``Composition`` of them, ``HHT``, ``GeneralizedAlpha`` or
-        ``ArnoldBruls``.
+        ``ArnoldBruls``; of fields ``VolumeSplitting``.
     data : mapping of str to array_like, DataFrame, Dataset, or sequence of Trial
         ``"t"``, shape (k,), increasing, and measured values by the name of a coordinate, unknown or
         constraint (its multiplier), shape (k,), of a state of the system such as ``"q"`` or
@@ -79,7 +79,7 @@ def fit(
     free : sequence of str
         States of the start that are fitted too: ``"q"``, ``"v"``, or what the system calls them.
         One of them alone moves as far as the other, which is held, stays on its constraints. Of a
-        semi-explicit system ``"y"``, which z follows.
+        semi-explicit system ``"y"``, which z follows; of a field ``"x"``.
     sigma : float or mapping, optional
         Standard deviation of all measurements, or by the names in `data`, as a number, one for each
         coordinate, or of the shape of the data. Without it measurements count alike, and their
@@ -152,11 +152,12 @@ def fit(
     >>> f"{found.params['k']:.6f}"
     '4.000000'
     """
-    if not isinstance(system, Mechanics | SemiExplicit):
+    if not isinstance(system, Mechanics | SemiExplicit | Field):
         sentence = (
-            f"fit takes a mechanical or a semi-explicit system, not a {type(system).__name__}"
+            f"fit takes a mechanical or semi-explicit system or a field, not a "
+            f"{type(system).__name__}"
         )
-        raise TypeError(hinted(sentence, "lv.vjp has gradients of the others, for an optimiser"))
+        raise TypeError(hinted(sentence, "lv.vjp has its gradients, for an optimiser"))
     if data is None:
         sentence = "data= is missing: the times and the measured values"
         raise TypeError(hinted(sentence, 'write fit(system, data={"t": times, "x": values})'))

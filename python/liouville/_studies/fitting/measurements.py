@@ -10,10 +10,10 @@ import numpy as np
 
 from liouville._basics.arguments import interval, number
 from liouville._basics.errors import hinted, misshapen, quoted
-from liouville._systems import Mechanics, SemiExplicit
+from liouville._systems import Field, Mechanics, SemiExplicit
 
-#: The quantities that are fitted.
-System: TypeAlias = Mechanics | SemiExplicit
+#: The systems that are fitted.
+System: TypeAlias = Mechanics | SemiExplicit | Field
 
 #: The square of a smaller number has no exact reciprocal.
 LEAST = 1e-150
@@ -189,8 +189,9 @@ class Measurements:
                 known = dict.fromkeys((*states, *(x for x in components if "[" not in x)))
                 hint = f"there are {', '.join(known)}: take these of your table"
                 raise ValueError(hinted(f"data has {name!r}, which is no state", hint))
-            place: Any = parts[name] if name in parts else components[name]
             values = _numbers(f"data {name!r}", data[name])
+            is_column = name in components and (name not in parts or values.ndim == 1)
+            place: Any = components[name] if is_column else parts[name]  # x of a field may be both
             wanted = self.values[:, place].shape
             if values.shape == (count,) and wanted == (count, 1):
                 values = values[:, None]

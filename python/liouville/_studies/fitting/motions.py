@@ -14,7 +14,7 @@ from liouville._runs.execute import finished
 from liouville._runs.integrate import integrate
 from liouville._runs.tangents import PARAMS
 from liouville._solution.solution import Solution
-from liouville._studies.fitting.freedoms import FreeStart, movable
+from liouville._studies.fitting.freedoms import FreeStart, consistent, movable, started
 from liouville._studies.fitting.measurements import EVEN, Measurements, System
 from liouville._studies.fitting.observed import Observed
 from liouville._studies.fitting.unknowns import Unknowns
@@ -55,7 +55,7 @@ class Model:
 
     Attributes
     ----------
-    system : Mechanics or SemiExplicit
+    system : Mechanics, SemiExplicit or Field
         What moves.
     method : Method
         How it is integrated.
@@ -116,9 +116,7 @@ class Motion:
         for name in self.own:
             if name in model.unknowns.fitted:
                 raise ValueError(f"a trial gives '{name}', which is fitted to all trials")
-        self.given: dict[str, Any] = dict(
-            zip(system.states, system.start(trial.start), strict=True)
-        )
+        self.given = started(system, trial.start)
         self.is_there = self.data.is_there
         self.start: dict[str, Array] = {}
         self.guessed: Array | None = None
@@ -126,8 +124,7 @@ class Motion:
     def begin(self, params: Mapping[str, Any]) -> None:
         """Move the start that was given onto its constraints."""
         params = {**params, **self.own}
-        found = self.model.system.consistent(t=self.data.t0, params=params, **self.given)
-        self.start = dict(found)
+        self.start = consistent(self.model.system, self.data.t0, params, self.given)
 
     def settle(self, params: Mapping[str, Any]) -> int:
         """Free the start where it is now, and return in how many directions."""
@@ -210,7 +207,7 @@ class Motion:
         return states
 
     def slopes_of_start(self) -> Array:
-        """Return derivatives of both states of the start by all unknowns, shape (w, K + L).
+        """Return derivatives of all states of the start by all unknowns, shape (w, K + L).
 
         Parameters in constraints move it too.
         """

@@ -14,6 +14,9 @@ from liouville._studies.fitting.freedoms import values_of
 from liouville._studies.fitting.profile import Profile, interval
 from liouville.analysis.point import Array
 
+#: So many values are shown.
+SHOWN = 12
+
 #: Residuals beyond so many deviations are counted as outliers.
 OUTLYING = 5.0
 
@@ -177,8 +180,10 @@ class Fit(Suggesting):
 
     def __repr__(self) -> str:
         """Return the values found with their standard deviations, and how well they fit."""
-        values = self.values
-        shown = ", ".join(f"{x} = {values[x]:.6g} ± {size:.1g}" for x, size in self.errors.items())
+        values, each = self.values, [*self.errors.items()]
+        shown = ", ".join(f"{x} = {values[x]:.6g} ± {size:.1g}" for x, size in each[:SHOWN])
+        if len(each) > SHOWN:
+            shown += f" and {len(each) - SHOWN} more"
         good = f"chi2/dof = {self.chi2 / self.dof:.3g}" if self.dof else "chi2 of no freedom"
         if self.sigma is not None:
             good = f"sigma = {self.sigma:.3g}"

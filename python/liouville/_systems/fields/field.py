@@ -191,6 +191,10 @@ class Field(Parametrised, ABC):
         del t, params
         return {"x": rows}
 
+    def measured(self, functions: Mapping[str, Any]) -> tuple[_core.Tape, dict[str, int]]:
+        """Record functions of (t, x, params) and their derivatives by x and params, for fits."""
+        return self._observer.measured(functions)
+
     def portable(self, observe: Mapping[str, Any] | None) -> dict[str, Any]:
         """Return functions to observe in a form that can be pickled."""
         return self._observer.portable(observe)

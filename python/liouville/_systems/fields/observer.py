@@ -75,6 +75,18 @@ class Observer:
         value = _trace.column("the function", function, s.args)
         return self._slopes(value), value.numel()
 
+    def measured(self, functions: Mapping[str, Any]) -> tuple[_core.Tape, dict[str, int]]:
+        """Record functions and their derivatives, as a mechanical system does for fits."""
+        s = self._expressions.symbols
+        columns = {
+            name: _trace.column(f"observed '{name}'", function, s.args)
+            for name, function in _trace.mapping("observe", functions).items()
+        }
+        values = ca.vertcat(ca.SX(0, 1), *columns.values())
+        by = ca.jacobian(values, ca.vertcat(s.x, s.params.vector))
+        tape = record("measured", s.inputs(lam=ca.SX(0, 1)), values, ca.densify(by))
+        return tape, {name: x.numel() for name, x in columns.items()}
+
     def slopes_of_invariant(self, name: str) -> _core.Tape:
         """Return the tape of the derivatives of an invariant by (t, x, params)."""
         if any(part is not None for part in self._matrices[self.names.index(name)]):
