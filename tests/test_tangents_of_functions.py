@@ -97,6 +97,44 @@ def test_invariants_are_paired_with_their_pullbacks_where_an_event_ends_the_run(
         assert found.tangent_of("own")["q"][-1] == pytest.approx(wanted, abs=1e-9)
 
 
+def test_functions_at_events_move_with_their_times():
+    """Of time, states, multipliers and parameters, of a run and of members; by differences."""
+    event = {"side": lv.Event(lambda t, q, v, lam, params: q[0] - 0.3 * t)}
+    lengths, size = np.array([2.0, 1.7]), 1e-5
+
+    def pull(t, q, v, lam, params):
+        return ca.vertcat(t * lam[0], params.l * v[1] + params.k[1] * t)
+
+    def values(length):
+        start = PENDULUM.consistent(params={"l": length}, **START)
+        run = lv.integrate(PENDULUM, lv.Spark(4), t=(0, 3), steps=150, params={"l": length},
+                           events=event, **start)  # fmt: skip
+        at = run.events["side"]
+        each = [at.t * at.lam[:, 0], length * at.v[:, 1] + 2.0 * at.t]
+        return np.stack(each, axis=1), np.sum(at.v**2, axis=1) / 2 + 9.81 * at.q[:, 1]
+
+    def checked(run, wanted):
+        own = run.tangent_of(pull, event="side")["params.l"]
+        np.testing.assert_allclose(own, wanted[0], rtol=1e-7, atol=1e-6)
+
+    rows = [PENDULUM.consistent(params={"l": x}, **START) for x in lengths]
+    call = {"t": (0, 3), "steps": 150, "events": event, "tangents": {"params.l": 1.0}}
+    slopes = [
+        [(a - b) / (2 * size) for a, b in zip(values(x + size), values(x - size), strict=True)]
+        for x in lengths
+    ]
+    run = lv.integrate(PENDULUM, lv.Spark(4), **call, **rows[0])
+    assert len(run.events["side"]) == 2
+    checked(run, slopes[0])
+    together = {name: np.array([x[name] for x in rows]) for name in ("q", "v")}
+    many = lv.ensemble(PENDULUM, lv.Spark(4), **call, params={"l": lengths}, **together)
+    checked(many, [np.concatenate(x) for x in zip(*slopes, strict=True)])
+    by = run.tangent_of(lambda t, q, v, params: ca.dot(v, v) / 2 + params.g * q[1], event="side")
+    np.testing.assert_allclose(by["params.l"], slopes[0][1], rtol=1e-7, atol=1e-6)
+    with pytest.raises(ValueError, match="the run has no event 'top'\nhint: there are 'side'"):
+        run.tangent_of("energy", event="top")
+
+
 def test_members_and_pickles():
     """Each member has its own parameters; a pickle knows its directions."""
     lengths = [1.9, 2.0, 2.1]

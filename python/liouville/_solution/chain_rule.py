@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,6 +14,7 @@ from liouville._systems import Field, Mechanics, SemiExplicit
 from liouville._systems.derivatives.invariants import pulled_invariants
 
 if TYPE_CHECKING:
+    from liouville._solution.points import Points
     from liouville._solution.solution import Solution
     from liouville._solution.tangents import Tangent
 
@@ -22,7 +24,7 @@ Array = NDArray[Any]
 Slopes = Callable[[Array, tuple[Array, ...], Array], Array]
 
 
-def tangent_of(solution: Solution, what: Any) -> dict[str, Array]:
+def tangent_of(solution: Solution, what: Any, event: str | None = None) -> dict[str, Array]:
     """Return derivatives in all directions; see :meth:`liouville.Solution.tangent_of`."""
     if not solution.tangents:
         sentence = "the run has no tangents"
@@ -31,12 +33,17 @@ def tangent_of(solution: Solution, what: Any) -> dict[str, Array]:
     if not isinstance(system, Mechanics | SemiExplicit | Field):
         sentence = f"the system must be a mechanical one or a field, not {system!r}"
         raise TypeError(hinted(sentence, "along dψ the mean of A changes by 2 Re <ψ|A|dψ>"))
+    if event is not None and event not in solution.events:
+        known = f"there are {quoted([*solution.events])}" if solution.events else "it has none"
+        raise ValueError(hinted(f"the run has no event {event!r}", known))
     slopes, is_scalar = _slopes(system, what)
     if solution.members is None:
-        found = _along(solution, system, what, slopes)
+        found = _along(solution, system, what, slopes, event)
     else:
-        each = [_along(_whole(solution, k), system, what, slopes) for k in range(solution.members)]
-        found = {name: np.stack([x[name] for x in each], axis=1) for name in solution.tangents}
+        whole = (_whole(solution, k, event) for k in range(solution.members))
+        each = [_along(own, system, what, slopes, event) for own in whole]
+        joined: Any = partial(np.stack, axis=1) if event is None else np.concatenate
+        found = {name: joined([x[name] for x in each]) for name in solution.tangents}
     return {name: x[..., 0] if is_scalar else x for name, x in found.items()}
 
 
@@ -68,14 +75,14 @@ def _mapped(tape: Any, width: int, t: Array, states: tuple[Array, ...], values: 
     return found.reshape(len(t), -1, width)
 
 
-def _whole(solution: Solution, member: int) -> Solution:
-    """Return a member with all records, NaN where it is over."""
+def _whole(solution: Solution, member: int, event: str | None) -> Solution:
+    """Return a member with all records, NaN where it is over, or with its events alone."""
     own = solution.member(member)
     missing = len(solution.t) - len(own.t)
-    return own if not missing else solution.sel(member=member)
+    return own if event is not None or not missing else solution.sel(member=member)
 
 
-def _of_multipliers(tangent: Tangent, lam: Array, by: Array) -> Array:
+def _of_multipliers(tangent: Tangent | Points, lam: Array, by: Array) -> Array:
     """Return the derivatives of the multipliers, zero where there are none and none are needed."""
     if "lam" in tangent.states:
         return tangent.states["lam"]
@@ -87,29 +94,37 @@ def _of_multipliers(tangent: Tangent, lam: Array, by: Array) -> Array:
 
 
 def _along(
-    solution: Solution, system: Mechanics | SemiExplicit | Field, what: Any, slopes: Slopes
+    solution: Solution,
+    system: Mechanics | SemiExplicit | Field,
+    what: Any,
+    slopes: Slopes,
+    event: str | None,
 ) -> dict[str, Array]:
-    """Return the derivatives of a run, shape (k, ..., w)."""
+    """Return the derivatives of a run at its records or at an event, shape (k, ..., w)."""
     values = system.values(solution.params)
-    states = tuple(solution.states[name] for name in system.states)
+    at = solution if event is None else solution.events[event]
+    states = tuple(at.states[name] for name in system.states)
     if callable(what) and isinstance(system, Mechanics):
-        states += (solution.states["lam"],)
+        states += (at.states["lam"],)
     widths = {name: len(system.places[name]) for name in system.states}
     if any(x.shape[1] != width for x, width in zip(states, widths.values(), strict=False)):
         sentence = "the solution has some of the coordinates only"
         raise ValueError(hinted(sentence, "differentiate the whole one, and select then"))
-    by, found, last = slopes(solution.t, states, values), {}, ended(solution)
+    by, found, last = slopes(at.t, states, values), {}, ended(solution)
     for name, tangent in solution.tangents.items():
-        rows = [tangent.states[state] for state in system.states]
+        moved = tangent if event is None else tangent.events[event]
+        rows = [moved.states[state] for state in system.states]
         if len(states) > len(rows):
-            rows.append(_of_multipliers(tangent, states[-1], by))
+            rows.append(_of_multipliers(moved, states[-1], by))
         many = [x if x.ndim == 3 else x[:, None] for x in rows]
         moves = tangent.moves
         if moves is None:
             sentence = "a file keeps tangents of states, and not what directions change besides"
             raise ValueError(hinted(sentence, "differentiate the run before it is saved"))
-        times = moves.of_times(solution.t)
-        if last is not None:
+        times = moves.of_times(at.t)
+        if event is not None:
+            times = tangent.events[event].t.reshape(times.shape)
+        elif last is not None:
             times[-1] = tangent.events[last].t[-1]
         params = np.broadcast_to(moves.params, (len(times), *moves.params.shape))
         along = np.concatenate([times[..., None], *many, params], axis=2)

@@ -18,7 +18,7 @@ Array = NDArray[Any]
 class Computed:
     """A base of :class:`Solution`, for what is not stored in it."""
 
-    def tangent_of(self, what: Any) -> dict[str, Array]:
+    def tangent_of(self, what: Any, *, event: str | None = None) -> dict[str, Array]:
         r"""Differentiate an invariant, or a function of the states, along the run's tangents.
 
         .. math::
@@ -35,17 +35,21 @@ class Computed:
             (t, q, v, params), (t, x, params) or what the system calls these: a number or a vector.
             With an argument ``lam``, as an event's has, it may depend on multipliers: those of an
             assembly are behind ``system.joint_force("A")``.
+        event : str, optional
+            The event at whose hits to differentiate, where the time moves too, before a reset; by
+            default it is done at the kept times.
 
         Returns
         -------
         dict of str to ndarray
             By the names of ``tangents=``, of shape (k,), or (k, j) of a vector; of d directions
-            (k, d) and (k, d, j), and of an ensemble (k, P) and so on.
+            (k, d) and (k, d, j), and of an ensemble (k, P) and so on. At events the rows are those
+            of ``solution.events``, of one member after another.
 
         Raises
         ------
         ValueError
-            The run has no tangents, or the system no such invariant.
+            The run has no tangents or no such event, or the system no such invariant.
         TypeError
             The system is a Schrödinger equation, or the invariant of a field is a matrix.
 
@@ -65,7 +69,7 @@ class Computed:
         # imported here: few runs have tangents
         from liouville._solution.chain_rule import tangent_of
 
-        return tangent_of(cast("Solution", self), what)
+        return tangent_of(cast("Solution", self), what, event)
 
     def __call__(self, t: ArrayLike) -> Points:
         r"""Give the states at any time within the run, as accurate as those at the ends of steps.
