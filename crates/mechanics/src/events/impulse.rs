@@ -26,7 +26,7 @@ pub struct Impulses {
     /// y⁺ and ẑ; z⁺; μ with Λ behind.
     states: [Vec<f64>; 2],
     after: Vec<f64>,
-    impulses: Vec<f64>,
+    multipliers: Vec<f64>,
     /// e_y, and v_zᵀ e_y at the end.
     gradient: Vec<f64>,
     row: Vec<f64>,
@@ -45,7 +45,7 @@ impl Impulses {
             none: vec![0.0; multipliers],
             states: [zeros(), zeros()],
             after: zeros(),
-            impulses: Vec::new(),
+            multipliers: Vec::new(),
             gradient: zeros(),
             row: zeros(),
             unit: vec![0.0; n + multipliers],
@@ -168,8 +168,8 @@ impl ResetEquations for Impulses {
             self.find_border(t);
         }
         self.solve_bordered::<false>(&mut x);
-        self.impulses.clear();
-        self.impulses.extend_from_slice(&x[y.len()..]);
+        self.multipliers.clear();
+        self.multipliers.extend_from_slice(&x[y.len()..]);
         Ok(())
     }
 
@@ -186,12 +186,12 @@ impl ResetEquations for Impulses {
         }
         let ([y, z], ends) = (
             self.states.clone(),
-            [self.after.clone(), self.impulses.clone()],
+            [self.after.clone(), self.multipliers.clone()],
         );
         let (at, ends): (Before<'_>, [&[f64]; 2]) = ((t, [&y, &z, lam]), [&ends[0], &ends[1]]);
         if TRANSPOSED {
             let mut back = dz.to_vec();
-            back.resize(dz.len() + self.impulses.len(), 0.0);
+            back.resize(dz.len() + self.multipliers.len(), 0.0);
             self.solve_bordered::<true>(&mut back);
             add_scaled(changes, -1.0, slopes.impulse(at, ends, &back, true)?);
         } else {
