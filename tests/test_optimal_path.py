@@ -54,7 +54,8 @@ def test_a_published_optimum_with_a_constraint_of_state_and_control():
     at_stages = found.stage_controls["u"].ravel() + dense.q[:, 0] / 6
     assert at_stages.max() < 1e-5
     assert (at_stages > -1e-4).mean() > 0.2
-    assert "interpolated between stages, where the path bounds them" in found.message
+    assert found.message.endswith("interpolated between stages, where the path bounds them")
+    assert repr(found).endswith(f"\n {found.message}>")
 
 
 def test_a_published_optimum_with_bounds_of_speeds():

@@ -311,7 +311,8 @@ class Problem:
         parts = [names[k] for k in np.flatnonzero(unknowns) if k < len(names)]
         what = quoted(parts) if parts else "the start"
         sentence = f"the measurements do not determine {what}"
-        raise ValueError(hinted(sentence, "fix something of it, or measure what it changes"))
+        hint = "fix something of it, measure what it changes, or begin where it matters"
+        raise ValueError(hinted(sentence, hint))
 
     def _fit(self, found: Least, said: str) -> Fit:
         """Return the fit, with the covariance of parameters and of the starts."""

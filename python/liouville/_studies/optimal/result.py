@@ -96,13 +96,14 @@ class OptimalControl:
         raise AttributeError(hinted(f"the result has no {name!r}", hint))
 
     def __repr__(self) -> str:
-        """Return the cost, and how it was found."""
+        """Return the cost, how it was found, and what is to be known besides."""
         steps, (start, end) = len(self.t) - 1, self.t[[0, -1]]
+        said = f"\n {self.message}" if self.message else ""
         return (
             f"<OptimalControl cost {self.cost:.8g}: {', '.join(self.controls)}, "
             f"t = {start:g} to {end:g}, {steps} steps of h = {self.h:.6g}, {self.method}\n"
             f" {self.status} in {self.iterations} iterations, "
-            f"violation {self.stats['violation']:.1e}>"
+            f"violation {self.stats['violation']:.1e}{said}>"
         )
 
     @cached_property
