@@ -394,14 +394,14 @@ def test_a_killed_process_leaves_no_lock(tmp_path):
 
 
 def test_of_two_runs_that_begin_at_one_path_the_second_is_refused(tmp_path, monkeypatch):
-    path, pickled = tmp_path / "run.zarr", running._pickled
+    path, pickled = tmp_path / "run.zarr", running.pickled
 
     def overtaken(job):
-        monkeypatch.setattr(running, "_pickled", pickled)
+        monkeypatch.setattr(running, "pickled", pickled)
         lv.integrate(**pendulum(steps=20), store=path)
         return pickled(job)
 
-    monkeypatch.setattr(running, "_pickled", overtaken)
+    monkeypatch.setattr(running, "pickled", overtaken)
     with pytest.raises(FileExistsError, match=r"liouville\.resume"):
         lv.integrate(**pendulum(steps=30), store=path)
     assert lv.load(path).t.size == 21

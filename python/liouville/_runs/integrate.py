@@ -181,7 +181,12 @@ def integrate(
         # imported here: few systems have contacts
         from liouville._runs import contacts
 
-        return contacts.integrate(system, method, request, progress)
+        if store is None:
+            return contacts.integrate(system, method, request, progress)
+        from liouville._runs import stored
+
+        place = stored.place_of(store)
+        return stored.begin_touching(system, method, request, place, progress)
     if store is None:
         return checked(runner_of(system, method, request), request, progress)
     from liouville._runs import stored

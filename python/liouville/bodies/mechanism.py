@@ -154,13 +154,25 @@ class Mechanism(Measured):
         kinds = [self._places[name.rsplit(".", 1)[0]].kind for name in self.turned]
         return self._output_tapes["turning"], turns.periods(kinds)
 
-    def continued(self, t: Array, q: Array, v: Array, params: Array) -> dict[str, Array]:
-        """Return the angles that no coordinate counts, by name, continued along k states."""
+    def continued(
+        self,
+        t: Array,
+        q: Array,
+        v: Array,
+        params: Array,
+        first: Mapping[str, float] | None = None,
+    ) -> dict[str, Array]:
+        """Return the angles that no coordinate counts, by name, continued along k states.
+
+        Those of the first are known where they are given.
+        """
         if self.turning is None:
             return {}
         rows = [np.ascontiguousarray(x) for x in (t[:, None], q, v)]
         found = self.turning[0].map(params, rows)
-        return dict(zip(self.turned, turns.continued(t, found, self.turning[1]).T, strict=True))
+        known = None if first is None else np.array([first[name] for name in self.turned])
+        angles = turns.continued(t, found, self.turning[1], known)
+        return dict(zip(self.turned, angles.T, strict=True))
 
     def rubs(self, params: Array, t: Array, q: Array, v: Array) -> list[Rubs] | None:
         """Return the numbers that determine normal forces at k states, or None without friction.

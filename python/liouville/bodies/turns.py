@@ -180,20 +180,25 @@ def periods(kinds: Sequence[str]) -> NDArray[np.float64]:
 
 
 def continued(
-    t: NDArray[np.float64], found: NDArray[np.float64], period: NDArray[np.float64]
+    t: NDArray[np.float64],
+    found: NDArray[np.float64],
+    period: NDArray[np.float64],
+    first: NDArray[np.float64] | None = None,
 ) -> NDArray[np.float64]:
     """Return angles continued along times, from rows of them and of their rates.
 
-    As in a run of the core they are no numbers from where rates do not say how they turned.
+    Those of the first row are known where they are given. As in a run of the core they are no
+    numbers from where rates do not say how they turned.
     """
     angles, rates = np.split(found, 2, axis=1)
     h = np.diff(t)[:, None]
     gaps = h * (rates[1:] + rates[:-1]) / 2 - np.diff(angles, axis=0)
-    jumps = period * np.round(gaps / period)
+    turns = np.round(gaps / period)
     # a rate between those at both ends predicts within the first, and misses by the second
     is_known = np.abs(h * np.diff(rates, axis=0)) < period
-    is_known &= np.abs(gaps - jumps) <= NEAR * period
-    angles[1:] += np.cumsum(np.where(is_known, jumps, np.nan), axis=0)
+    is_known &= np.abs(gaps - period * turns) <= NEAR * period
+    begun = 0 * period if first is None else np.round((first - angles[0]) / period)
+    angles += period * np.cumsum([begun, *np.where(is_known, turns, np.nan)], axis=0)
     return angles
 
 

@@ -17,7 +17,7 @@ from liouville import _core
 from liouville._basics import casadi as ca
 from liouville._runs.contacts.complementarity import Array
 from liouville._runs.contacts.hit import has_closed_form, margin
-from liouville._runs.contacts.joined import PENETRATES
+from liouville._runs.contacts.stretch import PENETRATES
 from liouville._runs.contacts.switching import AT_REST, CLOSED, EPS, LOW, ROUNDINGS, Switching
 from liouville._solution.contacts import Change
 from liouville._systems.events import AFTER

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from liouville._basics.errors import IntegrationError, hinted
 from liouville._runs.contacts.complementarity import Array
-from liouville._runs.contacts.margin import Shared
 from liouville._runs.contacts.mode import ModeSystem
-from liouville._runs.contacts.switching import AT_REST, Switching
+from liouville._runs.contacts.stretch import Part, Stretch
+from liouville._runs.contacts.switching import Switching
 from liouville._runs.contacts.tangent import summed
 from liouville._runs.contacts.traced import Contacts
 from liouville._solution.contacts import ContactRecord
@@ -21,14 +20,9 @@ from liouville._solution.points import Points
 from liouville._systems.mechanics.contact import Mode
 
 if TYPE_CHECKING:
-    from liouville._runs.adjoint import Adjoint
     from liouville._runs.runner import Request
     from liouville._solution.solution import Solution
-
-#: A gap penetrates beyond this part of the sizes of its terms.
-PENETRATES = 1e-9
-#: What slips as it must not has more than this part of the sizes of its terms: it begins at rest.
-BACKWARDS = 2 * AT_REST
+    from liouville._solution.states import Stats
 
 #: Numbers of a run whose sum says nothing of many, and what does.
 NOT_SUMMED: dict[str, Callable[[Any, Any], Any]] = {
@@ -38,61 +32,8 @@ NOT_SUMMED: dict[str, Callable[[Any, Any], Any]] = {
 }
 
 
-@dataclass(frozen=True)
-class Part:
-    """A run in one mode, of which so many records count, and how contacts shared loads there."""
-
-    run: Solution
-    system: ModeSystem
-    count: int
-    shared: Sequence[Shared]
-    #: Its end, before that of the run where this does not count to its end.
-    until: float = np.inf
-    #: The contacts that slide in space, though the run holds them: it is as short as roundoff.
-    slides: Collection[int] = ()
-
-    @property
-    def modes(self) -> tuple[Mode, ...]:
-        """The mode of each contact."""
-        own = enumerate(self.system.modes)
-        return tuple(Mode.SLIDE if k in self.slides else mode for k, mode in own)
-
-
-@dataclass(frozen=True)
-class Stretch:
-    """A run in one mode, and its records at the times that were asked for, where they are given."""
-
-    whole: Part
-    given: Part | None = None
-
-    @property
-    def used(self) -> int:
-        """How many records are its own: the last is that of the next stretch."""
-        # but where forces gave way within a step
-        is_whole = self.whole.count == len(self.whole.run.t)
-        return max(self.whole.count - 1, 1) if is_whole else self.whole.count
-
-
-@dataclass(frozen=True)
-class Link:
-    """How a stretch began and ended, for a pullback.
-
-    Attributes
-    ----------
-    adjoint : Adjoint
-        Its transposed derivative.
-    ended : str or None
-        The event that ended it, if one of the mode did.
-    impacts : list of tuple
-        What the change at its start did to velocities, as :class:`Switching` has it.
-    before : tuple of (float, ndarray, ndarray)
-        Time and state before that.
-    """
-
-    adjoint: Adjoint
-    ended: str | None
-    impacts: list[Any]
-    before: tuple[float, Array, Array]
+#: Time, state and angles of a record.
+Last = tuple[float, Array, Array, dict[str, float]]
 
 
 @dataclass(frozen=True)
@@ -106,65 +47,151 @@ class Columns:
     friction: Array
 
 
-def joined(
-    stretches: Sequence[Stretch], switching: Switching, accelerated: float, request: Request
-) -> Solution:
-    """Join the records of stretches: at a change that after it is kept, and one in `every`.
+@dataclass
+class Records:
+    """The records of stretches, joined one part of a run after another.
 
-    Accelerations without contact forces were up to `accelerated`.
+    Attributes
+    ----------
+    stats : dict
+        Sums over the stretches before.
+    work, energy : float
+        Work done by their ends, and the energy at the start of the run.
+    last : tuple, or None
+        The last record: its time, state and angles by name.
+    first : float
+        The time at the start of the run.
+    told : list of int
+        How many of the changes that are kept of each contact were given before.
     """
-    contacts, every = switching.contacts, request.every
-    last = stretches[-1].whole.run
-    uses = [x.used for x in stretches[:-1]] + [stretches[-1].whole.count]
-    found = _columns(switching, [x.whole for x in stretches], uses)
-    gap, slip = _gaps(switching, accelerated, found)
-    stats, h = _stats(stretches), switching.h
-    if "h_next" in stats:  # of controlled steps
-        h = float(found.t[-1] - found.t[0]) / max(stats["steps"], 1)
-    found.groups["angles"] = _angles(switching, found, found)
-    kept = np.concatenate([np.arange(use) % every == 0 for use in uses])
-    kept[-1] = True
-    initial = last.initial
-    if request.t_eval is not None:
-        initial = {name: float(x[0]) for name, x in found.groups["invariants"].items()}
-        given = [x.given for x in stretches if x.given is not None]
-        ends = [x.whole.run.t[0] for x in stretches[1:]]
-        counts = [int(np.sum(x.run.t[: x.count] < t)) for x, t in zip(given, ends, strict=False)]
-        uses, whole = [*counts, given[-1].count], found
-        found = _columns(switching, given, uses)
-        found.groups["angles"] = _angles(switching, whole, found)
-        gap, slip = _gaps(switching, accelerated, found)
-        kept = np.ones(len(found.t), dtype=bool)
-    _balanced(found, stretches, uses)
-    columns = {"mode": found.mode, "gap": gap, "normal": found.normal}
-    columns |= {"friction": found.friction, "slip": slip}
-    records = {
-        name: ContactRecord(
-            changes=tuple(switching.changes[k]),
-            **{what: x[kept, k] for what, x in columns.items()},
+
+    stats: dict[str, Any] = field(default_factory=lambda: {"stretches": 0})
+    work: float = 0.0
+    energy: float = 0.0
+    last: Last | None = None
+    first: float = 0.0
+    told: list[int] = field(default_factory=list)
+
+    def joined(
+        self, stretches: Sequence[Stretch], now: Switching, request: Request, *, goes_on: bool
+    ) -> Solution:
+        """Join the records of stretches: at a change that after it is kept, and one in `every`.
+
+        Where the run goes on, its last record is the first of the next part.
+        """
+        contacts, every, run = now.contacts, request.every, stretches[-1].whole.run
+        uses = [x.used for x in stretches]
+        if not goes_on:
+            uses[-1] = stretches[-1].whole.count
+        whole = _columns(now, [x.whole for x in stretches], uses)
+        if self.last is None:
+            self.first, self.told = float(whole.t[0]), [0] * len(contacts.names)
+            self.energy = whole.groups["invariants"].get("energy", np.zeros(1))[0]
+        found, kept = whole, np.concatenate([np.arange(use) % every == 0 for use in uses])
+        kept[-1] |= not goes_on
+        initial, last = run.initial, self.last
+        self._continue(now, whole, whole, last)
+        if request.t_eval is not None:
+            initial = {name: float(x[0]) for name, x in whole.groups["invariants"].items()}
+            given = [x.given for x in stretches if x.given is not None]
+            uses = _given(given, [x.whole.run.t[0] for x in stretches[1:]] + [now.t] * goes_on)
+            found = _columns(now, given, uses)
+            self._continue(now, whole, found, last)
+            kept = np.ones(len(found.t), dtype=bool)
+        self._balance(found, stretches, uses, now.t)
+        self._add(stretches)
+        arrays: dict[str, Any] = {
+            group: {name: x[kept] for name, x in own.items()} for group, own in found.groups.items()
+        }
+        is_dense = every == 1 and request.t_eval is None and request.states
+        return replace(
+            run,
+            **(arrays | ({} if request.states else {"states": {}})),
+            t=found.t[kept],
+            initial=initial,
+            names={**run.names, "constraints": contacts.system.constraints},
+            events=_events(stretches),
+            stats=cast("Stats", self.stats),
+            message="; ".join(dict.fromkeys(now.messages)),
+            dense_order=run.dense_order if is_dense else 0,
+            stretches=tuple((x.whole.run, x.whole.system.own) for x in stretches if is_dense),
+            h=self.mean(now.h, whole.t[-1]),
+            system=contacts.system,
+            changing=tuple(x for x in ("energy",) if x in run.invariants),
+            contacts=self._contacts(now, found, kept),
         )
-        for k, name in enumerate(contacts.names)
-    }
-    arrays: dict[str, Any] = {
-        group: {name: x[kept] for name, x in own.items()} for group, own in found.groups.items()
-    }
-    is_dense = every == 1 and request.t_eval is None and request.states
-    return replace(
-        last,
-        **(arrays | ({} if request.states else {"states": {}})),
-        t=found.t[kept],
-        initial=initial,
-        names={**last.names, "constraints": contacts.system.constraints},
-        events=_events(stretches),
-        stats=stats,
-        message="; ".join(dict.fromkeys(switching.messages)),
-        dense_order=last.dense_order if is_dense else 0,
-        stretches=tuple((x.whole.run, x.whole.system.own) for x in stretches) if is_dense else (),
-        h=h,
-        system=contacts.system,
-        changing=tuple(x for x in ("energy",) if x in last.invariants),
-        contacts=records,
-    )
+
+    def mean(self, h: float, end: float) -> float:
+        """Return the step: of controlled ones their mean until a time."""
+        if "h_next" not in self.stats:
+            return h
+        return float(end - self.first) / max(int(self.stats["steps"]), 1)
+
+    def _continue(self, now: Switching, whole: Columns, found: Columns, last: Last | None) -> None:
+        """Put the angles that all steps continue, from those at the last record, with others."""
+        system = now.contacts.system
+        parts = [
+            (x.t, *(x.groups["states"][name] for name in system.states)) for x in (whole, found)
+        ]
+        if last is not None:
+            parts.insert(0, (np.array([last[0]]), last[1][None], last[2][None]))
+        t, y, z = (np.concatenate(x) for x in zip(*parts, strict=True))
+        order = np.argsort(t if t[-1] >= t[0] else -t, kind="stable")
+        known = None if last is None else last[3]
+        angles = system.continued(t[order], y[order], z[order], now.params, known)
+        back = np.argsort(order)[len(t) - len(found.t) :]
+        found.groups["angles"] = {name: x[back] for name, x in angles.items()}
+        if found is whole:
+            ends = {name: float(x[back][-1]) for name, x in angles.items()}
+            self.last = float(whole.t[-1]), parts[-1][1][-1].copy(), parts[-1][2][-1].copy(), ends
+
+    def _balance(
+        self, found: Columns, stretches: Sequence[Stretch], uses: Sequence[int], end: float
+    ) -> None:
+        """Let work and dissipation be those since the start of the run, not of each stretch."""
+        if not found.groups["balance"]:
+            return
+        runs = [x.whole.run for x in stretches]
+        ends = [*(after.t[0] for after in runs[1:]), end]
+        done = [np.interp(t, x.t, x.balance["work"]) for t, x in zip(ends, runs, strict=True)]
+        before = np.cumsum([self.work, *done])
+        work = found.groups["balance"]["work"] + np.repeat(before[:-1], uses)
+        lost = self.energy + work - found.groups["invariants"]["energy"]
+        found.groups["balance"] = {"work": work, "dissipated": lost}
+        self.work = float(before[-1])
+
+    def _contacts(self, now: Switching, found: Columns, kept: Array) -> dict[str, ContactRecord]:
+        """Return the records of contacts by name."""
+        y, z = (found.groups["states"][name] for name in now.contacts.system.states)
+        gap, slip = now.contacts.records(found.t, y, z, now.params, 0.0, 0.0)[:2]
+        columns = {"mode": found.mode, "gap": gap, "normal": found.normal}
+        columns |= {"friction": found.friction, "slip": now.contacts.seen(slip)}
+        return {
+            name: ContactRecord(
+                changes=tuple(now.changes[k][self.told[k] :]),
+                **{what: x[kept, k] for what, x in columns.items()},
+            )
+            for k, name in enumerate(now.contacts.names)
+        }
+
+    def _add(self, stretches: Sequence[Stretch]) -> None:
+        """Add the numbers of stretches."""
+        self.stats = dict(self.stats)
+        self.stats["stretches"] += len(stretches)
+        for stretch in stretches:
+            for name, value in stretch.whole.run.stats.items():
+                if isinstance(value, str):
+                    self.stats[name] = value
+                elif name in NOT_SUMMED:
+                    self.stats[name] = NOT_SUMMED[name](self.stats.get(name, value), value)
+                else:
+                    self.stats[name] = self.stats.get(name, 0) + value
+
+
+def _given(parts: Sequence[Part], ends: Sequence[float]) -> list[int]:
+    """Return how many records at given times are those of each part, which end at these times."""
+    counts = [int(np.sum(x.run.t[: x.count] < t)) for x, t in zip(parts, ends, strict=False)]
+    return counts if len(ends) == len(parts) else [*counts, parts[-1].count]
 
 
 def _columns(switching: Switching, parts: Sequence[Part], uses: Sequence[int]) -> Columns:
@@ -198,32 +225,6 @@ def _columns(switching: Switching, parts: Sequence[Part], uses: Sequence[int]) -
     )
 
 
-def _angles(switching: Switching, whole: Columns, found: Columns) -> dict[str, Array]:
-    """Return the angles at records that all steps continue, by name."""
-    system = switching.contacts.system
-    t = np.concatenate([whole.t, found.t])
-    order = np.argsort(t if t[-1] >= t[0] else -t, kind="stable")
-    y, z = (
-        np.concatenate([x.groups["states"][name] for x in (whole, found)])[order]
-        for name in system.states
-    )
-    angles = system.continued(t[order], y, z, switching.params)
-    back = np.argsort(order)[len(whole.t) :]
-    return {name: x[back] for name, x in angles.items()}
-
-
-def _balanced(found: Columns, stretches: Sequence[Stretch], uses: Sequence[int]) -> None:
-    """Let work and dissipation be those since the start of the run, not of each stretch."""
-    if not found.groups["balance"]:
-        return
-    runs = [x.whole.run for x in stretches]
-    ends = [after.t[0] for after in runs[1:]]
-    done = [np.interp(t, x.t, x.balance["work"]) for t, x in zip(ends, runs, strict=False)]
-    work = found.groups["balance"]["work"] + np.repeat(np.cumsum([0.0, *done]), uses)
-    lost = runs[0].invariants["energy"][0] + work - found.groups["invariants"]["energy"]
-    found.groups["balance"] = {"work": work, "dissipated": lost}
-
-
 def _own(system: ModeSystem, group: str, name: str, values: Array) -> Array:
     """Return the columns of the system itself, without the constraints of a mode."""
     if name == "lam":
@@ -231,53 +232,6 @@ def _own(system: ModeSystem, group: str, name: str, values: Array) -> Array:
     if group == "residuals":
         return values[:, : system.rows_of(name)]
     return values
-
-
-def check_start(now: Switching, y: Array, z: Array) -> None:
-    """Refuse a start that penetrates."""
-    at = now.at(now.t, y, z)
-    for name, gap, size in zip(now.contacts.names, at.gap, at.size, strict=True):
-        if gap < -PENETRATES * size:
-            sentence = f"contact '{name}' penetrates by {-gap:.3g} at the start"
-            raise ValueError(hinted(sentence, "its gap must not be negative"))
-
-
-def check(
-    run: Solution, system: ModeSystem, switching: Switching, accelerated: float, count: int
-) -> IntegrationError | None:
-    """Return the fault of the first records of a stretch: they penetrate, or slip back."""
-    contacts, t = switching.contacts, run.t[:count]
-    y, z = (run.states[name][:count] for name in contacts.system.states)
-    gap, slip, size, fast = contacts.records(t, y, z, switching.params, switching.h, accelerated)
-    through = np.argwhere(gap < -PENETRATES * size)
-    if through.size:
-        k, which = through[0]
-        name = contacts.names[which]
-        sentence = f"contact '{name}' penetrates by {-gap[k, which]:.2g} at t = {t[k]:g}"
-        return IntegrationError(sentence, t=float(t[k]), quantity=name)
-    loads = contacts.loads(t, y, switching.params)
-    lifted = np.argwhere(loads < 0)
-    if lifted.size:
-        k, which = lifted[0]
-        what = f"the load of contact '{contacts.names[which]}' is negative, {loads[k, which]:.3g}"
-        return IntegrationError(f"{what}, at t = {t[k]:g}", t=float(t[k]))
-    signs = np.array([mode.sign for mode in system.modes])
-    back = np.argwhere(slip * signs[contacts.owner] < -BACKWARDS * fast)
-    if back.size:
-        k, row = back[0]
-        name = contacts.names[contacts.owner[row]]
-        against = f"contact '{name}' slips against its own friction"
-        sentence = hinted(f"{against} at t = {t[k]:g}", "try a smaller h")
-        return IntegrationError(sentence, t=float(t[k]), quantity=name)
-    return None
-
-
-def _gaps(switching: Switching, accelerated: float, found: Columns) -> tuple[Array, Array]:
-    """Return gaps and slips at records, by contact."""
-    contacts, own = switching.contacts, (switching.params, switching.h, accelerated)
-    y, z = (found.groups["states"][name] for name in contacts.system.states)
-    gap, slip = contacts.records(found.t, y, z, *own)[:2]
-    return gap, contacts.seen(slip)
 
 
 def _forces(switching: Switching, part: Part, used: int) -> tuple[Array, Array]:
@@ -334,17 +288,3 @@ def _events(stretches: Sequence[Stretch]) -> dict[str, Points]:
                 states = {key: np.concatenate([before.states[key], states[key]]) for key in states}
             found[name] = Points(t, states)
     return found
-
-
-def _stats(stretches: Sequence[Stretch]) -> Any:
-    """Return the sums of all stretches, and how many there are."""
-    stats: dict[str, Any] = {"stretches": len(stretches)}
-    for stretch in stretches:
-        for name, value in stretch.whole.run.stats.items():
-            if isinstance(value, str):
-                stats[name] = value
-            elif name in NOT_SUMMED:
-                stats[name] = NOT_SUMMED[name](stats.get(name, value), value)
-            else:
-                stats[name] = stats.get(name, 0) + value
-    return stats

@@ -22,6 +22,7 @@ import numpy as np
 
 from liouville._runs.contacts.complementarity import SOLVED, Array, lemke
 from liouville._runs.contacts.cones import cones
+from liouville._runs.contacts.matrices import of_contacts
 
 #: Contacts act on one another by more than this part of how they act on themselves.
 COUPLED = 1e-13
@@ -29,6 +30,8 @@ COUPLED = 1e-13
 DEPENDENT = 1e-13
 #: What a compression brings to rest is within this part of the largest rate.
 STOPPED = 1e-12
+#: Friction is below its bound by more than this part.
+WITHIN = 1e-6
 #: The largest number of sweeps, which end where they change nothing but by this part.
 MOST_SWEEPS, SETTLED = 20_000, 1e-15
 #: They diverge where forces are so many times those of single contacts.
@@ -48,6 +51,17 @@ class Forces:
     across: Array
     along: Array
     phases: tuple[Forces, ...] = ()
+
+
+def noise(found: Forces, mu: Array, held: Array, owner: Array) -> float:
+    """Return how far accelerations of slips are off zero that friction holds, or drives.
+
+    It holds what is `held` where it is below its bound, and never acts along the slip.
+    """
+    friction, along = (of_contacts(x, owner) for x in (found.friction, found.along))
+    driven = np.bincount(owner, found.friction * found.along, len(mu))[held] / friction[held]
+    inside = held & (friction < (1 - WITHIN) * mu * found.normal)
+    return float(np.concatenate([driven, along[inside]]).max(initial=0.0))
 
 
 def solve(

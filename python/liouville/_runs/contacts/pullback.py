@@ -19,9 +19,9 @@ from liouville._basics.progress import Progress
 from liouville._methods.control import CONTROLS, LEAST_TOLERANCE, Takes
 from liouville._runs.adjoint import EVENTS, INVARIANTS, Adjoint, Gradients
 from liouville._runs.contacts.complementarity import Array
-from liouville._runs.contacts.joined import Link
 from liouville._runs.contacts.run import Course
 from liouville._runs.contacts.single import course
+from liouville._runs.contacts.stretch import Link
 from liouville._runs.contacts.tangent import Differences
 from liouville._runs.execute import finished
 from liouville._runs.tangents import ENDS, PARAMS, check_wrt, gradients_of, shapes_of
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from liouville._methods import Method
     from liouville._methods.control import Steps
     from liouville._methods.planner import Plan
-    from liouville._runs.contacts.joined import Part
+    from liouville._runs.contacts.stretch import Part
     from liouville._runs.runner import Request
     from liouville._systems import Mechanics
 

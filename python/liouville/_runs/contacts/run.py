@@ -10,108 +10,64 @@ import numpy as np
 
 from liouville._basics.errors import IntegrationError, hinted, quoted
 from liouville._runs.contacts import stops
-from liouville._runs.contacts.bouncing import LEAST, MOST_HITS, WINDOW, bounced
+from liouville._runs.contacts.asking import Asking
+from liouville._runs.contacts.bouncing import LEAST, Bounced, bounced
 from liouville._runs.contacts.complementarity import Array
-from liouville._runs.contacts.joined import Link, Part, Stretch, check, joined
-from liouville._runs.contacts.margin import loads, refuse_space, torn
-from liouville._runs.contacts.matrices import Matrices
-from liouville._runs.contacts.mode import FEW, ModeSystem, endings
-from liouville._runs.contacts.switching import AT_REST, EPS, Switching
-from liouville._runs.contacts.tangent import Moving, at_end, ended_by, moving, through
-from liouville._runs.contacts.traced import Contacts
-from liouville._runs.watch import given
-from liouville._systems.events import Event, named
+from liouville._runs.contacts.margin import loads, torn
+from liouville._runs.contacts.mode import ModeSystem, endings
+from liouville._runs.contacts.stretch import Link, Part, Stretch, check, check_start
+from liouville._runs.contacts.switching import AT_REST, EPS
+from liouville._runs.contacts.tangent import at_end, ended_by, through
 from liouville._systems.mechanics.contact import Mode
 
 if TYPE_CHECKING:
-    from liouville._methods.control import Steps
-    from liouville._runs.contacts.single import Maker
-    from liouville._runs.runner import Request
     from liouville._solution.solution import Solution
 
-TINY = float(np.finfo(float).tiny)
-
-#: Flights shorter than so many steps are made with a step of this part of them.
-SHORT, PARTS = 3.0, 3
-#: A start of a stretch is moved onto its constraints by at most this part of its size.
-MOVED = 1e-7
-#: Where a method chooses its first step, sizes are those of this part of the whole time.
-FIRST = 0.01
 #: Times that differ by so many roundings are the same.
 SAME = 4
 #: A step in which a slip changes too much is shortened so often.
 MOST_CAUTION = 12
+#: So many steps a stretch has at most: a stored run that is cut off makes its last one again.
+LONGEST = 1 << 14
 #: So many stretches in turn that do not move the time are said to be without end.
 MOST_AT_ONCE = 100
 
 
-class Course:
-    """A run with contacts as it goes on.
+#: What a run goes on from, and what follows from the job and the state.
+SAVED = (
+    "state", "step", "window", "caution", "accelerated", "met", "_at_once", "records",
+)  # fmt: skip
+DERIVED = ("contacts", "params", "laws", "_last")
 
-    Parameters
-    ----------
-    contacts : Contacts
-        The contacts of the system.
-    make : Maker
-        What makes a stretch, to the end or to an event.
-    request : Request
-        What is asked for.
-    steps : Steps
-        The steps asked for.
-    without : str or None
-        The name of a method that holds no nonholonomic constraints, and so nothing that sticks.
-    """
 
-    def __init__(
-        self, contacts: Contacts, make: Maker, request: Request, steps: Steps, without: str | None
-    ) -> None:
-        self.contacts, self.make, self.request = contacts, make, request
-        #: Whether the run is differentiated, by directions or by a pullback.
-        self.has_derivative = request.tangents is not None or request.has_pullback
-        if self.has_derivative and contacts.is_spatial.any():
-            names = quoted([contacts.names[k] for k in np.flatnonzero(contacts.is_spatial)])
-            sentence = f"derivatives do not go through friction in space, of contacts {names}"
-            raise TypeError(hinted(sentence, "give a slip of one value to what moves in a plane"))
-        self.without, self.may_reset = without, without is None and not self.has_derivative
-        #: How each stretch began and ended, of a run with a pullback.
-        self.links: list[Link] = []
-        #: The directions that the run is differentiated in, as they have come to the present time.
-        self.moving: Moving | None = None
-        if request.tangents is not None:
-            if not request.states:
-                raise ValueError("tangents are those of states: leave out states=False")
-            self.moving = moving(contacts.system, request.tangents, steps)
-        start, self.end = steps.t0, steps.t1
-        self.steps, self.is_controlled = steps, steps.control is not None
-        #: The longest step that a stretch begins with: a time scale of accelerations knows no rest.
-        self.longest = np.inf
-        #: The step that the next stretch begins with, None where the method chooses it.
-        self.step: float | None = (self.end - start) / steps.count
-        if steps.control is not None:
-            self.step = steps.control[-2] or None
-            if steps.control[0] == "reversible" and request.control.monitor is None:
-                self.longest = steps.control[-2]
-        h = self.step or FIRST * (self.end - start)
-        self.now = Switching(contacts, start, h, contacts.system.values(request.params))
-        self._at_once = 0
-        #: The largest acceleration without contact forces at the beginning of a stretch.
-        self.accelerated = 0.0
-        self.events = named(request.events)
-        #: How often each was met.
-        self.met = dict.fromkeys(self.events, 0)
-        #: How often a step was shortened in which a slip in space changed too much.
-        self.caution = 0
-        #: So many steps the next stretch through hits goes.
-        self.window = WINDOW
-        #: The times of the records, where they are given.
-        self.times = given(request.t_eval, (start, self.end), request.every)
-        self.stretches: list[Stretch] = []
-        self.status, self.ending = "done", ""
+class Course(Asking):
+    """A run with contacts as it goes on; see :class:`Asking`."""
+
+    @property
+    def has_begun(self) -> bool:
+        """Whether there is a stretch."""
+        return bool(self.stretches) or self.records.last is not None
 
     @property
     def is_over(self) -> bool:
         """Whether the run has come to its end."""
         return self.now.t >= self.end or self.status != "done" or bool(self.ending)
+
+    def begin(self) -> None:
+        """Take the start, and choose the first mode."""
+        system, now = self.contacts.system, self.now
+        y, z = system.start(self.request.start)
+        system.check(now.t, y, z, now.params)
+        check_start(now, y, z)
+        self.state = self.settle(y, z, set())
+
+    def go_on(self) -> None:
+        """Make a stretch, and the change at its end."""
+        y, z, stopped = self.advance(*self.state)
+        if self.is_over:
+            self.finish(y, z, stopped)
+        else:
+            self.state = self.settle(y, z, stopped)
 
     def settle(self, y: Array, z: Array, stopped: set[int]) -> tuple[Array, Array]:
         """Make impacts, and choose the mode that goes on; directions go through them too."""
@@ -123,7 +79,7 @@ class Course:
 
     def advance(self, y: Array, z: Array) -> tuple[Array, Array, set[int]]:
         """Make a stretch; return the state at its end and the contacts whose slip came to zero."""
-        now, (first, second) = self.now, self.contacts.system.states
+        now = self.now
         if begins := stops.beginning(now):
             y, z = self._begin(y, z, begins)
             if self.is_over:
@@ -136,46 +92,57 @@ class Course:
         start = self._moved(system, at, y, z)
         begin, (until, h) = now.t, self._limits(y, z)
         bounces = self._has_window(system, until)
-        if bounces and h is not None:
-            until = min(until, now.t + self.window * h)
+        if h is not None:
+            until = min(until, now.t + (self.window if bounces else LONGEST) * h)
         ending = endings(self.contacts, system, AT_REST * at.sizes[now.c :], now.h)
         asked = self._asked((system, ending), (now.t, until), h, start, bounces=bounces)
+        found = self._made(asked, bounces=bounces)
+        if found is None:
+            self.window = 0
+            return self.advance(y, z)
+        last = stops.turned(found.run, system, self.contacts, now.params)
+        if last == 0 and self.caution < MOST_CAUTION:
+            self.caution += 1
+            return self.advance(y, z)
+        self.caution = 0
+        y, z = self._come(found, last or len(found.run.t) - 1, asked)
+        if self.has_derivative:
+            self._differentiate(found.run, system)
+        self._go_on(found.run, begin, h)
+        return y, z, self._ended(found.run, system)
+
+    def _made(self, asked: Any, *, bounces: bool) -> Bounced | None:
+        """Return a stretch, as far as it counts; None where hits are left to the laws."""
+        system, now = asked[0], self.now
         names = None if self.moving is None else self.moving.directions(system)
         try:
             run = self.make(*asked, None, names)
         except IntegrationError as error:
             if bounces:  # of a part that may not count
-                self.window = 0
-                return self.advance(y, z)
+                return None
             if error.solution is not None and len(error.solution.t):
                 run = error.solution
                 now.t = float(run.t[-1])
                 whole = Part(run, system, len(run.t), loads(run, system, self.now), now.t)
                 self._keep(whole, asked)
             raise
-        end, changes = None, []
+        found = Bounced(run, len(run.t), None, [])
         if bounces:
-            found = bounced(run, system, now, self.accelerated, (until, self.request.observe))
-            run, count, end, changes = found.run, found.count, found.end, found.changes
-            longer = min(2 * self.window, self.steps.count)
-            self.window = longer if end is None else max(LEAST, self.window // 2)
-        else:
-            count = len(run.t)
-        wrong = check(run, system, now, self.accelerated, count)
-        if wrong is not None and bounces:
-            self.window = 0
-            return self.advance(y, z)
-        if wrong is not None:
+            until = asked[1][1], self.request.observe
+            found = bounced(run, system, now, self.accelerated, until)
+            longer = min(2 * self.window, self.steps.count, LONGEST)
+            self.window = longer if found.end is None else max(LEAST, self.window // 2)
+        wrong = check(found.run, system, now, self.accelerated, found.count)
+        if wrong is not None and not bounces:
             raise wrong
-        last = stops.turned(run, system, self.contacts, now.params)
-        if last == 0 and self.caution < MOST_CAUTION:
-            self.caution += 1
-            return self.advance(y, z)
-        self.caution = 0
-        last = last or len(run.t) - 1
-        now.t, count = float(run.t[last]), min(count, last + 1)
-        y, z = run.states[first][last].copy(), run.states[second][last].copy()
-        forces = loads(run, system, self.now)
+        return found if wrong is None else None
+
+    def _come(self, found: Bounced, last: int, asked: Any) -> tuple[Array, Array]:
+        """Keep a stretch until its last record that counts; return the state there."""
+        now, run, system = self.now, found.run, asked[0]
+        now.t, count = float(run.t[last]), min(found.count, last + 1)
+        y, z = (run.states[name][last].copy() for name in system.states)
+        forces = loads(run, system, now)
         if len(forces) > 1 and forces[-1].gives_way:
             count = len(forces) - 1
             now.t, (y, z) = torn(run, count, now)
@@ -183,15 +150,12 @@ class Course:
                 sentence = f"contacts that share a load give way at t = {now.t:g}"
                 hint = "derivatives do not go through that"
                 raise IntegrationError(hinted(sentence, hint), t=now.t)
-        if end is not None:
-            now.t, y, z = end
+        if found.end is not None:
+            now.t, y, z = found.end
         self._keep(Part(run, system, count, forces, now.t), asked)
-        for k, change in changes:
+        for k, change in found.changes:
             now.add_hit(k, change)
-        if self.has_derivative:
-            self._differentiate(run, system)
-        self._go_on(run, begin, h)
-        return y, z, self._ended(run, system)
+        return y, z
 
     def _begin(self, y: Array, z: Array, which: list[int]) -> tuple[Array, Array]:
         """Return the state behind the first bit of sliding in space, with a record before it."""
@@ -210,7 +174,7 @@ class Course:
 
     def _stop(self, y: Array, z: Array, rests: dict[int, float]) -> tuple[Array, Array]:
         """Return the state where slips in space have come to rest."""
-        now, until = self.now, max(rests.values()) if self.stretches else self.now.t
+        now, until = self.now, max(rests.values()) if self.has_begun else self.now.t
         behind = stops.stopped(now, rests, until - now.t, y, z)
         if until > now.t and self.without is None:
             self._bridge(y, z, until, [*rests])
@@ -231,24 +195,6 @@ class Course:
         now.t = float(run.t[-1])
         self._keep(Part(run, system, len(run.t), (), now.t, which), asked)
         self._ended(run, system)
-
-    def _system(self, at: Matrices) -> ModeSystem:
-        """Return the system of the present mode, unless the method holds nothing that sticks."""
-        now = self.now
-        stuck = [
-            name
-            for name, mode in zip(self.contacts.names, now.modes, strict=True)
-            if mode is Mode.STICK
-        ]
-        if stuck and self.without is not None:
-            which = f"contact {quoted(stuck)} sticks"
-            which = which if len(stuck) == 1 else f"contacts {quoted(stuck)} stick"
-            sentence = f"at t = {now.t:g} {which}, which {self.without} does not hold"
-            hint = "take Spark, LobattoPair or a Composition of one"
-            raise IntegrationError(hinted(sentence, hint), t=now.t)
-        system = self.contacts.mode(now.modes, at)
-        refuse_space(system, self.contacts, now.t)
-        return system
 
     def finish(self, y: Array, z: Array, stopped: set[int]) -> None:
         """Let the last record be behind a hit that is met at the end of the run."""
@@ -283,39 +229,6 @@ class Course:
             if kind == "stop" and now.t in run.events[name].t
         }
 
-    def _asked(
-        self,
-        ended: tuple[ModeSystem, dict[str, Event]],
-        span: tuple[float, float],
-        h: float | None,
-        start: dict[str, Array],
-        *,
-        bounces: bool,
-    ) -> tuple[Any, ...]:
-        """Return the arguments of a stretch of a system with what ends its mode."""
-        system, events = ended
-        if bounces:
-            most = self.window * MOST_HITS
-            events |= {name: replace(x, terminal=most) for name, x in system.resets().items()}
-        left = {
-            name: replace(event, terminal=int(event.terminal) - self.met[name])
-            if event.terminal
-            else event
-            for name, event in self.events.items()
-        }
-        return system, span, h, {**events, **left}, start
-
-    def _has_window(self, system: ModeSystem, until: float) -> bool:
-        """Whether the next stretch goes through hits that the core answers."""
-        if self.is_controlled or not self.may_reset or until < self.end or not system.bounces:
-            return False
-        if not all(self.now.laws.restitution[k] for k in system.bounces.values()):
-            return False  # what does not bounce stays
-        if self.window:
-            return True
-        self.window = LEAST  # once by the laws of contacts
-        return False
-
     def _keep(self, whole: Part, asked: Any) -> None:
         """Keep a stretch; where times are given, it is made again with records at these."""
         if self.times is None:
@@ -339,9 +252,9 @@ class Course:
         part = Part(kept, system, count, shares, slides=whole.slides)
         self.stretches.append(Stretch(whole, part))
 
-    def solution(self) -> Solution:
-        """Join all stretches."""
-        found = joined(self.stretches, self.now, self.accelerated, self.request)
+    def solution(self, *, goes_on: bool = False) -> Solution:
+        """Join the stretches that were not taken yet."""
+        found = self.records.joined(self.stretches, self.now, self.request, goes_on=goes_on)
         if self.moving is not None:
             joined_ones: Any = found.tangents  # arrays by state, of all directions
             found = replace(found, tangents=self.moving.named(joined_ones))
@@ -349,32 +262,31 @@ class Course:
         tolerances = self.steps.tolerances
         return replace(found, status=self.status, message=message, tolerances=tolerances)
 
-    def _moved(self, system: ModeSystem, at: Matrices, y: Array, z: Array) -> dict[str, Array]:
-        """Return the start of a stretch on the constraints of its mode."""
-        (first, second), t = system.states, self.now.t
-        held = system.stepped(t, y, z, self.now.params)
-        start = held.consistent(t, self.request.params, None, **{first: y, second: z})
-        off = float(np.abs(start[first] - y).max() / max(at.way, TINY))
-        if off > MOVED:
-            names = quoted(system.constraints)
-            sentence = f"at t = {t:g} the state is {off:.1g} of its size off constraints {names}"
-            raise IntegrationError(sentence, t=t)
-        return start
+    @property
+    def may_part(self) -> bool:
+        """Whether records may be taken here, and the run saved: between two stretches."""
+        now = self.now
+        return not (self.is_over or stops.stopping(now, now.at(now.t, *self.state)))
 
-    def _limits(self, y: Array, z: Array) -> tuple[float, float | None]:
-        """Return where the stretch ends at most, and its step, which short flights shorten."""
-        now, shortest = self.now, self.now.shortest_flight(y, z)
-        left = self.end - now.t
-        slow = stops.slowest(now, now.at(now.t, y, z)) / 2
-        if slow < (np.inf if self.is_controlled else FEW * now.h) or self.caution:
-            # controlled steps, which grow, do not know the way to rest
-            until = slow if self.is_controlled else min(slow, now.h)
-            until = min(now.t + until / 4**self.caution, self.end)
-            return until, min(self.step or np.inf, until - now.t)
-        if not shortest < SHORT * now.h:
-            return self.end, self.step and min(self.step, left)
-        until = self.end if self.is_controlled else min(self.end, now.t + 2 * shortest)
-        return until, min(shortest / PARTS, until - now.t)
+    def taken(self) -> Solution:
+        """Take the records of the stretches so far, where the run goes on."""
+        found = self.solution(goes_on=True)
+        self.stretches = []
+        for own in self.now.changes:
+            del own[:-1]
+        self.records.told = [len(own) for own in self.now.changes]
+        return found
+
+    def saved(self) -> tuple[dict[str, Any], dict[str, Any]]:
+        """Return all that the run goes on from, once its stretches were taken."""
+        own = {name: getattr(self, name) for name in SAVED}
+        kept = {name: x for name, x in vars(self.now).items() if name not in DERIVED}
+        return own, kept
+
+    def restore(self, saved: tuple[dict[str, Any], dict[str, Any]]) -> None:
+        """Go back to where the run was saved."""
+        for into, own in zip((self, self.now), saved, strict=True):
+            vars(into).update(own)
 
     def _differentiate(self, run: Solution, system: ModeSystem) -> None:
         """Take the directions to the end of a stretch, or keep what its pullback needs."""

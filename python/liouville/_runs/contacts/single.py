@@ -7,12 +7,11 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from liouville._basics.arguments import count
-from liouville._basics.errors import IntegrationError
+from liouville._basics.errors import IntegrationError, hinted
 from liouville._basics.progress import Progress, reported
 from liouville._methods.control import CONTROLS, LEAST_TOLERANCE, Takes
 from liouville._runs.choice import named as method_of
 from liouville._runs.choice import runner_of
-from liouville._runs.contacts.joined import check_start
 from liouville._runs.contacts.run import Course
 from liouville._runs.execute import checked, execute
 from liouville._runs.runner import Request
@@ -24,9 +23,6 @@ if TYPE_CHECKING:
     from liouville._methods import Method
     from liouville._methods.planner import Plan
     from liouville._systems import Mechanics
-
-#: Arguments that runs with contacts do not take, with their defaults.
-WITHOUT = {"is_stored": False}
 
 
 class Maker:
@@ -98,13 +94,41 @@ def course(
     system: Mechanics, method: Method | Plan | str, request: Request, progress: Progress
 ) -> Course:
     """Run a system with contacts, the stretch of one mode after another."""
-    for name, default in WITHOUT.items():
-        if getattr(request, name) is not default:
-            what = "store" if name == "is_stored" else name
-            raise TypeError(f"{what}= is not for systems with contacts")
+    with reported(progress, "of time") as report:
+
+        def come(t: float) -> None:
+            if report is not None:
+                report(t - own.steps.t0, own.steps.t1 - own.steps.t0)
+
+        own = prepared(system, method, request, come)
+        try:
+            own.begin()
+            while not own.is_over:
+                own.go_on()
+        except IntegrationError as error:
+            own.status, own.ending = "failed", str(error)
+            error.solution = own.solution() if own.stretches else None
+            raise
+        except KeyboardInterrupt:  # between stretches, which answer it themselves
+            if not own.stretches:
+                raise
+            own.status, own.ending = "interrupted", f"interrupted at t = {own.now.t:g}"
+        return own
+
+
+def prepared(
+    system: Mechanics,
+    method: Method | Plan | str,
+    request: Request,
+    report: Callable[[float], None],
+) -> Course:
+    """Return a run before its start; how far each stretch has come is reported."""
     for name, event in named(request.events).items():
         if event.reset is not None:
             raise TypeError(f"event '{name}' has a reset, which is not for systems with contacts")
+    if request.is_stored and request.tangents is not None:
+        sentence = "tangents= of runs with contacts go without store="
+        raise TypeError(hinted(sentence, "leave out one of them"))
     # the runner of the first stretch refuses a control that the method does not take
     steps = request.steps_of(system, Takes(repr(method), CONTROLS, LEAST_TOLERANCE / 100))
     if steps.t1 <= steps.t0:
@@ -115,36 +139,5 @@ def course(
     # the alpha family counts work from each start, and holds nothing that sticks
     used = method_of(system, method, request.rtol)
     without = type(used).__name__ if isinstance(used, ALPHA) else None
-    with reported(progress, "of time") as report:
-
-        def come(t: float) -> None:
-            if report is not None:
-                report(t - steps.t0, steps.t1 - steps.t0)
-
-        assert system.contacts is not None
-        maker = Maker(method, request, come)
-        return _run(system, Course(system.contacts, maker, request, steps, without))
-
-
-def _run(system: Mechanics, course: Course) -> Course:
-    """Run to the end, or to what fails."""
-    y, z = system.start(course.request.start)
-    system.check(course.now.t, y, z, course.now.params)
-    check_start(course.now, y, z)
-    try:
-        y, z = course.settle(y, z, set())
-        while True:
-            y, z, stopped = course.advance(y, z)
-            if course.is_over:
-                course.finish(y, z, stopped)
-                break
-            y, z = course.settle(y, z, stopped)
-    except IntegrationError as error:
-        course.status, course.ending = "failed", str(error)
-        error.solution = course.solution() if course.stretches else None
-        raise
-    except KeyboardInterrupt:  # between stretches, which answer it themselves
-        if not course.stretches:
-            raise
-        course.status, course.ending = "interrupted", f"interrupted at t = {course.now.t:g}"
-    return course
+    assert system.contacts is not None
+    return Course(system.contacts, Maker(method, request, report), request, steps, without)

@@ -29,9 +29,8 @@ AT_REST = 1e-9
 ROUNDED = 1e-14
 #: Accelerations and forces are zero within this part of the largest, ahead within the second.
 ZERO, ZERO_AHEAD = 1e-9, 1e-12
-#: Accelerations are rounded by so many times what those of slips that friction holds are off zero:
-#: it holds them where it is below that of what slides by this part.
-NOISE, WITHIN = 4.0, 1e-6
+#: Accelerations are rounded by so many times what friction that holds leaves of them.
+NOISE = 4.0
 #: A look ahead goes this part of a step, one for the rates of accelerations the second.
 AHEAD, NEAR = 1e-6, 1e-3
 #: A contact that bounces closes where its next flight is as low as so many roundings of the gap.
@@ -349,12 +348,8 @@ class Switching:
         )
         friction, along = (of_contacts(x, at.owner) for x in (found.friction, found.along))
         moves = of_contacts(slip, at.owner) > 0
-        # what is held or slides along its friction says how far rates are rounded
-        along_it = np.bincount(at.owner, found.friction * found.along, self.c)
         held = closed & ~moves & (friction > 0)
-        inside = held & (friction < (1 - WITHIN) * at.laws.friction * found.normal)
-        fast = max(fast, NOISE * (along_it[held] / friction[held]).max(initial=0.0))
-        fast = max(fast, NOISE * along[inside].max(initial=0.0))
+        fast = max(fast, NOISE * law.noise(found, at.laws.friction, held, at.owner))
         modes: list[Mode | None] = []
         for k in range(self.c):
             pressed = found.normal[k] > strong or at.is_pressed[k]

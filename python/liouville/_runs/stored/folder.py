@@ -15,6 +15,9 @@ from liouville._basics.checksum import FREE, META
 #: Where job and state are, beside the arrays.
 CHECKPOINT = "checkpoint"
 
+#: The types of arrays that grow, as they are on the disk.
+KINDS = {"float64": "<f8", "int64": "<i8"}
+
 #: Zeros to fill a chunk with.
 ZEROS = bytes(1 << 20)
 
@@ -55,10 +58,10 @@ class Folder:
         shape = meta["chunk_grid"]["configuration"]["chunk_shape"]
         if not values.size:
             return
-        assert meta["data_type"] == "float64"
+        kind = KINDS[meta["data_type"]]
         assert values.shape[1:] == tuple(shape[1:])
         rest = ["0"] * (len(shape) - 1)
-        data = np.ascontiguousarray(values, dtype="<f8").reshape(-1).view(np.uint8)
+        data = np.ascontiguousarray(values, dtype=kind).reshape(-1).view(np.uint8)
         size = 8 * int(np.prod(shape))
         file = self.path.joinpath(name, "c", str(place), *rest)
         self.write(file, data, _crc_of(data, size).to_bytes(4, "little"), size)

@@ -9,11 +9,11 @@ import shutil
 import signal
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -40,6 +40,9 @@ from liouville._runs.stored.store import Interval, Store, interval_of, is_there,
 from liouville._runs.stored.stream import JOB, STATE, Stream, chunks_of
 from liouville._solution import export
 from liouville._solution.solution import Solution
+from liouville._systems import System
+
+T = TypeVar("T")
 
 #: The layout of a checkpoint.
 LAYOUT = 10
@@ -58,13 +61,29 @@ def begin(runner: Runner, place: tuple[Path, Interval], progress: Progress) -> S
     run = runner.start()
     if isinstance(run, dict):
         return execute(runner, progress)  # raises the error of the start
-    job = _pickled((runner, interval))
+    job = pickled((runner, interval))
     records, (events, _) = run.collect(), runner.events(run)
     chunks = chunks_of(runner, events)
     none = np.empty((0, sum(runner.columns.values())))
     ended = ("interrupted", CUT_OFF)
     empty = solution_of(runner, np.empty(0), none, {"steps": 0}, runner.steps.t0, ended, events)
-    # the folder appears with all that is needed to go on
+
+    def fill(folder: Folder) -> Stream:
+        stream = Stream(runner, folder, chunks)
+        stream.add(run, records)
+        stream.save(run, {"seconds": 0.0})
+        return stream
+
+    folder, stream = made(path, job, (empty, chunks), fill)
+    with alone(path):
+        return _StoredRun(runner, interval, run, stream, folder, clock).go(progress)
+
+
+def made(
+    path: Path, job: bytes, layout: tuple[Solution, dict[str, int]], fill: Callable[[Folder], T]
+) -> tuple[Folder, T]:
+    """Let a folder appear with all that is needed to go on; `fill` writes the first state."""
+    empty, chunks = layout
     temporary = path.with_name(f".{path.name}.{os.getpid()}-{threading.get_ident()}.tmp")
     try:
         arrays.prepare(empty, temporary, chunks)
@@ -74,16 +93,13 @@ def begin(runner: Runner, place: tuple[Path, Interval], progress: Progress) -> S
         (temporary / CHECKPOINT).mkdir()
         (temporary / CHECKPOINT / META).write_text(checksum.signed(group, FREE), encoding="utf-8")
         folder.commit(JOB, job)
-        stream = Stream(runner, folder, chunks)
-        stream.add(run, records)
-        stream.save(run, {"seconds": 0.0})
+        filled = fill(folder)
         _rename(temporary, path)
     except BaseException:
         shutil.rmtree(temporary, ignore_errors=True)
         raise
     folder.path = path
-    with _alone(path):
-        return _StoredRun(runner, interval, run, stream, folder, clock).go(progress)
+    return folder, filled
 
 
 def resume(
@@ -141,37 +157,64 @@ def resume(
     is_done = _status(path) == "done"
     path = path.absolute()  # the run may change the working directory
     if is_done:
-        return _ends(path, None)
-    with _alone(path):
+        return ends_of(path, None)
+    with alone(path):
         if _status(path) == "done":  # by now
-            return _ends(path, None)
-        return _restored(path, store.checkpoint, clock).go(progress)
+            return ends_of(path, None)
+        job, state = _loaded(path)
+        runner, interval = job
+        interval = interval if store.checkpoint is None else interval_of(store.checkpoint)
+        if isinstance(runner, Runner):
+            run = _restored(path, (runner, interval), state, clock)
+        else:
+            run = runner.restored(path, interval, state, clock)
+        return run.go(progress)
 
 
-def _restored(path: Path, checkpoint: int | str | None, clock: float) -> _StoredRun:
-    """Return a run as its last checkpoint has it."""
+def _loaded(path: Path) -> tuple[Any, dict[str, Any]]:
+    """Return the job of a folder, and its last state."""
     for file in (JOB, STATE):
         _check(path, file)
-    runner, interval = pickle.loads((path / CHECKPOINT / JOB).read_bytes())
     with np.load(path / CHECKPOINT / STATE, allow_pickle=False) as opened:
         state = dict(opened)
-    interval = interval if checkpoint is None else interval_of(checkpoint)
+    return pickle.loads((path / CHECKPOINT / JOB).read_bytes()), state
+
+
+def _restored(
+    path: Path, job: tuple[Runner, Interval], state: Mapping[str, Any], clock: float
+) -> _StoredRun:
+    """Return a run as its last checkpoint has it."""
+    runner, interval = job
     run = runner.start()
     if isinstance(run, dict):
         raise ValueError(_foreign(path, "whose start cannot be taken any more"))
     events, _ = runner.events(run)
     chunks = chunks_of(runner, events)
+    folder = opened_again(path, chunks)
+    stream = Stream(runner, folder, chunks)
+    stats = taken_back(
+        folder, lambda: stream.restore(run, state, {"status": "interrupted", "message": CUT_OFF})
+    )
+    return _StoredRun(runner, interval, run, stream, folder, clock - stats["seconds"])
+
+
+def opened_again(path: Path, chunks: Mapping[str, int]) -> Folder:
+    """Return the folder of a run that was cut off."""
     folder = Folder(path, chunks)
     folder.clear()
-    stream = Stream(runner, folder, chunks)
+    return folder
+
+
+def taken_back(folder: Folder, take: Callable[[], T]) -> T:
+    """Go back to a state, and see that all records up to it are there."""
     try:
-        stats = stream.restore(run, state, {"status": "interrupted", "message": CUT_OFF})
+        found = take()
     except (ValueError, KeyError, TypeError) as error:
-        raise ValueError(_foreign(path, "whose state is of another run")) from error
+        raise ValueError(_foreign(folder.path, "whose state is of another run")) from error
     # no earlier: what is after the state may be lost
-    order = export.order_of(folder.attributes, repr(str(path)))
-    checksum.check_arrays(path, order, folder.arrays)
-    return _StoredRun(runner, interval, run, stream, folder, clock - stats["seconds"])
+    order = export.order_of(folder.attributes, repr(str(folder.path)))
+    checksum.check_arrays(folder.path, order, folder.arrays)
+    return found
 
 
 class _StoredRun:
@@ -191,7 +234,7 @@ class _StoredRun:
 
     def go(self, progress: Progress) -> Solution:
         """Run to the end, and return the first and the last record."""
-        with _deferring() as is_interrupted:
+        with deferring() as is_interrupted:
             outcome = self._advance(progress, is_interrupted)
             if outcome == "interrupted":
                 self._save()
@@ -201,7 +244,7 @@ class _StoredRun:
                 recent = self._stream.recent()
                 self._runner.add_cause(outcome, recent["t"], recent["rows"])
             quantity = self._describe(outcome)
-        solution = _ends(self._folder.path, self._runner)
+        solution = ends_of(self._folder.path, self._runner.system)
         if isinstance(outcome, dict):
             raise error_of(outcome, self._runner, quantity, solution) from outcome.get("cause")
         return solution
@@ -265,7 +308,7 @@ def _is_cut(outcome: Outcome) -> bool:
 
 
 @contextmanager
-def _deferring() -> Iterator[Callable[[], bool]]:
+def deferring() -> Iterator[Callable[[], bool]]:
     """Let Ctrl-C wait until it is asked for, so that nothing is cut off in the middle."""
     seen: list[int] = []
     is_ours = (
@@ -281,7 +324,7 @@ def _deferring() -> Iterator[Callable[[], bool]]:
             signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
-def _pickled(job: tuple[Any, ...]) -> bytes:
+def pickled(job: tuple[Any, ...]) -> bytes:
     try:
         return pickle.dumps(job)
     except (pickle.PicklingError, TypeError, AttributeError) as error:
@@ -321,7 +364,7 @@ def _check(path: Path, file: str) -> None:
 
 
 @contextmanager
-def _alone(path: Path) -> Iterator[None]:
+def alone(path: Path) -> Iterator[None]:
     """Hold the lock of a store."""
     with locked(lock_of(path), f"another process goes on with the run in {str(path)!r}"):
         yield
@@ -341,7 +384,6 @@ def _foreign(path: Path, why: str) -> str:
     return f"{str(path)!r} holds a run {why}"
 
 
-def _ends(path: Path, runner: Runner | None) -> Solution:
+def ends_of(path: Path, system: System | None) -> Solution:
     """Return the first and the last record, and where the others are."""
-    system = None if runner is None else runner.system
     return replace(export.ends(path), dense_order=0, path=str(path), system=system)

@@ -28,10 +28,11 @@ PAUSE = 1.0
 
 JOB, STATE = "job.pickle", "state.npz"
 
-#: The axis of records.
-TIME = "time"
+#: The axis of records, and what the first one is kept by.
+TIME, FIRST = "time", "first"
 
-Columns = dict[str, np.ndarray]
+#: Rows by the names of their columns.
+Rows = dict[str, np.ndarray]
 
 
 def chunks_of(runner: Runner, events: Mapping[str, Points]) -> dict[str, int]:
@@ -42,8 +43,8 @@ def chunks_of(runner: Runner, events: Mapping[str, Points]) -> dict[str, int]:
     return {TIME: rows, **{arrays.event_axis(name): EVENTS for name in events}}
 
 
-class Stream:
-    """The records and events of a run: whole chunks in the folder, the rest here.
+class Columns:
+    """Rows along axes that grow: whole chunks in the folder, the rest here.
 
     At a checkpoint readers of the folder see the rest too, in a chunk that is written again later.
 
@@ -51,19 +52,104 @@ class Stream:
     ----------
     rows : int
         Records in a chunk.
+    """
+
+    def __init__(self, folder: Folder, chunks: Mapping[str, int]) -> None:
+        self._folder, self._chunks = folder, chunks
+        self.rows = chunks[TIME]
+        self._rest: dict[str, list[Rows]] = {axis: [] for axis in chunks}
+        self._written = dict.fromkeys(chunks, 0)
+        self._first: Rows = {}
+
+    def named(self, axis: str, rows: Rows) -> Rows:
+        """Return rows by the names of arrays."""
+        del axis
+        return rows
+
+    def append(self, axis: str, rows: Rows) -> None:
+        """Take rows along an axis."""
+        rest, size = self._rest[axis], self._chunks[axis]
+        if count_of(rows) or not rest:
+            rest.append(rows)
+        if sum(map(count_of, rest)) <= size:
+            return
+        rows = _joined(rest)
+        # the last may still be replaced
+        while count_of(rows) > size:
+            self._put(axis, {name: x[:size] for name, x in rows.items()})
+            self._written[axis] += 1
+            rows = {name: x[size:] for name, x in rows.items()}
+        # a view would keep the whole array
+        rest[:] = [{name: x.copy() for name, x in rows.items()}]
+
+    def _put(self, axis: str, rows: Rows) -> None:
+        """Write the next chunk along an axis."""
+        for name, values in self.named(axis, rows).items():
+            self._folder.put(name, self._written[axis], values)
+
+    def finish(self, attributes: Mapping[str, Any]) -> None:
+        """Write what does not fill a chunk too, for readers of the folder, and attributes."""
+        for axis, rest in self._rest.items():
+            if count_of(rows := _joined(rest)):
+                self._put(axis, rows)
+        self._folder.show(self._lengths(), attributes)
+
+    def commit(self, memory: np.ndarray, counts: Mapping[str, Any]) -> None:
+        """Write the state to go on from."""
+        rest = {
+            f"{axis}/{name}": x
+            for axis, each in self._rest.items()
+            for name, x in _joined(each).items()
+        }
+        state = np.array(json.dumps({"written": self._written, **counts}))
+        buffer = io.BytesIO()
+        first = {f"{FIRST}/{name}": x for name, x in self._first.items()}
+        whole: dict[str, Any] = {"memory": memory, "counts": state, **rest, **first}
+        np.savez(buffer, **whole)
+        self._folder.commit(STATE, buffer.getvalue())
+
+    def take_back(self, state: Mapping[str, Any]) -> dict[str, Any]:
+        """Go back to a state; returns the numbers that were written with it."""
+        counts: dict[str, Any] = json.loads(str(state["counts"]))
+        self._written = counts["written"]
+        rest: dict[str, Rows] = {axis: {} for axis in (*self._rest, FIRST)}
+        for key, values in state.items():
+            axis, slash, name = key.rpartition("/")
+            if slash:
+                rest[axis][name] = values
+        self._first = rest.pop(FIRST)
+        self._rest = {axis: [rows] for axis, rows in rest.items()}
+        return counts
+
+    def show_anew(self, attributes: Mapping[str, Any]) -> None:
+        """Show what there is after a state was taken back."""
+        # what was written after the state may be lost, and no reader may count on it
+        self._folder.show(self._lengths(), attributes)
+        self.finish({})
+
+    def _lengths(self) -> dict[str, int]:
+        """Return how many rows there are along each axis."""
+        return {
+            axis: self._chunks[axis] * self._written[axis] + count_of(_joined(rest))
+            for axis, rest in self._rest.items()
+        }
+
+
+class Stream(Columns):
+    """The records and events of a run.
+
+    Attributes
+    ----------
     end : str
         What ended the run, if an event did.
     """
 
     def __init__(self, runner: Runner, folder: Folder, chunks: Mapping[str, int]) -> None:
-        self._runner, self._folder, self._chunks = runner, folder, chunks
-        self._rest: dict[str, list[Columns]] = {axis: [] for axis in chunks}
-        self._written = dict.fromkeys(chunks, 0)
-        self._first: Columns = {}
+        super().__init__(folder, chunks)
+        self._runner = runner
         self._last = 0, runner.steps.t0
         self._shown = -math.inf
         self._largest = 0.0
-        self.rows = chunks[TIME]
         self.end = ""
 
     def add(self, run: _core.Run, records: tuple[np.ndarray, np.ndarray]) -> None:
@@ -77,16 +163,16 @@ class Stream:
         self.end = endings.get(0, "")
         if not self._first and times.size:
             self._first = {"t": times[:1].copy(), "rows": rows[:1].copy()}
-        self._append(TIME, {"t": times, "rows": rows})
+        self.append(TIME, {"t": times, "rows": rows})
         for name, points in events.items():
-            self._append(arrays.event_axis(name), {"t": points.t, **points.states})
+            self.append(arrays.event_axis(name), {"t": points.t, **points.states})
 
     def remark(self, run: _core.Run) -> str:
         """Return a sentence on a run that cannot be right; empty where there is none."""
         said = sentence_of(run.found(), is_ensemble=False)
         return "; ".join(filter(None, [said, self._runner.outweighed(self._largest)]))
 
-    def recent(self) -> Columns:
+    def recent(self) -> Rows:
         """Return the records that do not fill a chunk yet."""
         return _joined(self._rest[TIME])
 
@@ -97,34 +183,16 @@ class Stream:
             rest = self._rest[TIME] = [_joined(self._rest[TIME])]
             rest[0] = {name: x[:-1] for name, x in rest[0].items()}
 
-    def _append(self, axis: str, columns: Columns) -> None:
-        rest, size = self._rest[axis], self._chunks[axis]
-        if columns["t"].size or not rest:
-            rest.append(columns)
-        if sum(each["t"].size for each in rest) <= size:
-            return
-        columns = _joined(rest)
-        # the last may still be replaced
-        while columns["t"].size > size:
-            self._put(axis, {name: x[:size] for name, x in columns.items()})
-            self._written[axis] += 1
-            columns = {name: x[size:] for name, x in columns.items()}
-        # a view would keep the whole array
-        rest[:] = [{name: x.copy() for name, x in columns.items()}]
-
-    def _put(self, axis: str, columns: Columns) -> None:
-        """Write the next chunk along an axis."""
-        place = self._written[axis]
+    def named(self, axis: str, rows: Rows) -> Rows:
+        """Return records and events by the names of arrays."""
         if axis != TIME:
-            for name, values in columns.items():
-                self._folder.put(arrays.event_variable(axis, name), place, values)
-            return
+            return {arrays.event_variable(axis, name): x for name, x in rows.items()}
         # what is measured from the start needs it
-        times = np.concatenate((self._first["t"], columns["t"]))
-        rows = np.concatenate((self._first["rows"], columns["rows"]))
-        found = arrays.along_time(self._solution(times, rows))
-        for name in self._folder.arrays.keys() & found.keys():
-            self._folder.put(name, place, found[name][1:])
+        times = np.concatenate((self._first["t"], rows["t"]))
+        found = arrays.rows_of(
+            self._solution(times, np.concatenate((self._first["rows"], rows["rows"])))
+        )[TIME]
+        return {name: x[1:] for name, x in found.items() if name in self._folder.arrays}
 
     def _solution(self, times: np.ndarray, rows: np.ndarray) -> Solution:
         t0 = self._runner.steps.t0
@@ -137,19 +205,8 @@ class Stream:
             self._shown = time.monotonic()
         memory = run.save()
         assert memory is not None, "ensembles are not stored"
-        rest = {
-            f"{axis}/{name}": x
-            for axis, each in self._rest.items()
-            for name, x in _joined(each).items()
-        }
-        first = {f"first/{name}": x for name, x in self._first.items()}
-        own = {"end": self.end, "largest": self._largest}
-        counts = {"written": self._written, "last": self._last, "stats": dict(stats)}
-        state = json.dumps({**counts, **own})
-        buffer = io.BytesIO()
-        whole: dict[str, Any] = {"memory": memory, "counts": np.array(state), **rest, **first}
-        np.savez(buffer, **whole)
-        self._folder.commit(STATE, buffer.getvalue())
+        own = {"end": self.end, "largest": self._largest, "last": self._last}
+        self.commit(memory, {"stats": dict(stats), **own})
 
     def _described(self, run: _core.Run, stats: Mapping[str, Any]) -> dict[str, Any]:
         """Return the numbers of the run so far, as attributes."""
@@ -162,41 +219,21 @@ class Stream:
     ) -> dict[str, Any]:
         """Go back to a state, and describe it; returns the statistics it was saved with."""
         run.restore(state["memory"])
-        counts = json.loads(str(state["counts"]))
-        self._written, self.end = counts["written"], counts["end"]
+        counts = self.take_back(state)
+        self.end, self._largest = counts["end"], counts["largest"]
         self._last = tuple(counts["last"])
-        self._largest = counts["largest"]
-        rest: dict[str, Columns] = {axis: {} for axis in (*self._chunks, "first")}
-        for key, values in state.items():
-            axis, slash, name = key.rpartition("/")
-            if slash:
-                rest[axis][name] = values
-        self._first = rest.pop("first")
-        self._rest = {axis: [columns] for axis, columns in rest.items()}
         stats: dict[str, Any] = counts["stats"]
-        # what was written after the state may be lost, and no reader may count on it
-        self._folder.show(self._lengths(), {**attributes, **self._described(run, stats)})
-        self.finish({})
+        self.show_anew({**attributes, **self._described(run, stats)})
         return stats
 
-    def finish(self, attributes: Mapping[str, Any]) -> None:
-        """Write what does not fill a chunk too, for readers of the folder, and attributes."""
-        for axis, rest in self._rest.items():
-            columns = _joined(rest)
-            if columns["t"].size:
-                self._put(axis, columns)
-        self._folder.show(self._lengths(), attributes)
 
-    def _lengths(self) -> dict[str, int]:
-        """Return how many records and events there are."""
-        return {
-            axis: self._chunks[axis] * self._written[axis] + _joined(rest)["t"].size
-            for axis, rest in self._rest.items()
-        }
+def count_of(rows: Rows) -> int:
+    """Return how many rows there are."""
+    return len(next(iter(rows.values())))
 
 
-def _joined(rest: list[Columns]) -> Columns:
-    """Return columns one after another, as one."""
+def _joined(rest: list[Rows]) -> Rows:
+    """Return rows one after another, as one."""
     if len(rest) > 1:
         whole = {name: np.concatenate([each[name] for each in rest]) for name in rest[0]}
         rest[:] = [whole]

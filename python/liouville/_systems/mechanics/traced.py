@@ -85,10 +85,18 @@ class TracedSystem(Parametrised, ABC):
         return None
 
     def continued(
-        self, t: np.ndarray, y: np.ndarray, z: np.ndarray, params: np.ndarray
+        self,
+        t: np.ndarray,
+        y: np.ndarray,
+        z: np.ndarray,
+        params: np.ndarray,
+        first: Mapping[str, float] | None = None,
     ) -> dict[str, np.ndarray]:
-        """Return the angles that no coordinate counts, by name, continued along k states."""
-        del t, y, z, params
+        """Return the angles that no coordinate counts, by name, continued along k states.
+
+        Those of the first are known where they are given.
+        """
+        del t, y, z, params, first
         return {}
 
     @property
