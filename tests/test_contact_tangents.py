@@ -57,9 +57,47 @@ def stopped():
     )
 
 
+def puck():
+    """Return a puck that falls on a slope, stops on a curved way, and is torn off across it."""
+    contact = lv.Contact(
+        lambda t, q, params: q[2],
+        friction=lambda params: params.mu,
+        static_friction=lambda params: params.more * params.mu,
+        slip=lambda t, q, v, params: [v[0], v[1]],
+    )
+    return lv.Lagrangian(
+        lambda t, q, v, params: ca.sumsqr(v) / 2 + params.down * q[0] - 9.5 * q[2] + t**2 * q[1],
+        q=("x", "y", "z"),
+        params={"mu": 0.4, "more": 1.2, "down": 2.4},
+        contacts={"slope": contact},
+    )
+
+
+def bowled():
+    """Return a ball with spin that hits a lane twice, slides on it and rolls."""
+    contact = lv.Contact(
+        lambda t, q, params: q[2] - params.r,
+        restitution=lambda params: params.e,
+        friction=0.2,
+        slip=lambda t, q, v, params: [v[0] - params.r * v[4], v[1] + params.r * v[3]],
+    )
+    return lv.Lagrangian(
+        lambda t, q, v, params: (
+            ca.sumsqr(v[:3]) / 2 + params.r**2 * ca.sumsqr(v[3:]) / 5 - G * q[2]
+        ),
+        q=6,
+        params={"r": 0.11, "e": 0.2},
+        contacts={"lane": contact},
+    )
+
+
+BOWLED = {"q": [0.0, 0.0, 0.2, 0.0, 0.0, 0.0], "v": [2.4, 3.2, 0.0, 1.0, -5.0, 1.0]}
+
 CASES = {
     "belt": (belt, {"q": [0.0, 0.0], "v": [0.0, 0.0]}, 12.0, 10),
     "ball": (ball, {"q": [0.0, 0.5, 0.0], "v": [1.5, 0.0, 20.0]}, 1.6, 5),
+    "puck": (puck, {"q": [0.0, 0.0, 0.1], "v": [0.5, 2.0, 0.0]}, 2.6, 3),
+    "bowled": (bowled, BOWLED, 1.6, 8),
     "stopped": (stopped, {"q": [0.6, -0.8], "v": [0.0, 0.0]}, 3.0, 2),
 }
 STENCIL = ((-2, 1 / 12), (-1, -2 / 3), (1, 2 / 3), (2, -1 / 12))
@@ -117,6 +155,38 @@ def test_tangents_at_given_times_and_of_few_records():
     assert few.tangents["params.g"].q.shape == few.q.shape
     kept = np.isin(whole.t, few.t)
     np.testing.assert_allclose(few.tangents["params.g"].v, whole.tangents["params.g"].v[kept])
+
+
+def test_a_stop_in_space_forgets_the_speed_and_what_is_across():
+    """A block that stops at v |v| / (2 mu g): dq = (v dv . v / |v| + |v| dv) / (2 mu g)."""
+    floor = lv.Contact(
+        lambda t, q, params: q[2], friction=0.3, slip=lambda t, q, v, params: [v[0], v[1]]
+    )
+    block = lv.Lagrangian(
+        lambda t, q, v, params: ca.sumsqr(v) / 2 - G * q[2], q=3, contacts={"floor": floor}
+    )
+    start = {"q": [0.0, 0.0, 0.0], "v": [1.5, 2.0, 0.0]}
+    run = run_of(block, start, 2.0, h=0.1, tangents={"v": np.eye(3)[:2]})
+    v = np.array([1.5, 2.0])
+    wanted = (np.outer(v, v) / 2.5 + 2.5 * np.eye(2)) / (0.6 * G)
+    np.testing.assert_allclose(run.tangents["v"].q[-1, :, :2], wanted, atol=1e-8)
+    np.testing.assert_allclose(run.tangents["v"].v[-1], 0, atol=1e-14)
+
+
+def test_two_stops_in_space_at_one_time_have_no_derivative():
+    pair = lv.Lagrangian(
+        lambda t, q, v, params: ca.sumsqr(v) / 2,
+        q=4,
+        contacts={
+            f"pad {k}": lv.Contact(
+                load=1.0, friction=0.5, slip=lambda t, q, v, params, k=k: [v[k], v[k + 1]]
+            )
+            for k in (0, 2)
+        },
+    )
+    start = {"q": [0.0] * 4, "v": [0.6, 0.8, 0.8, 0.6]}
+    with pytest.raises(lv.IntegrationError, match="'pad 0' and 'pad 2' come to rest at one time"):
+        run_of(pair, start, 3.0, h=0.1, tangents={"v": [1.0, 0, 0, 0]})
 
 
 def test_where_there_is_no_derivative_the_run_ends_by_name():

@@ -17,7 +17,7 @@ from liouville._runs.contacts.matrices import Matrices
 from liouville._runs.contacts.mode import FEW, ModeSystem
 from liouville._runs.contacts.stretch import Link, Stretch
 from liouville._runs.contacts.switching import Switching
-from liouville._runs.contacts.tangent import Moving, moving
+from liouville._runs.contacts.tangent import Jump, Moving, moving
 from liouville._runs.contacts.traced import Contacts
 from liouville._runs.watch import given
 from liouville._systems.events import Event, named
@@ -61,13 +61,11 @@ class Asking:
         self.contacts, self.make, self.request = contacts, make, request
         #: Whether the run is differentiated, by directions or by a pullback.
         self.has_derivative = request.tangents is not None or request.has_pullback
-        if self.has_derivative and contacts.is_spatial.any():
-            names = quoted([contacts.names[k] for k in np.flatnonzero(contacts.is_spatial)])
-            sentence = f"derivatives do not go through friction in space, of contacts {names}"
-            raise TypeError(hinted(sentence, "give a slip of one value to what moves in a plane"))
         self.without, self.may_reset = without, without is None and not self.has_derivative
         #: How each stretch began and ended, of a run with a pullback.
         self.links: list[Link] = []
+        #: What happened at once since the last stretch, of a run that is differentiated.
+        self.jumps: list[Jump] = []
         #: The directions that the run is differentiated in, as they have come to the present time.
         self.moving: Moving | None = None
         if request.tangents is not None:

@@ -80,7 +80,7 @@ class Records:
         Where the run goes on, its last record is the first of the next part.
         """
         contacts, every, run = now.contacts, request.every, stretches[-1].whole.run
-        uses = [x.used for x in stretches]
+        uses = used(stretches)
         if not goes_on:
             uses[-1] = stretches[-1].whole.count
         whole = _columns(now, [x.whole for x in stretches], uses)
@@ -186,6 +186,15 @@ class Records:
                     self.stats[name] = NOT_SUMMED[name](self.stats.get(name, value), value)
                 else:
                     self.stats[name] = self.stats.get(name, 0) + value
+
+
+def used(stretches: Sequence[Stretch]) -> list[int]:
+    """Return how many records are those of each stretch, which others follow."""
+    uses = [x.used for x in stretches]
+    for k, stretch in enumerate(stretches):
+        if stretch.whole.is_stop and k:
+            uses[k - 1 : k + 1] = stretches[k - 1].whole.count, 0
+    return uses
 
 
 def _given(parts: Sequence[Part], ends: Sequence[float]) -> list[int]:

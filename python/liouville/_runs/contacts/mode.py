@@ -180,8 +180,9 @@ class ModeSystem(Mechanics):
             if key not in self._tapes_of_slowing:
                 own = ca.sumsqr(slip) - (FEW * 2.0 ** key[1]) ** 2 * ca.sumsqr(rate)
                 inputs = self._symbols.inputs(z=self._symbols.z, lam=self._multipliers)
-                self._tapes_of_slowing[key] = record(f"event '{name}'", inputs, own), False, None
-            self._tapes_of_events[name] = self._tapes_of_slowing[key]
+                tapes = record(f"event '{name}'", inputs, own), False, None
+                self._tapes_of_slowing[key] = tapes, own
+            self._tapes_of_events[name], self._values_of_events[name] = self._tapes_of_slowing[key]
             self.own_events[name] = k, "slow"
             found[name] = ENDING
         return found

@@ -2,8 +2,8 @@
 
 From the last stretch to the first, cotangents of its records and of its end become those of its
 start, of the time of this and of the parameters. The end is that of the event that ended it, whose
-time is that of the next start. What impacts make of velocities is transposed by differences, as
-:mod:`~liouville._runs.contacts.tangent` takes them forwards.
+time is that of the next start. What happens at once between two stretches is transposed by
+differences, as :mod:`~liouville._runs.contacts.tangent` takes it forwards.
 """
 
 from __future__ import annotations
@@ -19,10 +19,9 @@ from liouville._basics.progress import Progress
 from liouville._methods.control import CONTROLS, LEAST_TOLERANCE, Takes
 from liouville._runs.adjoint import EVENTS, INVARIANTS, Adjoint, Gradients
 from liouville._runs.contacts.complementarity import Array
+from liouville._runs.contacts.joined import used
 from liouville._runs.contacts.run import Course
 from liouville._runs.contacts.single import course
-from liouville._runs.contacts.stretch import Link
-from liouville._runs.contacts.tangent import Differences
 from liouville._runs.execute import finished
 from liouville._runs.tangents import ENDS, PARAMS, check_wrt, gradients_of, shapes_of
 from liouville._solution.solution import Solution
@@ -97,7 +96,10 @@ class ContactsAdjoint(Adjoint):
         for link, (part, _), of_records in zip(
             own.links[::-1], self._parts()[::-1], given[::-1], strict=True
         ):
-            if link.ended is None:
+            behind = 0.0, 0 * of_y, 0 * of_z
+            if link.is_bit:  # what follows begins where it began
+                behind = of_t, of_y, of_z
+            elif link.ended is None:
                 of_records[first][-1] += of_y
                 of_records[second][-1] += of_z
             else:
@@ -105,29 +107,25 @@ class ContactsAdjoint(Adjoint):
                 for what, x in (("t", of_t), (first, of_y), (second, of_z)):
                     of_records[event + what][-1] += x
             found = link.adjoint.pulled(part.run, of_records)
-            of_t, of_y, of_z = found["t0"], found[first], found[second]
+            of_t, of_y, of_z = (
+                found[name] + x for name, x in zip(("t0", first, second), behind, strict=True)
+            )
             names = [PARAMS + name for name in self._system.params]
             of_params += np.concatenate([np.zeros(0), *(np.ravel(found[x]) for x in names)])
-            if link.impacts:
-                moved = self._behind(link, of_z)
-                of_t, of_y, of_z = of_t + moved[0][0], of_y + moved[1], moved[2]
+            for jump in link.jumps[::-1]:
+                moved = jump.pulled(of_t, of_y, of_z)
+                of_t, of_y, of_z = moved[0][0], moved[1], moved[2]
                 of_params += moved[3]
         start = of_y, of_z, np.append(of_t, of_params)
         return gradients_of(self._system, own.steps, start, 0.0, self.wrt)
 
-    def _behind(self, link: Link, of_z: Array) -> list[Array]:
-        """Return cotangents of (t, y, z, params) before the impacts at the start of a stretch."""
-        now, (t, y, z) = self._course.now, link.before
-        now.t, now.impacts = t, link.impacts
-        return np.split(Differences(now, y, z).pulled(of_z), np.cumsum([1, len(y), len(z)]))
-
     def _parts(self) -> list[tuple[Part, Array]]:
         """Return the runs that records are of, and which of their records were kept."""
         stretches, every = self._course.stretches, self._course.request.every
-        last, found = len(stretches) - 1, []
+        last, found, uses = len(stretches) - 1, [], used(stretches)
         for k, x in enumerate(stretches):
             if x.given is None:
-                own = np.arange(0, x.whole.count if k == last else x.used, every)
+                own = np.arange(0, x.whole.count if k == last else uses[k], every)
                 if k == last:
                     own = np.union1d(own, [x.whole.count - 1])
                 found.append((x.whole, own))

@@ -17,7 +17,7 @@ from liouville._runs.contacts.margin import loads, torn
 from liouville._runs.contacts.mode import ModeSystem, endings
 from liouville._runs.contacts.stretch import Link, Part, Stretch, check, check_start
 from liouville._runs.contacts.switching import AT_REST, EPS
-from liouville._runs.contacts.tangent import at_end, ended_by, through
+from liouville._runs.contacts.tangent import DIFFERENCE, Jump, at_end, ended_by
 from liouville._systems.mechanics.contact import Mode
 
 if TYPE_CHECKING:
@@ -32,6 +32,10 @@ LONGEST = 1 << 14
 #: So many stretches in turn that do not move the time are said to be without end.
 MOST_AT_ONCE = 100
 
+
+#: What begins to slide with no acceleration is differentiated by differences of this part of the
+#: sizes: of what is moved one side sticks.
+BEGINNING = 1e-5
 
 #: What a run goes on from, and what follows from the job and the state.
 SAVED = (
@@ -71,11 +75,16 @@ class Course(Asking):
 
     def settle(self, y: Array, z: Array, stopped: set[int]) -> tuple[Array, Array]:
         """Make impacts, and choose the mode that goes on; directions go through them too."""
-        self._before = self.now.t, y, z
         found = self.now.settle(y, z, stopped)
-        if self.moving is not None:
-            self.moving = through(self.now, self.moving, y, z)
+        if self.has_derivative and self.now.impacts:
+            self._jump(Jump.of_impacts(self.now, y, z))
         return found
+
+    def _jump(self, jump: Jump) -> None:
+        """Take directions through what happens at once."""
+        self.jumps.append(jump)
+        if self.moving is not None:
+            self.moving = jump.through(self.moving)
 
     def advance(self, y: Array, z: Array) -> tuple[Array, Array, set[int]]:
         """Make a stretch; return the state at its end and the contacts whose slip came to zero."""
@@ -101,6 +110,12 @@ class Course(Asking):
             self.window = 0
             return self.advance(y, z)
         last = stops.turned(found.run, system, self.contacts, now.params)
+        if last and self.has_derivative:  # which is that at the end of a run
+            end = float(found.run.t[last])
+            part = system, (begin, end), (end - begin) / last, *asked[3:]
+            found = self._made(part, bounces=False)
+            assert found is not None
+            last = None
         if last == 0 and self.caution < MOST_CAUTION:
             self.caution += 1
             return self.advance(y, z)
@@ -159,29 +174,50 @@ class Course(Asking):
 
     def _begin(self, y: Array, z: Array, which: list[int]) -> tuple[Array, Array]:
         """Return the state behind the first bit of sliding in space, with a record before it."""
-        now = self.now
+        now, t = self.now, self.now.t
         if self.without is not None:
             names = quoted([self.contacts.names[k] for k in which])
-            sentence = f"at t = {now.t:g} contact {names} slides from rest in space"
-            raise IntegrationError(f"{sentence}, which {self.without} does not begin", t=now.t)
-        t = now.t
-        d, *behind = stops.begun(now, which, (t, y, z))
+            sentence = f"at t = {t:g} contact {names} slides from rest in space"
+            raise IntegrationError(f"{sentence}, which {self.without} does not begin", t=t)
+        d = stops.begun(now, which, (t, y, z))[0]
+
+        def path(part: float) -> tuple[float, Array, Array]:
+            return t + part * d, *stops.begun(now, which, (t, y, z), part * d)[1:]
+
+        jump = None
+        if self.has_derivative:
+            part = DIFFERENCE if d <= stops.FIRST * now.h else BEGINNING
+            jump = Jump(now, y, z, stops.map_of_start(now, which, d), part)
         self._bridge(y, z, t + d, which)
-        if self.is_over or now.t < t + d:  # an event ended it
-            _, *behind = stops.begun(now, which, (t, y, z), now.t - t)
-        y, z = behind
-        return (y, z) if self.is_over else self.settle(y, z, set())
+        _, y, z = path(min((now.t - t) / d, 1.0))
+        if self.is_over:
+            return y, z
+        if jump is not None:
+            self._jump(jump)
+        return self.settle(y, z, set())
 
     def _stop(self, y: Array, z: Array, rests: dict[int, float]) -> tuple[Array, Array]:
         """Return the state where slips in space have come to rest."""
         now, until = self.now, max(rests.values()) if self.has_begun else self.now.t
         behind = stops.stopped(now, rests, until - now.t, y, z)
+        jump = None
+        if self.has_derivative:
+            if len(rests) > 1:
+                names = quoted([self.contacts.names[k] for k in rests])
+                sentence = f"contacts {names} come to rest at one time, t = {now.t:g}"
+                hint = "which is first depends on the direction: the run has no derivative there"
+                raise IntegrationError(hinted(sentence, hint), t=now.t)
+            jump = Jump(now, y, z, stops.map_of_stop(now, next(iter(rests)), y, z))
         if until > now.t and self.without is None:
-            self._bridge(y, z, until, [*rests])
+            self._bridge(y, z, until, [*rests], is_stop=True)
+        if jump is not None:
+            self._jump(jump)
         now.rests = {*rests}
         return behind
 
-    def _bridge(self, y: Array, z: Array, until: float, which: Collection[int]) -> None:
+    def _bridge(
+        self, y: Array, z: Array, until: float, which: Collection[int], *, is_stop: bool = False
+    ) -> None:
         """Keep a piece, as short as roundoff of the motion, in which these contacts stick."""
         now = self.now
         modes = tuple(Mode.STICK if k in which else mode for k, mode in enumerate(now.modes))
@@ -191,9 +227,14 @@ class Course(Asking):
         ending = endings(self.contacts, system, 0 * at.slip, now.h)
         ending = {x: e for x, e in ending.items() if system.own_events[x][0] not in which}
         asked = self._asked((system, ending), (now.t, until), h, start, bounces=False)
-        run = replace(self.make(*asked), stats={})
+        names = None if self.moving is None else self.moving.directions(system)
+        run = self.make(*asked, None, names)
+        if not self.request.has_pullback:
+            run = replace(run, stats={})
         now.t = float(run.t[-1])
-        self._keep(Part(run, system, len(run.t), (), now.t, which), asked)
+        self._keep(Part(run, system, len(run.t), (), now.t, which, is_stop), asked)
+        if self.request.has_pullback:
+            self._link(None, is_bit=True)
         self._ended(run, system)
 
     def finish(self, y: Array, z: Array, stopped: set[int]) -> None:
@@ -294,7 +335,12 @@ class Course(Asking):
         if self.moving is not None:
             self.moving = at_end(run, system, ended, self.moving)
         if self.request.has_pullback:
-            self.links.append(Link(self.make.adjoint, ended, self.now.impacts, self._before))
+            self._link(ended)
+
+    def _link(self, ended: str | None, *, is_bit: bool = False) -> None:
+        """Keep what the pullback of a stretch needs."""
+        self.links.append(Link(self.make.adjoint, ended, self.jumps, is_bit))
+        self.jumps = []
 
     def _go_on(self, run: Solution, begin: float, h: float | None) -> None:
         """Take the step to go on with, and end where the time does not go on."""

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from liouville._runs.contacts.matrices import Matrices
     from liouville._runs.contacts.mode import ModeSystem
     from liouville._runs.contacts.switching import Switching
+    from liouville._runs.contacts.tangent import Map
     from liouville._runs.contacts.traced import Contacts
     from liouville._solution.solution import Solution
 
@@ -59,17 +60,27 @@ def stopped(
     now: Switching, which: Iterable[int], d: float, y: Array, z: Array
 ) -> tuple[Array, Array]:
     """Return the state after a short time, with slips brought to rest."""
-    at, found = now.at(now.t, y, z), now.found[0]
-    y = y + d * at.v
-    z = z + d * (at.free + at.moves @ np.concatenate([found.normal, found.friction]))
-    at = now.at(now.t + d, y, z)
+    at = now.at(now.t, y, z)
+    y, z = y + d * at.v, z + d * _rates(now, at)
+    return y, _rested(now, now.at(now.t + d, y, z), which, z)
+
+
+def _rates(now: Switching, at: Matrices) -> Array:
+    """Return z' by the forces found last."""
+    found = now.found[0]
+    rates: Array = at.free + at.moves @ np.concatenate([found.normal, found.friction])
+    return rates
+
+
+def _rested(now: Switching, at: Matrices, which: Iterable[int], z: Array) -> Array:
+    """Return z with slips brought to rest."""
     for k in which:
         rows = [k, *(now.c + row for row in now.contacts.slips_of(k))]
         rates = np.append(0.0, at.slip[now.contacts.slips_of(k)])
         if at.is_pressed[k]:
             rows, rates = rows[1:], rates[1:]
         z = z - at.moves[:, rows] @ np.linalg.solve(at.A[np.ix_(rows, rows)], rates)
-    return y, z
+    return z
 
 
 def beginning(now: Switching) -> list[int]:
@@ -79,22 +90,31 @@ def beginning(now: Switching) -> list[int]:
 
 
 def begun(
-    now: Switching, which: list[int], start: tuple[float, Array, Array], d: float | None = None
+    now: Switching,
+    which: list[int],
+    start: tuple[float, Array, Array],
+    d: float | None = None,
+    params: Array | None = None,
 ) -> tuple[float, Array, Array]:
     """Return how long a first bit of sliding takes, where it is not given, and the state behind.
 
     It is a step of the classical method of Runge and Kutta by the accelerations of no slip. Where
     these begin at zero it is so long that the slip is well above roundoff.
     """
+    own = now.params if params is None else params
+
+    def at(t: float, y: Array, z: Array) -> Matrices:
+        return now.contacts.at(t, y, z, own, now.h)
+
     rows = np.flatnonzero(np.isin(now.contacts.owner, which))
     (t0, y, z), (_, closed, slip) = start, now.found
     begins = np.isin(np.arange(now.c), which)
 
     def slope(t: float, y: Array, z: Array) -> tuple[Array, Array, Array]:
-        at = now.at(t, y, z)
-        found = now.forces(at, closed, slip, begins)
-        dz = at.free + at.moves @ np.concatenate([found.normal, found.friction])
-        return at.v, dz, found.along[rows]
+        here = at(t, y, z)
+        found = now.forces(here, closed, slip, begins)
+        dz = here.free + here.moves @ np.concatenate([found.normal, found.friction])
+        return here.v, dz, found.along[rows]
 
     def behind(d: float) -> tuple[Array, Array, Array]:
         total = []
@@ -108,15 +128,45 @@ def begun(
 
     is_given, d = d is not None, FIRST * now.h if d is None else d
     y_next, z_next, s = behind(d)
-    at = now.at(t0, y, z)
-    if np.linalg.norm(s) < SEEN * at.speed and not is_given:
+    speed = at(t0, y, z).speed
+    if np.linalg.norm(s) < SEEN * speed and not is_given:
         growth = float(np.linalg.norm(s)) / d**2
-        d = min(float(np.sqrt(SEEN * at.speed / max(growth, TINY))), LONGEST * now.h)
+        d = min(float(np.sqrt(SEEN * speed / max(growth, TINY))), LONGEST * now.h)
         y_next, z_next, s = behind(d)
     # the slip itself to the accuracy of its direction
-    at, lines = now.at(t0 + d, y_next, z_next), now.c + rows
-    lacks = np.linalg.solve(at.A[np.ix_(lines, lines)], s - at.slip[rows])
-    return d, y_next, z_next + at.moves[:, lines] @ lacks
+    there, lines = at(t0 + d, y_next, z_next), now.c + rows
+    lacks = np.linalg.solve(there.A[np.ix_(lines, lines)], s - there.slip[rows])
+    return d, y_next, z_next + there.moves[:, lines] @ lacks
+
+
+def map_of_start(now: Switching, which: list[int], d: float) -> Map:
+    """Return what a first bit of sliding of this length does to states near by."""
+
+    def behind(t: float, y: Array, z: Array, params: Array) -> tuple[float, Array, Array]:
+        _, moved, later = begun(now, which, (t, y, z), d, params)
+        return 0.0, moved - y, later
+
+    return behind
+
+
+def map_of_stop(now: Switching, k: int, y: Array, z: Array) -> Map:
+    """Return what the stop of a contact does to states near by.
+
+    Across its direction a slip is none by then, so it stops when it is none along it.
+    """
+    here = now.at(now.t, y, z)
+    s, ds = _slip(now, here, k)
+    own, way, rates = now.contacts.slips_of(k), s / np.linalg.norm(s), _rates(now, here)
+    slows = -float(way @ ds)
+
+    def behind(t: float, y: Array, z: Array, params: Array) -> tuple[float, Array, Array]:
+        at = now.contacts.at(t, y, z, params, now.h)
+        d = float(way @ at.slip[own]) / slows
+        moved, later = d * at.v, z + d * rates
+        there = now.contacts.at(t + d, y + moved, later, params, now.h)
+        return d, moved, _rested(now, there, [k], later)
+
+    return behind
 
 
 def turned(run: Solution, system: ModeSystem, contacts: Contacts, params: Array) -> int | None:

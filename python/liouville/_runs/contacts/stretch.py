@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from liouville._systems.mechanics.contact import Mode
 
 if TYPE_CHECKING:
     from liouville._runs.adjoint import Adjoint
+    from liouville._runs.contacts.tangent import Jump
     from liouville._solution.solution import Solution
 
 #: A gap penetrates beyond this part of the sizes of its terms.
@@ -37,6 +38,8 @@ class Part:
     until: float = np.inf
     #: The contacts that slide in space, though the run holds them: it is as short as roundoff.
     slides: Collection[int] = ()
+    #: Whether its first record is that at the end of the stretch before.
+    is_stop: bool = False
 
     @property
     def modes(self) -> tuple[Mode, ...]:
@@ -70,16 +73,17 @@ class Link:
         Its transposed derivative.
     ended : str or None
         The event that ended it, if one of the mode did.
-    impacts : list of tuple
-        What the change at its start did to velocities, as :class:`Switching` has it.
-    before : tuple of (float, ndarray, ndarray)
-        Time and state before that.
+    jumps : list of Jump
+        What happened at once before it.
+    is_bit : bool
+        Whether it stands for the motion only as far as roundoff knows, so that what follows begins
+        where it began.
     """
 
     adjoint: Adjoint
     ended: str | None
-    impacts: list[Any]
-    before: tuple[float, Array, Array]
+    jumps: list[Jump]
+    is_bit: bool = False
 
 
 def check_start(now: Switching, y: Array, z: Array) -> None:

@@ -191,7 +191,7 @@ class Switching:
                 continue
             at = self.contacts.at(self.t, y, z, self.params, self.h)
             rates, laws = np.concatenate([at.rate, at.slip]), at.laws
-            own = roles(found, rates, laws.static, bounces * laws.restitution)
+            own = roles(found, rates, laws.static, bounces * laws.restitution, at.owner)
             if own is None:
                 names = quoted([self.contacts.names[k] for k in np.flatnonzero(what)])
                 sentence = f"the impact of {names} at t = {self.t:g} has no derivative"
@@ -209,10 +209,9 @@ class Switching:
                 z = self._held(at, z, what)
                 continue
             rates, laws = np.concatenate([at.rate, at.slip]), at.laws
-            restitution = bounces * laws.restitution
-            z = z + at.moves @ impulses(
-                at.A, rates, own, laws.static, restitution, self.contacts.law
-            )
+            coefficients = laws.static, bounces * laws.restitution
+            law_of = self.contacts.law
+            z = z + at.moves @ impulses(at.A, rates, own, coefficients, at.owner, law_of)
         return z
 
     def _restitution(

@@ -8,7 +8,7 @@ the laws, along each direction and with the contacts that take part held.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -112,6 +112,8 @@ def ended_by(run: Solution, system: ModeSystem, now: Switching) -> str | None:
     """Return the event of the mode that ended a stretch, if one did and has a derivative."""
     _check_passed(run, system, now)
     ended = [name for name in system.own_events if run.t[-1] in run.events[name].t]
+    changes = [name for name in ended if system.own_events[name][1] != "slow"]
+    ended = changes or ended[:1]  # where a slip slows down only steps change
     if len(ended) > 1:
         sentence = f"events {quoted(ended)} are at one time, t = {run.t[-1]:g}"
         hint = "which is first depends on the direction: the run has no derivative there"
@@ -200,56 +202,78 @@ def _is_grazed(run: Solution, now: Switching, k: int) -> bool:
     return bool(start.gap[k] > CLOSED * start.size[k])  # else it bounces
 
 
-def through(now: Switching, before: Moving, y: Array, z: Array) -> Moving:
-    """Return the directions behind the impacts of a change, from a state before it."""
-    if not now.impacts:
-        return before
-    change = Differences(now, y, z)
-    rows = np.column_stack([before.t, before.y, before.z, before.params])
-    return replace(before, z=np.stack([change.along(row) for row in rows]))
+#: A map of time, state and parameters: what it adds to the time, and to the first state, and the
+#: second behind it.
+Map = Callable[[float, Array, Array, Array], tuple[float, Array, Array]]
 
 
-class Differences:
-    """Central differences of fourth order of what impacts make of velocities.
+class Jump:
+    """What happens at once between two stretches, differentiated by central differences.
 
     Parameters
     ----------
     now : Switching
-        What has changed last.
+        The time, and the sizes of what there is.
     y, z : ndarray
         The state before.
+    behind : callable
+        The map, smooth around this state: roles of contacts are held.
+    part : float
+        The step of differences, as a part of the sizes of what changes.
     """
 
-    def __init__(self, now: Switching, y: Array, z: Array) -> None:
-        self._now, self._held = now, now.held(y, z)
+    def __init__(
+        self, now: Switching, y: Array, z: Array, behind: Map, part: float = DIFFERENCE
+    ) -> None:
+        self._behind, self._part = behind, part
         at = now.at(now.t, y, z)
         self._at = np.concatenate([[now.t], y, z, now.params])
         self._cuts = np.cumsum([1, len(y), len(z)])
-        sizes = max(at.way, TINY), max(np.abs(z).max(), TINY)
+        sizes = max(at.way, TINY), max(np.abs(z).max(), now.h * np.abs(at.free).max(), TINY)
         own = np.where(now.params == 0, 1.0, np.abs(now.params))
         #: The sizes of time, state and parameters.
         self.sizes = np.concatenate(
             [[now.h], np.full(len(y), sizes[0]), np.full(len(z), sizes[1]), own]
         )
 
+    @classmethod
+    def of_impacts(cls, now: Switching, y: Array, z: Array) -> Jump:
+        """Return what the last impacts do to a state before them."""
+        held = now.held(y, z)
+
+        def behind(t: float, y: Array, z: Array, params: Array) -> tuple[float, Array, Array]:
+            return 0.0, 0 * y, now.replayed(held, t, y, z, params)
+
+        return cls(now, y, z, behind)
+
     def along(self, row: Array) -> Array:
-        """Return how velocities behind the impacts change along a row of (t, y, z, params)."""
+        """Return how time and state behind change along a row of (t, y, z, params)."""
+        first = np.split(row, self._cuts)
         size = float(np.abs(row / self.sizes).max())
-        if not size:
-            return np.zeros(len(np.split(self._at, self._cuts)[2]))
-        step = DIFFERENCE / size
-        moved = ((weight, self._at + place * step * row) for place, weight in STENCIL)
-        parts = [weight * self._behind(own) for weight, own in moved]
-        found: Array = np.sum(parts, axis=0) / step
+        change = np.zeros(self._cuts[-1])
+        if size:
+            step = self._part / size
+            moved = ((weight, self._at + place * step * row) for place, weight in STENCIL)
+            parts = [weight * self._added(own) for weight, own in moved]
+            change = np.sum(parts, axis=0) / step
+        found: Array = change + np.concatenate([*first[:2], 0 * first[2]])
         return found
 
-    def pulled(self, of_z: Array) -> Array:
-        """Return cotangents of (t, y, z, params) from those of the velocities behind."""
+    def through(self, before: Moving) -> Moving:
+        """Return the directions behind it."""
+        rows = np.column_stack([before.t, before.y, before.z, before.params])
+        found = np.stack([self.along(row) for row in rows])
+        t, y, z, _ = np.split(found, self._cuts, axis=1)
+        return replace(before, t=t[:, 0], y=y, z=z)
+
+    def pulled(self, of_t: float, of_y: Array, of_z: Array) -> list[Array]:
+        """Return cotangents of (t, y, z, params) before from those of (t, y, z) behind."""
+        behind = np.concatenate([[of_t], of_y, of_z])
         rows = np.diag(self.sizes)
-        found: Array = np.array([of_z @ self.along(row) for row in rows]) / self.sizes
-        return found
+        found = np.array([behind @ self.along(row) for row in rows]) / self.sizes
+        return np.split(found, self._cuts)
 
-    def _behind(self, at: Array) -> Array:
+    def _added(self, at: Array) -> Array:
         t, y, z, params = np.split(at, self._cuts)
-        found: Array = self._now.replayed(self._held, float(t[0]), y, z, params)
-        return found
+        later, moved, behind = self._behind(float(t[0]), y, z, params)
+        return np.concatenate([[later], moved, behind])
