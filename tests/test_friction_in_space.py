@@ -320,6 +320,36 @@ def test_events_in_the_first_bit_of_a_slide_are_met(terminal):
     assert run.q[-1, 0] == pytest.approx(1.7 * run.t[-1] ** 2, abs=1e-12)
 
 
+@pytest.mark.parametrize("steps", [{"h": 0.1}, {"rtol": 1e-8}])
+def test_events_of_what_stops_are_met_in_the_last_bit(steps):
+    """The slip comes down to zero, to 1e-12 and to 1e-9 within a billionth of a step."""
+    events = {
+        f"{low:g}": lv.Event(lambda t, q, v, lam, params, low=low: v[0] - low, "down")
+        for low in (0.0, 1e-12, 1e-9)
+    }
+    call = {"t": (0, 2), "q": [1, 1, 0], "v": [1.5, 2, 0], "events": events} | steps
+    run = lv.integrate(block(0.3), lv.Spark(3), **call)
+    end = 2.5 / (0.3 * G)
+    for name, points in run.events.items():
+        assert points.t == pytest.approx([end - float(name) / (0.18 * G)], abs=1e-14)
+        assert points.q[0] == pytest.approx(run.q[-1], abs=1e-12)
+    events["0"] = lv.Event(events["0"].function, terminal=True)
+    ended = lv.integrate(block(0.3), lv.Spark(3), **call)
+    assert ended.message == f"event '0' at t = {end:.6g}"
+    assert ended.t[-1] == pytest.approx(end, abs=1e-14)
+    with pytest.raises(lv.IntegrationError, match="an event is met where the slip of contact"):
+        lv.vjp(block(0.3), lv.Spark(3), wrt=["v"], **(call | {"h": 0.1, "rtol": None}))
+
+
+def test_an_event_of_a_slip_that_begins_is_met_in_its_first_bit():
+    pull = G * (np.sin(0.5) - 0.2 * np.cos(0.5))
+    event = {"moves": lambda t, q, v, lam, params: v[0] - 1e-7}
+    run = lv.integrate(
+        block(0.2, slope=0.5), lv.Spark(3), t=(0, 1), h=0.1, q=[0] * 3, v=[0] * 3, events=event
+    )
+    assert run.events["moves"].t == pytest.approx([1e-7 / pull], rel=1e-6)
+
+
 def test_members_files_and_pickles_have_the_same_records(tmp_path):
     system, call = block(0.3, slope=0.1), {"t": (0, 1), "h": 0.1}
     run = lv.integrate(system, lv.Spark(2), q=[0, 0, 0], v=[1, 0.5, 0], **call)

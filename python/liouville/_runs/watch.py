@@ -117,7 +117,7 @@ class Watch:
             points[name] = Points(times, states | own)
             self._hits[name] = times, members
         names = [*self.events]
-        said = {member: _ending(names[which], t, limit) for which, t, limit, member in ends}
+        said = {member: sentence_of_end(names[which], t, limit) for which, t, limit, member in ends}
         self.ended_by = {member: names[which] for which, _, _, member in ends}
         return points, said, rest
 
@@ -164,7 +164,7 @@ def _states_at(
     return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
 
 
-def _ending(name: str, t: float, limit: float | None) -> str:
+def sentence_of_end(name: str, t: float, limit: float | None = None) -> str:
     """Say which event ended a run."""
     if limit is None:
         return f"event '{name}' at t = {t:.6g}"

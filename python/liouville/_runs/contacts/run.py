@@ -188,7 +188,7 @@ class Course(Asking):
         if self.has_derivative:
             part = DIFFERENCE if d <= stops.FIRST * now.h else BEGINNING
             jump = Jump(now, y, z, stops.map_of_start(now, which, d), part)
-        self._bridge(y, z, t + d, which)
+        self._bridge(path, t + d, which)
         _, y, z = path(min((now.t - t) / d, 1.0))
         if self.is_over:
             return y, z
@@ -199,7 +199,12 @@ class Course(Asking):
     def _stop(self, y: Array, z: Array, rests: dict[int, float]) -> tuple[Array, Array]:
         """Return the state where slips in space have come to rest."""
         now, until = self.now, max(rests.values()) if self.has_begun else self.now.t
-        behind = stops.stopped(now, rests, until - now.t, y, z)
+        t, behind = now.t, stops.stopped(now, rests, until - now.t, y, z)
+
+        def path(part: float) -> tuple[float, Array, Array]:
+            first, second = behind
+            return t + part * (until - t), y + part * (first - y), z + part * (second - z)
+
         jump = None
         if self.has_derivative:
             if len(rests) > 1:
@@ -209,17 +214,17 @@ class Course(Asking):
                 raise IntegrationError(hinted(sentence, hint), t=now.t)
             jump = Jump(now, y, z, stops.map_of_stop(now, next(iter(rests)), y, z))
         if until > now.t and self.without is None:
-            self._bridge(y, z, until, [*rests], is_stop=True)
+            self._bridge(path, until, [*rests], is_stop=True)
         if jump is not None:
             self._jump(jump)
         now.rests = {*rests}
         return behind
 
     def _bridge(
-        self, y: Array, z: Array, until: float, which: Collection[int], *, is_stop: bool = False
+        self, path: stops.Path, until: float, which: Collection[int], *, is_stop: bool = False
     ) -> None:
         """Keep a piece, as short as roundoff of the motion, in which these contacts stick."""
-        now = self.now
+        now, (_, y, z) = self.now, path(0.0)
         modes = tuple(Mode.STICK if k in which else mode for k, mode in enumerate(now.modes))
         at = now.at(now.t, y, z)
         system = self.contacts.mode(modes, at)
@@ -232,6 +237,12 @@ class Course(Asking):
         if not self.request.has_pullback:
             run = replace(run, stats={})
         now.t = float(run.t[-1])
+        with_more = stops.passed(run, system, self.events, path, now.params)
+        if self.request.has_pullback and with_more is not run:
+            slow = quoted([self.contacts.names[k] for k in which])
+            sentence = f"at t = {now.t:g} an event is met where the slip of contact {slow} is zero"
+            raise IntegrationError(hinted(sentence, "it has no derivative there"), t=now.t)
+        run = with_more
         self._keep(Part(run, system, len(run.t), (), now.t, which, is_stop), asked)
         if self.request.has_pullback:
             self._link(None, is_bit=True)

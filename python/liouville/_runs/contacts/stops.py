@@ -6,15 +6,20 @@ rest is one impulse, and what begins to slide goes the first bit of a step by it
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from liouville._runs.contacts.complementarity import Array
+from liouville._runs.watch import sentence_of_end
+from liouville._solution.points import Points
+from liouville._systems.events import DIRECTIONS
 from liouville._systems.mechanics.contact import Mode
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Mapping
 
     from liouville._runs.contacts.matrices import Matrices
     from liouville._runs.contacts.mode import ModeSystem
@@ -22,6 +27,10 @@ if TYPE_CHECKING:
     from liouville._runs.contacts.tangent import Map
     from liouville._runs.contacts.traced import Contacts
     from liouville._solution.solution import Solution
+    from liouville._systems.events import Event
+
+#: Time and state by the part of a bit.
+Path = Callable[[float], tuple[float, Array, Array]]
 
 #: What stops has less than this part of a step left, or so many roundings of the time.
 LAST, ROUNDINGS = 1e-9, 1024
@@ -167,6 +176,39 @@ def map_of_stop(now: Switching, k: int, y: Array, z: Array) -> Map:
         return d, moved, _rested(now, there, [k], later)
 
     return behind
+
+
+def passed(
+    run: Solution, system: ModeSystem, events: Mapping[str, Event], path: Path, params: Array
+) -> Solution:
+    """Return a run that stands for a bit of a path, with the events of a user that the path passes.
+
+    The run meets what changes with its own motion; of the path slips change too.
+    """
+    lam, found = run.states["lam"][:1], dict(run.events)
+    for name, event in events.items():
+        if len(found[name].t):
+            continue
+        tape = system.event(name, event)[0]
+
+        def value(part: float, tape: Any = tape) -> float:
+            t, *states = path(part)
+            at = [np.array([[t]]), *(x[None].copy() for x in states), lam][: len(tape.inputs) - 1]
+            return float(tape.map(params, at)[0, 0])
+
+        first, last = value(0.0), value(1.0)
+        way = DIRECTIONS[event.direction]
+        if not first or first * last > 0 or way * (last - first) < 0:
+            continue
+        low, high = 0.0, 1.0
+        while last and low < (middle := (low + high) / 2) < high:
+            low, high = (low, middle) if first * value(middle) <= 0 else (middle, high)
+        t, y, z = path(high)
+        row = np.concatenate([y, z, lam[0]])[None]
+        found[name] = Points(np.array([t]), system.states_at(np.array([t]), row, params))
+        if event.terminal:
+            run = replace(run, message=sentence_of_end(name, t))
+    return replace(run, events=found) if found != run.events else run
 
 
 def turned(run: Solution, system: ModeSystem, contacts: Contacts, params: Array) -> int | None:
