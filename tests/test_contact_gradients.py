@@ -90,6 +90,17 @@ def test_gradients_through_ten_changes_are_those_of_differences(name):
     assert found["v"][0] == pytest.approx(sum(parts) / 1e-4, rel=1e-7, abs=1e-7)
 
 
+def test_a_checked_gradient_says_that_a_closed_contact_has_one_side():
+    system = rough(0.0, 0.2)
+    call = {"t": (0, 1), "h": 0.1, "t_eval": [1.0], "q": [0.0, 0.0], "v": [3.0, 0.0]}
+    for name, what in (("q", "begins below"), ("v", "leaves")):
+        words = f"moved by 0.00[12] {what} contact 'floor', which is closed at the start"
+        with pytest.raises(ValueError, match=words):
+            lv.analysis.check_gradient(system, lv.Spark(2), wrt=[name], **call)
+    found = lv.analysis.check_gradient(system, lv.Spark(2), wrt=["params.mu"], **call)
+    assert found.differences < 1e-9
+
+
 def test_cotangents_of_multipliers_events_and_invariants_go_through_changes():
     make, start, _, _ = CASES["stopped"]
     system, until, size = make(), 1.1, 1e-4

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from liouville._basics.errors import hinted
+from liouville._basics.errors import hinted, quoted
 from liouville._basics.progress import Progress
 from liouville._methods.control import CONTROLS, LEAST_TOLERANCE, Takes
 from liouville._runs.adjoint import EVENTS, INVARIANTS, Adjoint, Gradients
@@ -25,6 +25,7 @@ from liouville._runs.contacts.single import course
 from liouville._runs.execute import finished
 from liouville._runs.tangents import ENDS, PARAMS, check_wrt, gradients_of, shapes_of
 from liouville._solution.solution import Solution
+from liouville._systems.mechanics.contact import Mode
 
 if TYPE_CHECKING:
     from liouville._methods import Method
@@ -168,13 +169,40 @@ class ContactsAdjoint(Adjoint):
             own[key] = np.asarray(own[key]) + size * x
         # a run without derivative has its steps elsewhere: it goes on behind hits
         again = replace(request, params=values, start=start)
-        found = finished(course(system, self._method, again, None).solution())
+        try:
+            near = course(system, self._method, again, None)
+            self._check_sides(near.first_modes, size)
+            found = finished(near.solution())
+        except ValueError as error:
+            if "penetrates" in str(error):
+                self._check_sides(None, size)
+            raise
         kept = sum(len(rows) for _, rows in self._parts())
         if len(found.t) != kept:
             sentence = f"a moved run has {len(found.t)} records and not {kept}"
             hint = "steps begin anew at changes of contacts, so give t_eval="
             raise ValueError(hinted(sentence, hint))
         return found.states
+
+    def _check_sides(self, modes: tuple[Mode, ...] | None, size: float) -> None:
+        """Refuse a moved run that leaves a contact at its start, or begins below it."""
+        own, contacts = self._course.first_modes, self._course.contacts
+        closed = [
+            name
+            for k, name in enumerate(contacts.names)
+            if contacts.has_gap(k)
+            and own[k] is not Mode.OPEN
+            and (modes is None or modes[k] is Mode.OPEN)
+        ]
+        if not closed:
+            return
+        what = "begins below" if modes is None else "leaves"
+        sentence = (
+            f"a run that is moved by {abs(size):g} {what} contact {quoted(closed)}, which is closed at "
+            "the start: the gradient is that of motions on it"
+        )
+        hint = "start above it, or give wrt= what does not move a start across it"
+        raise ValueError(hinted(sentence, hint))
 
 
 def _fill(into: Array, rows: Array, values: Array, columns: Array | None) -> None:

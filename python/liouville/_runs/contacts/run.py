@@ -64,6 +64,8 @@ class Course(Asking):
         system.check(now.t, y, z, now.params)
         check_start(now, y, z)
         self.state = self.settle(y, z, set())
+        #: What each contact does at the start.
+        self.first_modes = now.modes
 
     def go_on(self) -> None:
         """Make a stretch, and the change at its end."""
