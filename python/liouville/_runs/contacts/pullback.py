@@ -198,8 +198,8 @@ class ContactsAdjoint(Adjoint):
             return
         what = "begins below" if modes is None else "leaves"
         sentence = (
-            f"a run that is moved by {abs(size):g} {what} contact {quoted(closed)}, which is closed at "
-            "the start: the gradient is that of motions on it"
+            f"a run that is moved by {abs(size):g} {what} contact {quoted(closed)}, which is "
+            "closed at the start: the gradient is that of motions on it"
         )
         hint = "start above it, or give wrt= what does not move a start across it"
         raise ValueError(hinted(sentence, hint))

@@ -149,7 +149,7 @@ def begun(
 
 
 def map_of_start(now: Switching, which: list[int], d: float) -> Map:
-    """Return what a first bit of sliding of this length does to states near by."""
+    """Return the map of states near by through a first bit of sliding of this length."""
 
     def behind(t: float, y: Array, z: Array, params: Array) -> tuple[float, Array, Array]:
         _, moved, later = begun(now, which, (t, y, z), d, params)
@@ -159,7 +159,7 @@ def map_of_start(now: Switching, which: list[int], d: float) -> Map:
 
 
 def map_of_stop(now: Switching, k: int, y: Array, z: Array) -> Map:
-    """Return what the stop of a contact does to states near by.
+    """Return the map of states near by through the stop of a contact.
 
     Across its direction a slip is none by then, so it stops when it is none along it.
     """

@@ -208,7 +208,7 @@ Map = Callable[[float, Array, Array, Array], tuple[float, Array, Array]]
 
 
 class Jump:
-    """What happens at once between two stretches, differentiated by central differences.
+    """A map between two stretches, which happens at once, differentiated by central differences.
 
     Parameters
     ----------
@@ -238,7 +238,7 @@ class Jump:
 
     @classmethod
     def of_impacts(cls, now: Switching, y: Array, z: Array) -> Jump:
-        """Return what the last impacts do to a state before them."""
+        """Return the map of the last impacts from a state before them."""
         held = now.held(y, z)
 
         def behind(t: float, y: Array, z: Array, params: Array) -> tuple[float, Array, Array]:
