@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 import liouville as lv
+from liouville._runs.contacts import law
 from liouville.bodies import Assembly, Polygon
 
 G = 9.81
@@ -128,3 +129,23 @@ def test_an_interrupt_between_stretches_keeps_what_was_done():
     assert run.message == f"interrupted at t = {run.t[-1]:g}"
     assert 4 < run.t[-1] < 6
     assert run.q[:-1].tobytes() == whole.q[: len(run.t) - 1].tobytes()
+
+
+def test_a_single_rough_contact_has_the_forces_of_lemkes_method(monkeypatch):
+    rng, one = np.random.default_rng(0), np.array([0])
+    problems = []
+    for mu in (0.1, 0.5, 1.0) * 200:
+        X = rng.normal(size=(2, 3))
+        borne = np.array([max(rng.normal(), 0.0)])
+        problems.append((X @ X.T, rng.normal(size=2), np.array([mu]), borne))
+
+    def forces():
+        found = [
+            law.solve(A, b, one == 0, np.zeros(1), mu, one, borne) for A, b, mu, borne in problems
+        ]
+        return [np.append(x.normal, x.friction) for x in found]
+
+    quick = forces()
+    monkeypatch.setattr(law, "_alone_and_rough", lambda group: None)
+    for own, wanted in zip(quick, forces(), strict=True):
+        assert own == pytest.approx(wanted, abs=1e-10 * max(1, np.abs(wanted).max()))

@@ -118,7 +118,7 @@ def solve(
             extra[whose],
             c + rows,
         )
-        in_plane = _glocker_pfeiffer, _stewart_trinkle, _by_sweeps
+        in_plane = _alone_and_rough, _glocker_pfeiffer, _stewart_trinkle, _by_sweeps
         forms = (cones,) if len(sought) < len(rows) else in_plane
         for form in (_alone, *forms):
             found = form(group)
@@ -203,6 +203,32 @@ def _alone(group: _Group) -> tuple[Array, Array] | None:
     if len(group.i) > 1 or group.j.size or not own[0, 0] > 0:
         return None
     return np.maximum(-b / own[0, 0], 0.0), np.zeros(0)
+
+
+def _alone_and_rough(group: _Group) -> tuple[Array, Array] | None:
+    """Return N and T of a single contact with friction in the plane, if there are no others."""
+    if len(group.i) > 1 or len(group.slips) != 1:
+        return None
+    rows = np.concatenate(group.rows)
+    K = np.hstack([group.normals, group.tangents])[rows]
+    b, mu, borne = group.b[rows], float(group.mu[0]), float(group.borne[0])
+    if not (K[0, 0] > mu * abs(K[0, 1]) and K[1, 1] > mu * abs(K[1, 0])):
+        return None
+
+    def at_bound(way: float) -> tuple[float, float, float]:
+        """Return N, T and the rate of the slip, with friction at its bound this way."""
+        normal = max(-(b[0] + way * mu * borne * K[0, 1]) / (K[0, 0] + way * mu * K[0, 1]), 0.0)
+        friction = way * mu * (normal + borne)
+        return normal, friction, K[1, 0] * normal + K[1, 1] * friction + b[1]
+
+    for way in (1.0, -1.0):
+        normal, friction, rate = at_bound(way)
+        if rate * way <= 0:
+            return np.array([normal]), np.array([friction])
+    normal, friction = np.linalg.solve(K, -b)
+    if normal < 0:  # it sticks with what it bears in any case
+        normal, friction = 0.0, -b[1] / K[1, 1]
+    return np.array([normal]), np.array([friction])
 
 
 def _glocker_pfeiffer(group: _Group) -> tuple[Array, Array] | None:
