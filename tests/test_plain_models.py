@@ -39,6 +39,16 @@ ALL = SYMMETRIC + RADAU + ALPHA
 #: The methods without a bound of h by the frequency, and those that take stiff forces.
 IMPLICIT = SYMMETRIC[:5] + RADAU + ALPHA
 
+#: Reactions that are not linear in their multiplier; the forces are far from where they bend.
+REACTIONS = {
+    "x + x³": lambda x: x + x**3,
+    "x + x³/20": lambda x: x + x**3 / 20,
+    "2 x + tanh x": lambda x: 2 * x + ca.tanh(x),
+    "x/20 + 2 tanh x": lambda x: x / 20 + 2 * ca.tanh(x),
+    "sinh x": ca.sinh,
+    "asinh x": ca.asinh,
+}
+
 
 @dataclass
 class Model:
@@ -327,11 +337,11 @@ def others():
         ),
     )
 
-    def mechanical(reaction, momentum):
+    def mechanical(reaction, momentum, load=lambda t: 1):
         return lv.Mechanical(
             velocity=lambda t, y, z, P: z,
             momentum=momentum,
-            force=lambda t, y, z, P: ca.vertcat(0, -P.g),
+            force=lambda t, y, z, P: ca.vertcat(0, -P.g * load(t)),
             reaction=reaction,
             constraint=lambda t, y, P: y[1],
             y=2,
@@ -356,16 +366,19 @@ def others():
             methods=SYMMETRIC + RADAU,
         ),
     )
-    yield (
-        "Mechanical, block of a reaction that is not linear",
-        Model(
-            mechanical(
-                lambda t, y, lam, P: ca.vertcat(0, -(lam + lam**3 / 100)), lambda t, y, z, P: z
-            ),
-            still,
-            rest,
-        ),
-    )
+
+    def pressed(reaction, load=lambda t: 1):
+        return mechanical(
+            lambda t, y, lam, P: ca.vertcat(0, -reaction(lam)), lambda t, y, z, P: z, load
+        )
+
+    slides, two = still | {"z": [1.0, 0.0]}, lambda g: [2, 0]
+    for what, reaction in REACTIONS.items():
+        name = f"Mechanical, block of reaction {what}"
+        yield name, Model(pressed(reaction), still, rest)
+        yield f"{name}, slides", Model(pressed(reaction), slides, two)
+        through = pressed(reaction, lambda t: 2 * (1 - t))
+        yield f"{name}, slides with a load through 0", Model(through, slides, two)
 
     mass = np.diag([1.0, 2.0])
     stiff = np.array([[3.0, -1.0], [-1.0, 1.0]])
@@ -492,6 +505,25 @@ def is_deserved(word):
 def test_a_plain_model_runs_by_every_method(name):
     wrong, _ = outcomes(name)
     assert not wrong, "\n".join(wrong)
+
+
+@pytest.mark.parametrize("method", ALL, ids=repr)
+def test_a_motion_does_not_depend_on_how_a_reaction_is_written(method):
+    def end(reaction):
+        system = lv.Mechanical(
+            velocity=lambda t, y, z, P: z,
+            momentum=lambda t, y, z, P: z,
+            force=lambda t, y, z, P: [0, -G],
+            reaction=lambda t, y, lam, P: -y * reaction(lam),
+            constraint=lambda t, y, P: ca.sumsqr(y) - 1,
+            y=2,
+        )
+        run = lv.integrate(system, method, t=(0, 2), h=0.05, y=[0.6, -0.8], z=[0, 0])
+        return run.y[-1]
+
+    ideal = end(lambda x: x)
+    for reaction in REACTIONS.values():
+        assert np.abs(end(reaction) - ideal).max() < 1e-11
 
 
 @pytest.mark.parametrize("name", MODELS)

@@ -238,6 +238,13 @@ impl Alpha {
                 *a = self.acceleration.z_dot[k] - phi[k];
             }
         }
+        if !self.model.general.problem.is_linear && !at.reactions[1].lam.is_empty() {
+            // reactions that are not linear in λ may be far from those at the start
+            let (model, t1) = (&mut self.model.general, step.t + step.h);
+            if self.acceleration.solve(model, t1, &at.predicted, z).is_ok() {
+                copy(&mut at.reactions[1].lam, &self.acceleration.lam);
+            }
+        }
         Ok(())
     }
 

@@ -1,7 +1,8 @@
 //! The sizes of corrections of the α family.
 
 use super::Reactions;
-use super::solve::AlphaEquations;
+use super::solve::{AlphaEquations, NOISE};
+use liouville_base::error::StepError;
 use liouville_base::linalg::max_norm;
 
 impl AlphaEquations<'_> {
@@ -11,13 +12,43 @@ impl AlphaEquations<'_> {
         let [eta, zeta] = self.moved_by();
         self.moved_y = eta;
         let (at, h) = (&*self.solver, self.step.h.abs());
-        let (y, z) = (max_norm(&at.y), max_norm(&at.z));
-        let phi = max_norm(&at.phi).max(self.borne);
-        let of_y = relative(eta, y.max(h * z).max(h * h * phi));
+        let (z, phi) = (max_norm(&at.z), max_norm(&at.phi).max(self.borne));
+        let of_y = relative(eta, self.unit());
         match at.reactions_by {
             Reactions::Position => of_y,
             Reactions::Extended { .. } => of_y.max(relative(zeta, z.max(h * phi))),
         }
+    }
+
+    /// How far corrections of the multipliers alone move y1, in units of the position: where reactions are not linear in
+    /// them, it need not show in η and ζ. Nothing below the noise, which roundings of y make in h² λ.
+    pub(super) fn multiplier_size(&mut self) -> Result<f64, StepError> {
+        let (at, h) = (&*self.solver, self.step.h);
+        let (n, m) = (at.force.len(), at.reactions[1].lam.len());
+        // h² λ of steps of changing sizes is no smooth function of time by the position alone
+        let is_rough = !at.is_paired() && at.newton_tol.is_some();
+        if m == 0 || is_rough || self.model.problem.mechanical.is_linear {
+            return Ok(0.0);
+        }
+        let (corrected, unit) = if at.is_paired() {
+            (&at.x[2 * n..], 1.0)
+        } else {
+            (&at.x[n..], 1.0 / at.coupling.phi[0])
+        };
+        let (reactions, mut largest) = (at.reactions.iter().rev(), 0.0_f64);
+        for (reaction, d_lam) in reactions.zip(corrected.rchunks_exact(m)) {
+            let [_, r_lam] = (self.model).node_blocks(self.step.t + h, &at.y, &reaction.lam)?;
+            largest = largest.max(self.matrix.mass.velocity_of(r_lam, d_lam));
+        }
+        let size = relative(h * h * unit * largest, self.unit());
+        Ok(if size < NOISE { 0.0 } else { size })
+    }
+
+    /// The position, or what velocities and accelerations make of it in a step.
+    fn unit(&self) -> f64 {
+        let (at, h) = (&*self.solver, self.step.h.abs());
+        let phi = max_norm(&at.phi).max(self.borne);
+        max_norm(&at.y).max(h * max_norm(&at.z)).max(h * h * phi)
     }
 
     /// How far the correction has moved y1 and z1.

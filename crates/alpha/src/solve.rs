@@ -10,12 +10,12 @@ use liouville_base::newton::{Equations, Signs, Stop, own_yardstick};
 use liouville_problem::SecondOrderModel;
 
 /// Corrections below this fraction are roundoff, from which there is nothing to learn.
-const NOISE: f64 = 64.0 * f64::EPSILON;
+pub(super) const NOISE: f64 = 64.0 * f64::EPSILON;
 
 /// The equations of one step in the middle of being solved.
 pub(super) struct AlphaEquations<'a> {
     pub(super) solver: &'a mut AlphaSolver,
-    model: &'a mut SecondOrderModel,
+    pub(super) model: &'a mut SecondOrderModel,
     pub(super) matrix: &'a mut AlphaMatrix,
     pub(super) step: AlphaStep<'a>,
     /// The size of the coordinates plus that of h times the velocity, at the start; 0 where none is needed.
@@ -179,7 +179,7 @@ impl Equations for AlphaEquations<'_> {
         self.solve();
         let is_noise = self.size() < NOISE;
         self.apply(is_noise);
-        let size = self.size();
+        let size = self.size().max(self.multiplier_size()?);
         let is_done = size.is_finite() && self.is_exact();
         Ok(if is_done { 0.0 } else { size })
     }

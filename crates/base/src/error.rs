@@ -92,6 +92,8 @@ pub enum StepError {
     Contradiction { constraint: usize },
     #[error("the hidden constraint does not determine unknown {unknown}")]
     SingularHidden { unknown: usize },
+    #[error("no multipliers were found, in which reactions are not linear")]
+    NoMultipliers,
     #[error("the Newton matrix of the stages is singular")]
     SingularNewton,
     #[error(

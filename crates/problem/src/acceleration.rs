@@ -13,7 +13,7 @@ use super::{Model, Saddle};
 use liouville_base::compiled;
 use liouville_base::error::{Quantity, StepError};
 use liouville_base::linalg::max_norm;
-use liouville_base::newton::{self, Equations};
+use liouville_base::newton::{Damped, solve_damped};
 use liouville_base::real::{Real, Scalar};
 
 /// The solver, with its memory.
@@ -28,7 +28,11 @@ pub struct Acceleration<R = f64> {
     pub borne: R,
     force: Vec<R>,
     drift: Vec<R>,
+    /// The correction of λ as last found, and that which is taken, with λ where it was found.
     correction: Vec<R>,
+    taken: [Vec<R>; 2],
+    /// The acceleration by forces alone.
+    alone: Vec<R>,
     /// z' and λ of the start, while those of another time are looked at.
     kept: [Vec<R>; 2],
     least_norm: Option<Box<LeastNorm>>,
@@ -38,8 +42,8 @@ struct AccelerationEquations<'a, R> {
     at: &'a mut Acceleration<R>,
     model: &'a mut Model<R>,
     point: (f64, &'a [R], &'a [R]),
-    /// The largest multiplier so far, which may pass through zero.
-    largest: R,
+    /// The largest acceleration by forces and reactions at first.
+    unit: Option<R>,
 }
 
 impl<R: Real> Acceleration<R> {
@@ -55,6 +59,8 @@ impl<R: Real> Acceleration<R> {
             force: vec![R::splat(0.0); n],
             drift: vec![R::splat(0.0); m],
             correction: vec![R::splat(0.0); m],
+            taken: [m, m].map(|len| vec![R::splat(0.0); len]),
+            alone: vec![R::splat(0.0); n],
             kept: [n, m].map(|len| vec![R::splat(0.0); len]),
             least_norm: LeastNorm::new(&model.problem).map(Box::new),
         }
@@ -140,16 +146,31 @@ impl<R: Real> Acceleration<R> {
             self.lam.fill(R::splat(0.0));
         }
         let mut solve = AccelerationEquations {
-            largest: max_norm(&self.lam),
             at: self,
             model,
             point: (t, y, z),
+            unit: None,
         };
         if is_linear {
-            solve.correct().map(|_| ())
+            solve.find(true)?;
         } else {
-            newton::solve_all(&mut solve, 50)
+            let mut found = solve_damped(&mut solve);
+            if found.is_err() {
+                // multipliers of another point may be worse than none
+                solve.at.reset();
+                found = solve_damped(&mut solve);
+            }
+            found.map_err(|error| match error {
+                StepError::NotConverged { .. } | StepError::SingularNewton => {
+                    StepError::NoMultipliers
+                }
+                other => other,
+            })?;
         }
+        for (lam, d) in self.lam.iter_mut().zip(&self.correction) {
+            *lam += *d;
+        }
+        Ok(())
     }
 }
 
@@ -180,11 +201,14 @@ impl Acceleration {
     }
 }
 
-impl<R: Real> Equations<R> for AccelerationEquations<'_, R> {
-    fn correct(&mut self) -> Result<R, StepError> {
+impl<R: Real> Damped<R> for AccelerationEquations<'_, R> {
+    /// A correction by its acceleration, M⁻¹ r_λ δλ: that is also the size of the residual.
+    fn find(&mut self, is_new: bool) -> Result<R, StepError> {
         let (t, y, z) = self.point;
         let at = &mut *self.at;
-        at.saddle.update(self.model, t, y, z, &at.lam)?;
+        if is_new {
+            at.saddle.update(self.model, t, y, z, &at.lam)?;
+        }
         at.z_dot.copy_from_slice(&at.force);
         let (lam, nu) = at.lam.split_at(self.model.problem.m);
         if !lam.is_empty() {
@@ -203,19 +227,32 @@ impl<R: Real> Equations<R> for AccelerationEquations<'_, R> {
             .for_each(|(out, drift)| *out = -*drift);
         at.saddle
             .solve(self.model, &mut at.z_dot, &mut at.correction);
-        at.lam
-            .iter_mut()
-            .zip(&at.correction)
-            .for_each(|(lam, d)| *lam += *d);
-        let relative = |size: f64, lam: f64| match size {
-            0.0 => 0.0,
-            _ => size / lam.max(size),
-        };
-        self.largest = self.largest.zip(max_norm(&at.lam), f64::max);
-        Ok(max_norm(&at.correction).zip(self.largest, relative))
+        if self.model.problem.is_linear {
+            return Ok(R::splat(0.0));
+        }
+        if is_new {
+            at.taken[0].copy_from_slice(&at.lam);
+            at.taken[1].copy_from_slice(&at.correction);
+        }
+        let size = at.saddle.velocity_of(self.model, &at.correction);
+        let unit = *self.unit.get_or_insert_with(|| {
+            let alone = &mut at.alone;
+            alone.copy_from_slice(&at.force);
+            at.saddle.mass.solve_velocity(alone);
+            size + max_norm(alone) + at.saddle.velocity_of(self.model, &at.lam)
+        });
+        let relative = |size: f64, unit: f64| if size == 0.0 { 0.0 } else { size / unit };
+        Ok(size.zip(unit, relative))
+    }
+
+    fn take(&mut self, part: f64) {
+        let at = &mut *self.at;
+        let [from, taken] = &at.taken;
+        for (lam, (from, d)) in at.lam.iter_mut().zip(from.iter().zip(taken)) {
+            *lam = *from + *d * part;
+        }
     }
 }
-
 // Multipliers, where the next solve starts from, and the unit of corrections.
 liouville_base::checkpoint!([R: Scalar] Acceleration<R> { lam, borne });
 

@@ -105,6 +105,7 @@ pub(crate) fn error<'py>(py: Python<'py>, error: &StepError) -> PyResult<Bound<'
             "singular hidden"
         }
         StepError::SingularNewton => "singular",
+        StepError::NoMultipliers => "no multipliers",
         StepError::NotConverged { iterations, size } => {
             dict.set_item("iterations", iterations)?;
             dict.set_item("size", size)?;

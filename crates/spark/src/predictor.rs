@@ -151,7 +151,33 @@ impl<R: Real> Predictor<R> {
         for i in 0..stages.tableau.stages {
             stages.unknowns.nu.row_mut(i).copy_from_slice(nu);
         }
+        if !model.problem.is_linear && model.problem.m > 0 {
+            self.find_node_multipliers(model, stages, step);
+        }
         Ok(())
+    }
+
+    /// Writes λ of each node on from the start of the step, by the accelerations there: reactions that are not linear in it
+    /// may be far from those at the start.
+    #[cold]
+    fn find_node_multipliers(
+        &mut self,
+        model: &mut Model<R>,
+        stages: &mut Stages<R>,
+        step: Step<R>,
+    ) {
+        let Step { h, state, .. } = step;
+        for j in 1..=stages.tableau.intervals {
+            let t = stages.node_time(step, j);
+            let y = stages.node_y.row_mut(j);
+            y.copy_from_slice(&state.y);
+            add_scaled(y, stages.tableau.c_hat[j] * h, &stages.v0);
+            if self.acceleration.solve(model, t, y, &state.z).is_err() {
+                break;
+            }
+            let lam = &self.acceleration.lam[..model.problem.m];
+            stages.unknowns.lam.row_mut(j).copy_from_slice(lam);
+        }
     }
 
     /// Keeps the polynomials of a finished step from `z0` to `z1`, where v is `v1`.

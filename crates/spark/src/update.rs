@@ -15,12 +15,10 @@ use liouville_base::error::{Quantity, StepError};
 use liouville_base::linalg::{
     add_compensated, add_scaled, copy, copy_scaled, max_norm, sum_compensated,
 };
-use liouville_base::newton::{self, Equations, Projection};
+use liouville_base::newton::{Damped, Projection, solve_damped};
 use liouville_base::real::Real;
 use liouville_base::simd::{dispatch_simd, dispatch_simd_long};
 use liouville_problem::{Model, Saddle, State, Step, finite, finite_k};
-
-const MOST_ITERATIONS: usize = 30;
 
 /// The state at the end of a step, while it is solved for.
 #[derive(Clone, Debug)]
@@ -42,6 +40,17 @@ pub(super) struct Update<R = f64> {
     hidden: Vec<R>,
     /// λ_k and ν_s.
     multipliers: Vec<R>,
+    /// Where the last matrix was made, and the correction there.
+    from: EndPoint<R>,
+    taken: EndPoint<R>,
+}
+
+/// What the equations of the end are solved for: z1, λ_k times its weight, and the impulses of ν.
+#[derive(Clone, Debug)]
+struct EndPoint<R> {
+    z: Vec<R>,
+    lam: Vec<R>,
+    impulse: Vec<R>,
 }
 
 struct EndEquations<'a, R> {
@@ -54,7 +63,14 @@ struct EndEquations<'a, R> {
 impl<R: Real> Update<R> {
     pub(super) fn new(model: &Model<R>) -> Self {
         let zeros = vec![R::splat(0.0); model.problem.n];
+        let end = EndPoint {
+            z: zeros.clone(),
+            lam: vec![R::splat(0.0); model.problem.m],
+            impulse: zeros.clone(),
+        };
         Self {
+            from: end.clone(),
+            taken: end,
             z: zeros.clone(),
             v: zeros.clone(),
             y: zeros.clone(),
@@ -132,10 +148,11 @@ impl<R: Real> Update<R> {
             step,
         };
         if is_linear {
-            solve.correct()?;
+            solve.find(true)?;
         } else {
-            newton::solve_all(&mut solve, MOST_ITERATIONS)?;
+            solve_damped(&mut solve)?;
         }
+        solve.finish();
 
         let impulse = &mut self.momentum;
         copy_scaled(impulse, h * stages.tableau.b_hat[k], &self.reaction);
@@ -194,6 +211,19 @@ impl<R: Real> Update<R> {
         copy(&mut self.multipliers[lam.len()..], nu);
     }
 
+    /// Keeps where the matrix was made, and the correction there.
+    fn keep(&mut self, model: &Model<R>, lam: &[R]) {
+        let (from, taken) = (&mut self.from, &mut self.taken);
+        copy(&mut from.z, &self.z);
+        copy(&mut from.lam, lam);
+        copy(&mut from.impulse, &self.p_low);
+        let (d_lam, d_nu) = self.hidden.split_at(lam.len());
+        copy(&mut taken.z, &self.momentum);
+        copy(&mut taken.lam, d_lam);
+        taken.impulse.fill(R::splat(0.0));
+        (self.saddle).add_nonholonomic(model, d_nu, &mut taken.impulse);
+    }
+
     /// The end becomes the state.
     pub(super) fn commit(&self, state: &mut State<R>) {
         dispatch_simd::<R, _>(
@@ -209,18 +239,38 @@ impl<R: Real> Update<R> {
     }
 }
 
-impl<R: Real> Equations<R> for EndEquations<'_, R> {
-    fn correct(&mut self) -> Result<R, StepError> {
+impl<R: Real> Damped<R> for EndEquations<'_, R> {
+    fn find(&mut self, is_new: bool) -> Result<R, StepError> {
         dispatch_simd::<R, _>(
             #[inline(always)]
-            || self.correct_end(),
+            || self.find_correction(is_new),
         )
+    }
+
+    fn take(&mut self, part: f64) {
+        let update = &mut *self.update;
+        let weight = self.step.h * self.stages.tableau.b_hat[self.stages.tableau.intervals];
+        let lam = self
+            .stages
+            .unknowns
+            .lam
+            .row_mut(self.stages.tableau.intervals);
+        let (from, taken) = (&update.from, &update.taken);
+        for (out, from, taken, factor) in [
+            (&mut update.z[..], &from.z, &taken.z, part),
+            (lam, &from.lam, &taken.lam, part / weight),
+            (&mut update.p_low[..], &from.impulse, &taken.impulse, part),
+        ] {
+            copy(out, from);
+            add_scaled(out, factor, taken);
+        }
     }
 }
 
 impl<R: Real> EndEquations<'_, R> {
+    /// The corrections of z1 and Λ_k in `momentum` and `hidden`; its size is that of both in velocities.
     #[inline(always)]
-    fn correct_end(&mut self) -> Result<R, StepError> {
+    fn find_correction(&mut self, is_new: bool) -> Result<R, StepError> {
         let (update, model) = (&mut *self.update, &mut *self.model);
         let (stages, step) = (&mut *self.stages, self.step);
         let k = stages.tableau.intervals;
@@ -228,9 +278,11 @@ impl<R: Real> EndEquations<'_, R> {
         let weight = step.h * stages.tableau.b_hat[k];
         let m = model.problem.m;
         let nu = stages.unknowns.nu.row(stages.tableau.stages - 1);
-        update.take_multipliers(stages);
-        let (y, z) = (&update.y, &update.z);
-        update.saddle.update(model, t, y, z, &update.multipliers)?;
+        if is_new {
+            update.take_multipliers(stages);
+            let (y, z) = (&update.y, &update.z);
+            update.saddle.update(model, t, y, z, &update.multipliers)?;
+        }
         copy(&mut update.momentum, &update.p_low);
         if model.problem.m > 0 {
             let [_, r] = model.node(t, &update.y, stages.unknowns.lam.row(k));
@@ -252,21 +304,32 @@ impl<R: Real> EndEquations<'_, R> {
         }
         let (momentum, hidden) = (&mut update.momentum, &mut update.hidden);
         update.saddle.solve(model, momentum, hidden);
-        add_scaled(&mut update.z, 1.0, &update.momentum);
-        let (d_lam, _) = update.hidden.split_at_mut(m);
-        for x in d_lam.iter_mut() {
-            *x *= R::splat(1.0 / weight);
+        if model.problem.is_linear {
+            return Ok(R::splat(0.0));
         }
-        add_scaled(stages.unknowns.lam.row_mut(k), 1.0, d_lam);
-        update
-            .saddle
-            .add_reaction(model, d_lam, &mut update.reaction);
-        update
-            .saddle
-            .add_nonholonomic(model, &update.hidden[m..], &mut update.p_low);
+        if is_new {
+            update.keep(model, stages.unknowns.lam.row(k));
+        }
         update.v.fill(R::splat(0.0));
         let mass = &update.saddle.mass;
         mass.add_velocity(&update.momentum, &mut update.v);
-        Ok(stages.relative(max_norm(&update.v), step))
+        let of_multipliers = update.saddle.velocity_of(model, &update.hidden);
+        Ok(stages.relative_to_speed(max_norm(&update.v) + of_multipliers, step))
+    }
+
+    /// Takes the last correction.
+    #[inline(always)]
+    fn finish(&mut self) {
+        let (update, model) = (&mut *self.update, &*self.model);
+        let k = self.stages.tableau.intervals;
+        let weight = self.step.h * self.stages.tableau.b_hat[k];
+        add_scaled(&mut update.z, 1.0, &update.momentum);
+        let (d_lam, d_nu) = update.hidden.split_at_mut(model.problem.m);
+        for x in d_lam.iter_mut() {
+            *x *= R::splat(1.0 / weight);
+        }
+        add_scaled(self.stages.unknowns.lam.row_mut(k), 1.0, d_lam);
+        (update.saddle).add_reaction(model, d_lam, &mut update.reaction);
+        (update.saddle).add_nonholonomic(model, d_nu, &mut update.p_low);
     }
 }

@@ -54,8 +54,9 @@ impl<R: Real> Stages<R> {
         self.size
     }
 
+    /// The same without regard to roundings.
     #[inline(always)]
-    fn relative_to_speed(&mut self, correction: R, step: Step<R>) -> R {
+    pub(super) fn relative_to_speed(&mut self, correction: R, step: Step<R>) -> R {
         if correction.all(|correction| correction == 0.0) {
             return correction;
         }

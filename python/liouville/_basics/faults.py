@@ -73,6 +73,8 @@ def _described(
             return _raised(error["cause"])
         case "singular":
             return _SINGULAR
+        case "no multipliers":
+            return _NO_MULTIPLIERS
         case "no memory":
             return _NO_MEMORY
         case _:
@@ -82,6 +84,12 @@ def _described(
 _SINGULAR = (
     "the equations for velocities and multipliers are singular",
     "keep away from singular positions, and let the velocity depend on z",
+    "stages",
+)
+_NO_MULTIPLIERS = (
+    "no multipliers were found whose reactions, which are not linear in them, hold the constraints",
+    "let each reaction change with its multiplier at every value, at 0 too, and far enough for the "
+    "forces",
     "stages",
 )
 _NO_MEMORY = (
@@ -192,7 +200,18 @@ def _contradiction(name: str) -> Description:
 STALLED = 1e-6
 
 
+#: Smaller corrections are roundoff themselves.
+ROUNDOFF = 1e-13
+
+
 def _not_converged(size: float) -> Description:
+    if size < ROUNDOFF:
+        return (
+            "the iteration comes to no solution: corrections of the motion are roundoff, and the "
+            "equations are not solved",
+            "try a smaller h, and look for reactions that change little with their multipliers",
+            "stages",
+        )
     if size < STALLED:
         return (
             f"the iteration stalls at corrections of {size:.0e}, far above roundoff",

@@ -18,6 +18,7 @@ mod backoff;
 mod block_matrix;
 mod broyden;
 mod condensed;
+mod damped;
 mod full;
 mod predictor;
 mod progress;
@@ -30,6 +31,7 @@ pub use attempts::{Attempts, BranchAttempts, Slot, Start, attempt, attempt_modif
 pub use backoff::Backoff;
 pub use block_matrix::{BlockGrid, BlockHandle, BlockLayout, BlockMatrix};
 pub use broyden::Broyden;
+pub use damped::{Damped, solve_damped};
 pub use full::solve_full;
 pub use predictor::{Continuation, Polynomial, Predictor};
 pub use reuse::{Renewal, Reuse};
@@ -342,25 +344,4 @@ pub fn solve_each<R: Real>(
         );
     }
     Ok(())
-}
-
-/// The most members in lock-step.
-const MOST_MEMBERS: usize = 16;
-
-/// Corrects all members until each has converged.
-///
-/// # Errors
-/// [`StepError::NotConverged`] as soon as one of them has failed.
-pub fn solve_all<R: Real>(equations: &mut impl Equations<R>, most: usize) -> Result<(), StepError> {
-    const { assert!(R::MEMBERS <= MOST_MEMBERS, "a place for each member") };
-    let mut members = [Member::Active; MOST_MEMBERS];
-    let members = &mut members[..R::MEMBERS];
-    solve_each(equations, most, members)?;
-    let failed = members.iter().find_map(|member| match member {
-        Member::Failed { iterations, size } => Some((*iterations, *size)),
-        _ => None,
-    });
-    failed.map_or(Ok(()), |(iterations, size)| {
-        Err(StepError::NotConverged { iterations, size })
-    })
 }

@@ -4,11 +4,9 @@
 
 use super::SemiExplicitModel;
 use liouville_base::error::{Quantity, StepError};
-use liouville_base::linalg::{Factor, copy, max_norm};
-use liouville_base::newton::{self, Equations};
+use liouville_base::linalg::{Factor, add_scaled, copy, max_norm};
+use liouville_base::newton::{Damped, solve_damped};
 use liouville_problem::finite;
-
-const MOST_ITERATIONS: usize = 50;
 
 /// The solver, with its memory.
 #[derive(Clone, Debug)]
@@ -16,6 +14,10 @@ pub struct Algebraic {
     factor: Factor,
     correction: Vec<f64>,
     effect: Vec<f64>,
+    /// f_z of the last matrix, z there, and the correction.
+    f_z: Vec<f64>,
+    from: Vec<f64>,
+    taken: Vec<f64>,
 }
 
 struct AlgebraicEquations<'a> {
@@ -24,7 +26,9 @@ struct AlgebraicEquations<'a> {
     t: f64,
     y: &'a [f64],
     z: &'a mut [f64],
+    /// The size of y', of which corrections are a part; first without f.
     speed: f64,
+    is_begun: bool,
 }
 
 impl Algebraic {
@@ -35,6 +39,9 @@ impl Algebraic {
             factor: Factor::new(&problem.patterns.w_z),
             correction: vec![0.0; problem.l],
             effect: vec![0.0; problem.n],
+            f_z: vec![0.0; problem.patterns.f_z.len()],
+            from: vec![0.0; problem.l],
+            taken: vec![0.0; problem.l],
         }
     }
 
@@ -58,56 +65,59 @@ impl Algebraic {
             y,
             z,
             speed,
+            is_begun: false,
         };
         if is_linear {
-            let size = solve.correct()?;
-            if size.is_finite() {
-                Ok(())
-            } else {
-                Err(StepError::NotConverged {
+            let size = solve.find(true)?;
+            if !size.is_finite() {
+                return Err(StepError::NotConverged {
                     iterations: 1,
                     size,
-                })
+                });
             }
         } else {
-            // far from a solution the first corrections may grow
-            match newton::solve(&mut solve, MOST_ITERATIONS) {
-                Err(StepError::NotConverged { .. }) => newton::solve_full(&mut solve),
-                solved => solved,
-            }
-            .map(|_| ())
+            solve_damped(&mut solve)?;
         }
+        add_scaled(z, -1.0, &self.correction);
+        Ok(())
     }
 }
 
-impl Equations for AlgebraicEquations<'_> {
-    fn correct(&mut self) -> Result<f64, StepError> {
+impl Damped<f64> for AlgebraicEquations<'_> {
+    fn find(&mut self, is_new: bool) -> Result<f64, StepError> {
         let (t, y, at) = (self.t, self.y, &mut *self.at);
         let (w, f) = self.model.hidden(t, y, self.z);
         finite(w, Quantity::Hidden, t)?;
-        let speed = self.speed + max_norm(f);
+        let of_field = max_norm(f);
         copy(&mut at.correction, w);
         let problem = self.model.problem.clone();
-        let (w_z, f_z) = self.model.hidden_jacobian(t, y, self.z);
-        finite(w_z, Quantity::Derivative, t)?;
         let patterns = &problem.patterns;
-        let factored = at.factor.factor(&patterns.w_z, w_z);
-        factored.map_err(|singular| StepError::SingularHidden {
-            unknown: singular.column,
-        })?;
-        at.factor.solve(&mut at.correction);
-        at.effect.fill(0.0);
-        patterns
-            .f_z
-            .multiply_add(f_z, 1.0, &at.correction, &mut at.effect);
-        for (z, d) in self.z.iter_mut().zip(&at.correction) {
-            *z -= d;
+        if is_new {
+            let (w_z, f_z) = self.model.hidden_jacobian(t, y, self.z);
+            finite(w_z, Quantity::Derivative, t)?;
+            copy(&mut at.f_z, f_z);
+            let factored = at.factor.factor(&patterns.w_z, w_z);
+            factored.map_err(|singular| StepError::SingularHidden {
+                unknown: singular.column,
+            })?;
         }
+        at.factor.solve(&mut at.correction);
+        if is_new {
+            copy(&mut at.from, self.z);
+            copy(&mut at.taken, &at.correction);
+        }
+        at.effect.fill(0.0);
+        (patterns.f_z).multiply_add(&at.f_z, 1.0, &at.correction, &mut at.effect);
         let size = max_norm(&at.effect);
-        Ok(if size == 0.0 {
-            0.0
-        } else {
-            size / speed.max(size)
-        })
+        if !self.is_begun {
+            self.speed += of_field + size;
+            self.is_begun = true;
+        }
+        Ok(if size == 0.0 { 0.0 } else { size / self.speed })
+    }
+
+    fn take(&mut self, part: f64) {
+        copy(self.z, &self.at.from);
+        add_scaled(self.z, -part, &self.at.taken);
     }
 }

@@ -144,6 +144,19 @@ impl<R: Real> Saddle<R> {
         }
     }
 
+    /// The largest velocity that the impulses of multipliers x give, ν behind λ, as it was last factored with.
+    pub fn velocity_of(&mut self, model: &Model<R>, x: &[R]) -> R {
+        let (d_lam, d_nu) = x.split_at(model.problem.m);
+        let size = self.mass.velocity_of(&self.r_lam, d_lam);
+        match (&model.problem.nonholonomic, &self.nonholonomic) {
+            (Some(problem), Some(own)) => {
+                let pattern = &problem.patterns.r_nu;
+                size + self.mass.velocity_by(pattern, &own.r_nu, d_nu)
+            }
+            _ => size,
+        }
+    }
+
     /// Factors the matrix at (t, y, z, λ), ν behind λ.
     ///
     /// # Errors
