@@ -508,6 +508,17 @@ def test_a_plain_model_runs_by_every_method(name):
 
 
 @pytest.mark.parametrize("method", ALL, ids=repr)
+def test_a_step_longer_than_the_run_is_the_whole_run(method):
+    fall = MODELS["falls from rest at 0"]
+    for more in ({}, {"rtol": 1e-6}, {"control": lv.Reversible()})[
+        : 3 if method in SYMMETRIC else 2
+    ]:
+        run = lv.integrate(fall.system, method, t=(0, TIME), h=5 * TIME, **more, **fall.start)
+        assert run.q[-1] == pytest.approx(fall.end(G), rel=1e-9)
+        assert "rtol" in more or run.stats["steps"] == 1
+
+
+@pytest.mark.parametrize("method", ALL, ids=repr)
 def test_a_motion_does_not_depend_on_how_a_reaction_is_written(method):
     def end(reaction):
         system = lv.Mechanical(

@@ -292,12 +292,15 @@ def _absolute(atol: Any, rtol: float, coordinates: Sequence[str]) -> np.ndarray:
 
 def _bounds(t0: float, t1: float, h: Any, h_min: Any) -> tuple[float, float]:
     """Return the first step, or 0, and the least."""
-    first = 0.0 if h is None else _step("h", h, t0, t1)
+    whole = abs(t1 - t0)
+    first = 0.0 if h is None else min(_step("h", h), whole)
     if h_min is None:
         least = DIGITS * float(np.spacing(max(abs(t0), abs(t1))))
         least = min(least, first) if first else least
     else:
-        least = _step("h_min", h_min, t0, t1)
+        least = _step("h_min", h_min)
+        if least > whole * (1 + 1e-9):
+            raise ValueError(f"h_min = {least:g} is larger than the interval, {whole:g}")
         if first and least > first:
             raise ValueError(f"h_min = {least:g} is larger than the first step, h = {first:g}")
     _check_moves(math.copysign(least, t1 - t0), max(t0, t1, key=abs))
@@ -309,7 +312,7 @@ def equal_steps(t0: float, t1: float, h: Any, steps: Any) -> Steps:
     if h is None:
         n = float(min(count("steps", steps), MOST_STEPS))
     else:
-        n = abs(t1 - t0) / _step("h", h, t0, t1) * (1 - 1e-12)
+        n = abs(t1 - t0) / min(_step("h", h), abs(t1 - t0)) * (1 - 1e-12)
     if n >= MOST_STEPS:
         what = "steps" if h is None else f"h = {h:g}"
         raise ValueError(f"{what}: more than {MOST_STEPS:.0e} steps cannot be counted")
@@ -318,13 +321,11 @@ def equal_steps(t0: float, t1: float, h: Any, steps: Any) -> Steps:
     return Steps(t0, t1, n)
 
 
-def _step(name: str, value: Any, t0: float, t1: float) -> float:
+def _step(name: str, value: Any) -> float:
     size = number(f"{name} must be a number", value)
     if not (math.isfinite(size) and size > 0):
         hint = "to go backwards, give t=(end, start)"
         raise ValueError(hinted(f"{name} must be positive and finite, not {size}", hint))
-    if size > abs(t1 - t0) * (1 + 1e-9):
-        raise ValueError(f"{name} = {size:g} is larger than the interval, {abs(t1 - t0):g}")
     return size
 
 
