@@ -8,11 +8,15 @@ from typing import TYPE_CHECKING
 from numpy.typing import ArrayLike
 
 from liouville._basics import casadi as ca
-from liouville._basics.errors import hinted
 from liouville._systems.mechanics.form import Model
 from liouville._systems.mechanics.general import Mechanics
 from liouville._systems.mechanics.nonholonomic import check_felt, rolling, rolling_of_z
-from liouville._systems.mechanics.traced import Function, traced_invariants, traced_switches
+from liouville._systems.mechanics.traced import (
+    Function,
+    check_moved,
+    traced_invariants,
+    traced_switches,
+)
 from liouville._systems.tracing import trace as _trace
 from liouville._systems.tracing.expressions import Symbols
 from liouville._systems.tracing.sparse import jacobian
@@ -343,17 +347,8 @@ def holonomic(
         return (), ca.SX(0, 1), ca.SX(0, 1), ca.SX(0, s.y.numel())
     t, y, _, params = s.args
     names, g = _trace.named("constraint", constraint, {k: s.args[k] for k in (t, y, params)})
-    g_y = jacobian(g, s.y)
-    moved = set(ca.sparsify(g_y).sparsity().row())
-    for k, name in enumerate(names):
-        if k not in moved:
-            raise ValueError(
-                hinted(
-                    f"constraint '{name}' is the same for all coordinates",
-                    "return what is to vanish, not a comparison",
-                )
-            )
-    return names, g, ca.SX.sym("lam", len(names)), g_y
+    check_moved(names, g, s.y)
+    return names, g, ca.SX.sym("lam", len(names)), jacobian(g, s.y)
 
 
 def ideal(g: ca.SX, s: Symbols, lam: ca.SX) -> ca.SX:

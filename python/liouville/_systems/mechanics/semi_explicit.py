@@ -15,7 +15,12 @@ from liouville._basics.arguments import amount
 from liouville._basics.errors import hinted, shown
 from liouville._basics.faults import Description
 from liouville._systems.mechanics.form import record_blocks, total_derivative
-from liouville._systems.mechanics.traced import Function, TracedSystem, traced_invariants
+from liouville._systems.mechanics.traced import (
+    Function,
+    TracedSystem,
+    check_moved,
+    traced_invariants,
+)
 from liouville._systems.mechanics.violations import (
     FLOOR,
     ROUNDINGS,
@@ -132,7 +137,7 @@ class SemiExplicit(TracedSystem):
             "constraint", constraint, {"t": s.t, "y": s.y, "params": s.params}
         )
         w = total_derivative(k, s, f)
-        self._check_shape(jacobian(k, s.y), jacobian(w, s.z))
+        self._check_shape((k, s.y), jacobian(w, s.z))
         columns = {"field": f, "constraint": k, "hidden": w}
         self._keep(Expressions(s, columns), traced_invariants(invariants, s.args))
         self._recorded: dict[str, Any] = {}
@@ -142,7 +147,7 @@ class SemiExplicit(TracedSystem):
         """Name the coordinates and the unknowns."""
         return f"SemiExplicit({shown(self.coordinates)}; {shown(self.unknowns)})"
 
-    def _check_shape(self, k_y: ca.SX, w_z: ca.SX) -> None:
+    def _check_shape(self, constraints: tuple[ca.SX, ca.SX], w_z: ca.SX) -> None:
         """Refuse what cannot be of index 2, by what depends on what."""
         n, count = len(self.coordinates), len(self.unknowns)
         if len(self.constraints) != count:
@@ -157,17 +162,10 @@ class SemiExplicit(TracedSystem):
             raise ValueError(
                 f"{amount(count, 'constraint')} on {amount(n, 'coordinate')} leave nothing to move"
             )
-        of_y = set(ca.sparsify(k_y).sparsity().row())
+        check_moved(self.constraints, *constraints)
         of_z = ca.sparsify(w_z).sparsity()
         rows, columns = (set(x) for x in of_z.get_triplet())
         for k, name in enumerate(self.constraints):
-            if k not in of_y:
-                raise ValueError(
-                    hinted(
-                        f"constraint '{name}' is the same for all coordinates",
-                        "return what is to vanish, not a comparison",
-                    )
-                )
             if k not in rows:
                 raise ValueError(
                     hinted(

@@ -23,6 +23,7 @@ from liouville._systems.tracing import trace as _trace
 from liouville._systems.tracing.expressions import Expressions, Parametrised, Symbols, recorded
 from liouville._systems.tracing.layout import POINT, Layout
 from liouville._systems.tracing.signatures import takes_multipliers
+from liouville._systems.tracing.sparse import jacobian
 
 #: The prefix of invariants among the expressions and in a record.
 INVARIANT = "invariant "
@@ -367,3 +368,24 @@ def traced_switches(switches: Mapping[str, Function] | None, args: _trace.Args) 
         name: _trace.scalar(f"switch '{name}'", function, args)
         for name, function in _trace.mapping("switches", switches).items()
     }
+
+
+def check_moved(names: tuple[str, ...], constraints: ca.SX, y: ca.SX) -> None:
+    """Refuse constraints that no coordinate moves, and say what they are instead."""
+    moved = set(ca.sparsify(jacobian(constraints, y)).sparsity().row())
+    for k, name in enumerate(names):
+        if k in moved:
+            continue
+        value = constraints[k]
+        if ca.depends_on(value, y):
+            why = "it jumps, as a comparison does"
+        elif value.is_constant():
+            why = f"it is the number {float(value):g}"
+        else:
+            why = "none of them is in it"
+        raise ValueError(
+            hinted(
+                f"constraint '{name}' is the same for all coordinates: {why}",
+                "return what is to vanish, such as x - 1 where x == 1 is meant",
+            )
+        )
