@@ -182,6 +182,11 @@ impl<S: Carried, M: Dynamics> Observe<S> for Observer<M> {
         let solver = (self.beside).get_or_insert_with(|| self.model.solver());
         self.model.solve_lam(solver, t, y, z)?;
         place.extend([y, z, M::lam(solver)].into_iter().flatten());
+        let rates = &mut [y, y].map(<[f64]>::to_vec);
+        let [y_dot, y_ddot] = rates;
+        self.model.solve(solver, t, y, z)?;
+        (self.model).derivatives(solver, t, (y, z), [y_dot, y_ddot])?;
+        place.extend([y_dot, M::z_dot(solver)].into_iter().flatten());
         Ok(true)
     }
 

@@ -290,8 +290,8 @@ impl Run {
         Ok(is_saved.then(|| PyArray1::from_vec(py, saved)))
     }
 
-    /// The arguments of the equations at the present state: coordinates, velocities and multipliers; none where there is no
-    /// single motion on constraints.
+    /// The arguments of the equations at the present state: coordinates, velocities and multipliers; and the rates of the
+    /// first two. None where there is no single motion on constraints.
     fn place<'py>(&mut self, py: Python<'py>) -> Option<Bound<'py, PyArray1<f64>>> {
         Some(PyArray1::from_vec(py, self.inner.place()?))
     }

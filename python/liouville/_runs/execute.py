@@ -129,7 +129,7 @@ def execute(
         stats |= runner.totals(rows)
         events, endings = runner.events(run)
         if isinstance(outcome, dict):
-            runner.add_cause(outcome, times, rows)
+            runner.add_cause(outcome, run)
     stats["seconds"] = time.perf_counter() - clock
 
     end = "" if runner.members else endings.get(0, "")

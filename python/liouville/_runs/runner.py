@@ -233,9 +233,9 @@ class Runner(ABC):
         del run
         return {}, {}
 
-    def add_cause(self, error: dict[str, Any], t: np.ndarray, rows: np.ndarray) -> None:
-        """Add to an error its cause by the last record; by default nothing."""
-        del error, t, rows
+    def add_cause(self, error: dict[str, Any], run: _core.Run) -> None:
+        """Add to the error of a run its cause, by the place where it ends; by default nothing."""
+        del error, run
 
     def jump_along(self, places: Sequence[tuple[float, np.ndarray]]) -> str | None:
         """Return the function with which the equations jump at all of these steps.

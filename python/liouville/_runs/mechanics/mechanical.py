@@ -269,7 +269,7 @@ class MechanicalRunner(TracedRunner):
         start = self.initial.get("energy", energy[:1])
         return {"work": work, "dissipated": start + work - energy}
 
-    def add_cause(self, error: dict[str, Any], t: np.ndarray, rows: np.ndarray) -> None:
+    def add_cause(self, error: dict[str, Any], run: _core.Run) -> None:
         """Name constraints nearly dependent, jumps near a step that fails, or a fine tolerance."""
         control = self.steps.control
         if error["kind"] == "step too small" and control and control[0] == "error":
@@ -277,27 +277,26 @@ class MechanicalRunner(TracedRunner):
             largest = np.abs(self._begin[0]).max(initial=0.0)
             if self._is_atol_default and atol < FINE * EPS * largest:
                 error["atol"] = atol
-        is_known = self._states and rows.ndim == 2 and len(rows)
-        if error["kind"] in UNSOLVED and is_known:
-            y, params = rows[-2:, : len(self.system.coordinates)], self.system.values(self.params)
-            # where the last step began, and where it went
-            for at, point in ((t[-1], y[-1]), (2 * t[-1] - t[-2:][0], 2 * y[-1] - y[0])):
-                if names := self._stepped.nearly_dependent(at, point, params):
+        if error["kind"] not in (*UNSOLVED, "step too small") or (place := run.place()) is None:
+            return
+        n, params = len(self.system.coordinates), self.system.values(self.params)
+        w, rates = self._point(run.t, place)
+        move = self._last_step(run) * rates
+        if error["kind"] in UNSOLVED:
+            # where the last step began, and where it leads
+            for at in (w, w + move):
+                if names := self._stepped.nearly_dependent(at[0], at[1 : 1 + n], params):
                     error["dependent"] = names
                     break
-        is_unsolved = error["kind"] in (*UNSOLVED, "step too small")
-        if is_unsolved and is_known and (name := self._jump(t, rows)):
+        found = branches(self.system)
+        if found is not None and (name := jump_near(found, w, move)):
             error["jump"] = name
 
-    def _jump(self, t: np.ndarray, rows: np.ndarray) -> str | None:
-        """Return the function with which the equations jump near the last record."""
-        if (found := branches(self.system)) is None:
-            return None
-        before = max(-2, -len(t))
-        last, other = (self._point(t[k], rows[k]) for k in (-1, before))
-        gap, h = t[-1] - t[before], self.steps.mean(self.steps.t1, self.steps.count)
-        part = h / gap if gap and self.steps.control is None else 1.0
-        return jump_near(found, last, part * (last - other))
+    def _last_step(self, run: _core.Run) -> float:
+        """Return the size of the step that failed, or was about to, by which coordinates move."""
+        if self.steps.control is None:
+            return float(self.steps.mean(self.steps.t1, self.steps.count))
+        return 8 * float(run.stats.get("h_next", 0.0))
 
     def _described(self, error: dict[str, Any]) -> Description:
         own = self.system if error.get("part") is not None else self._stepped

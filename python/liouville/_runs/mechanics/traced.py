@@ -126,20 +126,21 @@ class TracedRunner(Runner):
         """Return the function with which the equations jump at all of these steps."""
         if (found := branches(self.system)) is None:
             return None
-        params = np.atleast_2d(self._each_values)[0]
-        w = np.array([np.concatenate([[t], place, params]) for t, place in places])
+        w = np.array([self._point(t, place)[0] for t, place in places])
         control, states = self.steps.control, sum(x.shape[-1] for x in self._begin[:2])
         off = np.zeros(w.shape[1])
         if control is not None and control[0] == "error":
             off[1 : 1 + states] = control[2][0]  # atol
         return jump_along(found, w, off)
 
-    def _point(self, t: float, row: np.ndarray) -> np.ndarray:
-        """Return time, states, multipliers and parameters at a record."""
-        parts = np.split(row, np.cumsum([*self.columns.values()])[:-1])
-        own = dict(zip(self.columns, parts, strict=True))
-        states = [own[name] for name in (*self.system.states, "lam") if name in own]
-        return np.concatenate([[t], *states, np.atleast_2d(self._each_values)[0]])
+    def _point(self, t: float, place: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return time, states, multipliers and parameters at a place of a run, and their rates."""
+        states = sum(x.shape[-1] for x in self._begin[:2])
+        own, rates = np.split(place, [len(place) - states])
+        w = np.concatenate([[t], own, np.atleast_2d(self._each_values)[0]])
+        moved = np.zeros(len(w))
+        moved[: 1 + states] = [1.0, *rates]
+        return w, moved
 
     def _controls_taken(self) -> Takes:
         """Return the controls of the steps that the method takes."""

@@ -241,8 +241,7 @@ class _StoredRun:
             if not _is_cut(outcome):
                 self._stream.add(self._run, self._run.take())
             if isinstance(outcome, dict):
-                recent = self._stream.recent()
-                self._runner.add_cause(outcome, recent["t"], recent["rows"])
+                self._runner.add_cause(outcome, self._run)
             quantity = self._describe(outcome)
         solution = ends_of(self._folder.path, self._runner.system)
         if isinstance(outcome, dict):

@@ -172,10 +172,6 @@ class Stream(Columns):
         said = sentence_of(run.found(), is_ensemble=False)
         return "; ".join(filter(None, [said, self._runner.outweighed(self._largest)]))
 
-    def recent(self) -> Rows:
-        """Return the records that do not fill a chunk yet."""
-        return _joined(self._rest[TIME])
-
     def _replace(self, t: float) -> None:
         """Drop the last record where the next is of the state after a reset at its time."""
         if self._last[0] and self._last[1] == t:
