@@ -39,6 +39,8 @@ ALL = SYMMETRIC + RADAU + ALPHA
 #: The methods without a bound of h by the frequency, and those that take stiff forces.
 IMPLICIT = SYMMETRIC[:5] + RADAU + ALPHA
 
+TRIANGLE = np.array([0, 0, 1, 0, 0.5, np.sqrt(0.75)])
+
 #: Reactions that are not linear in their multiplier; the forces are far from where they bend.
 REACTIONS = {
     "x + x³": lambda x: x + x**3,
@@ -266,6 +268,57 @@ def lagrangians():
             [0, 0],
             end=lambda g: [-2 * g / 3, 2 * g / 3],
             kinetic=lambda v: v[0] ** 2 + v[1] ** 2 / 2,
+        ),
+    )
+    yield (
+        "pulley with a moment of inertia, 3 against 1",
+        model(
+            lambda q, g: g * (3 * q[0] + q[1]),
+            lambda t, q: [q[0] + q[1], q[0] - 0.5 * q[2]],
+            [0, 0, 0],
+            end=lambda g: -g * TIME**2 / 6 * np.array([1, -1, 2]),
+            kinetic=lambda v: (3 * v[0] ** 2 + v[1] ** 2 + v[2] ** 2 / 2) / 2,
+        ),
+    )
+    yield (
+        "pulley on a pulley of a mass of 1e-9, 4 against 1 and 1",
+        model(
+            lambda q, g: g * (4 * q[0] + q[1] + q[2]),
+            lambda t, q: [q[0] + q[3], q[1] + q[2] - 2 * q[3]],
+            [0] * 4,
+            end=lambda g: -g * TIME**2 / 6 * np.array([1, -1, -1, -1]),
+            kinetic=lambda v: (4 * v[0] ** 2 + v[1] ** 2 + v[2] ** 2 + 1e-9 * v[3] ** 2) / 2,
+        ),
+    )
+    yield (
+        "block on a wedge that slides",
+        model(
+            lambda q, g: g * q[2],
+            lambda t, q: 0.8 * q[2] + 0.6 * (q[1] - q[0]),
+            [0] * 3,
+            end=lambda g: g * TIME**2 / 2 * np.array([-12, 24, -27]) / 59,
+            kinetic=lambda v: v[0] ** 2 + half(v[1:]),
+        ),
+    )
+    yield (
+        "bead on a slope, far",
+        model(
+            weighs(1),
+            lambda t, q: 0.8 * (q[1] - 1e6) + 0.6 * (q[0] - 1e6),
+            [1e6, 1e6],
+            end=lambda g: 1e6 + 0.6 * g * TIME**2 / 2 * np.array([0.8, -0.6]),
+        ),
+    )
+    yield (
+        "triangle of rods falls",
+        model(
+            lambda q, g: g * (q[1] + q[3] + q[5]),
+            lambda t, q: [
+                (ca.sumsqr(q[a : a + 2] - q[b : b + 2]) - 1) / 2
+                for a, b in ((0, 2), (2, 4), (4, 0))
+            ],
+            TRIANGLE,
+            end=lambda g: TRIANGLE - g * TIME**2 / 2 * np.array([0, 1] * 3),
         ),
     )
     circle = lambda t, q: ca.sumsqr(q) - 1  # noqa: E731
