@@ -133,7 +133,8 @@ def is_held_to_the_laws(scene, run):
     assert abs(slip[modes == Mode.STICK]).max(initial=0) < 1e-11
     closed = modes != Mode.OPEN
     assert abs(across[closed]).max(initial=0) < 1e-9 * strong
-    assert across[(gap < 1e-13) & (abs(rate) < 1e-11)].min(initial=0) > -1e-8 * strong
+    # one that is higher may be in a flight as low as roundings of the bin
+    assert across[(gap < 4e-15) & (abs(rate) < 1e-11)].min(initial=0) > -1e-8 * strong
     assert np.diff(run.invariants["energy"]).max() < 1e-9 * strong
 
 
@@ -144,9 +145,9 @@ def ends(seed, **steps):
     is_held_to_the_laws(scene, run)
 
 
-#: Scenes with a disc at rest in a corner, whose margin is zero, and with a box that lies down on an
-#: edge of which both corners bear as much as friction.
-AT_EDGES = [70039, 70046]
+#: Scenes with a disc at rest in a corner, whose margin is zero, with a box that lies down on an
+#: edge of which both corners bear as much as friction, and with a force of -4e-12 that holds on.
+AT_EDGES = [70039, 70046, 80369]
 
 
 @pytest.mark.parametrize("seed", [*range(4), *AT_EDGES])

@@ -40,15 +40,16 @@ LARGEST = 1.0
 class Shared:
     """Normal forces and friction of a mode with the largest margin, and whether it gives way."""
 
+    margin: float
     gives_way: bool
     normal: Array
     friction: Array
 
 
-def shared(at: Matrices, modes: tuple[Mode, ...]) -> Shared:
+def shared(at: Matrices, modes: tuple[Mode, ...], lowest: float = 0.0) -> Shared:
     """Return how contacts share a load: forces that give the accelerations of a mode.
 
-    Each that bears friction has one slip.
+    It gives way where the margin is below the lowest. Each that bears friction has one slip.
     """
     c = len(modes)
     slips = c + np.searchsorted(at.owner, np.arange(c))
@@ -88,7 +89,7 @@ def shared(at: Matrices, modes: tuple[Mode, ...]) -> Shared:
     for k in closed:
         friction[k] = -at.laws.friction[k] * modes[k].sign * normal[k]
     friction[sticks] = x[len(closed) :]
-    return Shared(scale * margin < -zero, normal, friction)
+    return Shared(scale * margin, scale * margin < lowest - zero, normal, friction)
 
 
 def loads(
@@ -96,13 +97,15 @@ def loads(
 ) -> list[Shared]:
     """Return how contacts share their loads at the records of a stretch.
 
-    Of a whole stretch these are those up to where the mode gives way.
+    Of a whole stretch these are those up to where the mode gives way: where the margin comes below
+    zero, or below what it was where the mode was chosen, which knows it to less.
     """
     first, second = system.states
     found: list[Shared] = []
     states = zip(run.t, run.states[first], run.states[second], strict=True)
     for k, (t, y, z) in enumerate(states if system.is_shared else ()):
-        found.append(shared(now.at(float(t), y, z), system.modes))
+        lowest = min(found[0].margin, 0.0) if found else -np.inf
+        found.append(shared(now.at(float(t), y, z), system.modes, lowest))
         if is_whole and k and found[-1].gives_way:
             break
     return found
@@ -116,10 +119,11 @@ def torn(run: Solution, k: int, now: Switching) -> tuple[float, tuple[Array, Arr
         found = run(t)
         return found.states[first], found.states[second]
 
-    low, high = float(run.t[k - 1]), float(run.t[k])
+    begin, low, high = float(run.t[0]), float(run.t[k - 1]), float(run.t[k])
+    lowest = min(shared(now.at(begin, *at(begin)), now.modes).margin, 0.0)
     while low < (middle := low + (high - low) / 2) < high:
         here = now.at(middle, *at(middle))
-        if shared(here, now.modes).gives_way:
+        if shared(here, now.modes, lowest).gives_way:
             high = middle
         else:
             low = middle
