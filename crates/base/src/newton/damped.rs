@@ -37,7 +37,7 @@ pub trait Damped<R: Real> {
 /// [`StepError::NotConverged`] where no part of a correction, or none of the first hundred, leads to a solution.
 pub fn solve_damped<R: Real>(equations: &mut impl Damped<R>) -> Result<(), StepError> {
     let tolerance = Stop::default().tolerance;
-    let mut size = R::splat(f64::INFINITY);
+    let (mut size, mut least) = (R::splat(f64::INFINITY), R::splat(f64::INFINITY));
     for iterations in 1..=MOST {
         size = equations.find(true)?;
         let failed = StepError::NotConverged {
@@ -48,6 +48,12 @@ pub fn solve_damped<R: Real>(equations: &mut impl Damped<R>) -> Result<(), StepE
             return Err(failed);
         }
         let is_small = size.all(|size| size < SMALL_CORRECTION);
+        // below the roundings of the unknowns corrections go in circles, or fall slowly
+        let gain = size.zip(least, |size, least| least / 2.0 - size);
+        if is_small && gain.all(|gain| gain <= 0.0) {
+            return Ok(());
+        }
+        least = least.zip(size, f64::min);
         let mut part = 1.0;
         loop {
             equations.take(part);
