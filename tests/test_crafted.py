@@ -166,10 +166,11 @@ def test_an_array_of_a_zarr_folder_that_is_described_oddly_is_refused_by_name(ru
         assert refused(path)
     written(arrays)
     used(lv.load(path))
-    for file in path.glob("*/zarr.json"):  # as an earlier release wrote them
+    for name in runs["many"].to_xarray().data_vars:  # as an earlier release wrote them
+        file = path / name / "zarr.json"
         whole = file.read_text()
         file.write_text(whole.replace("]", ""))
-        assert refused(path, words=file.parent.name)
+        assert refused(path, words=name)
         file.write_text(whole)
     del group["consolidated_metadata"]
     (path / "zarr.json").write_text(checksum.signed(group, "attributes"))

@@ -259,7 +259,7 @@ def test_a_panel_draws_what_was_computed(runs, panel, kind, many):
 def test_every_panel_of_solutions_is_checked():
     functions = {name for name in plot.__all__ if inspect.isfunction(getattr(plot, name))}
     # of paths, studies, runs and sections; views of mechanisms are checked by tests of their own
-    others = {"check", "convergence", "cost", "section", "view"}
+    others = {"check", "convergence", "cost", "fit", "section", "view"}
     assert functions - CHECKS.keys() == others
 
 

@@ -184,9 +184,9 @@ def integrate(
         if store is None:
             return contacts.integrate(system, method, request, progress)
         from liouville._runs import stored
+        from liouville._runs.stored.touching import begin_touching
 
-        place = stored.place_of(store)
-        return stored.begin_touching(system, method, request, place, progress)
+        return begin_touching(system, method, request, stored.place_of(store), progress)
     if store is None:
         return checked(runner_of(system, method, request), request, progress)
     from liouville._runs import stored

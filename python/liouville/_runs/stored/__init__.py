@@ -13,4 +13,3 @@ from liouville._runs.stored.running import begin as begin
 from liouville._runs.stored.running import resume as resume
 from liouville._runs.stored.store import Store as Store
 from liouville._runs.stored.store import place_of as place_of
-from liouville._runs.stored.touching import begin_touching as begin_touching
