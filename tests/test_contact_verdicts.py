@@ -149,3 +149,19 @@ def test_a_single_rough_contact_has_the_forces_of_lemkes_method(monkeypatch):
     monkeypatch.setattr(law, "_alone_and_rough", lambda group: None)
     for own, wanted in zip(quick, forces(), strict=True):
         assert own == pytest.approx(wanted, abs=1e-10 * max(1, np.abs(wanted).max()))
+
+
+@pytest.mark.parametrize("frequency", np.linspace(25, 80, 12))
+def test_a_block_leaves_a_plate_that_falls_faster_than_it(frequency):
+    """There its normal force is roundoff, of either sign."""
+    plate = lv.Contact(lambda t, q, params: q[0] - 0.02 * ca.sin(frequency * t))
+    block = lv.Lagrangian(
+        lambda t, q, v, params: v[0] ** 2 / 2 - G * q[0], q=1, contacts={"plate": plate}
+    )
+    start = {"q": [0.0], "v": [0.02 * frequency]}
+    run = lv.integrate(block, lv.Spark(2), t=(0, 0.07), h=2e-3, **start)
+    kinds = [x.kind for x in run.contacts["plate"].changes]
+    assert kinds[:2] == ["close", "leave"]
+    wanted = np.arcsin(G / (0.02 * frequency**2)) / frequency
+    assert run.contacts["plate"].changes[1].t == pytest.approx(wanted, abs=1e-14)
+    assert run.contacts["plate"].normal.min() > -1e-12

@@ -227,7 +227,7 @@ class Switching:
         falls = -self.forces(at, held, 0 * at.slip).across
         for k in np.flatnonzero(near):
             if falls[k] > 0 and found[k] < 1:
-                closing[int(k)] = self.t + 2 * rates[k] / falls[k] / (1 - found[k])
+                closing[int(k)] = float(self.t + 2 * rates[k] / falls[k] / (1 - found[k]))
             found[k] = 0.0
         return found
 
@@ -247,8 +247,8 @@ class Switching:
             if fall < 0 and at.rate[k] ** 2 < self._low_square(at, -fall)[k]:
                 closing[int(k)] = None
                 has_hit = bool(self.changes[k]) and self.changes[k][-1].t == self.t
-                if has_hit and 0 < at.laws.restitution[k] < 1:
-                    closing[int(k)] = self.t + 2 * at.rate[k] / -fall / (1 - at.laws.restitution[k])
+                if has_hit and 0 < (restitution := at.laws.restitution[k]) < 1:
+                    closing[int(k)] = float(self.t - 2 * at.rate[k] / fall / (1 - restitution))
                 return int(k)
         return None
 
@@ -340,11 +340,12 @@ class Switching:
         self, at: Matrices, found: law.Forces, closed: Array, slip: Array, zero: float
     ) -> list[Mode | None]:
         """Return the modes that forces mean, None where they are on an edge."""
-        fast = zero * max(np.abs(at.b).max(), np.abs(found.across).max(), np.abs(found.along).max())
-        diagonal = np.abs(np.diag(at.A))
-        strong = zero * (
-            np.abs(found.normal).max() + (np.abs(at.b) / np.maximum(diagonal, TINY))[: self.c].max()
-        )
+        pulls = np.abs(at.b)
+        if zero == ZERO:  # where a normal force ends b is roundoff, and its terms are not
+            pulls = pulls + np.abs(at.rows[-len(pulls) :]) @ np.abs(at.free)
+        fast = zero * max(pulls.max(), np.abs(found.across).max(), np.abs(found.along).max())
+        per_force = np.maximum(np.abs(np.diag(at.A)), TINY)[: self.c]
+        strong = zero * (np.abs(found.normal).max() + (pulls[: self.c] / per_force).max())
         friction, along = (of_contacts(x, at.owner) for x in (found.friction, found.along))
         moves = of_contacts(slip, at.owner) > 0
         held = closed & ~moves & (friction > 0)
