@@ -3,6 +3,7 @@
 import casadi as ca
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 import liouville as lv
 
@@ -253,3 +254,76 @@ def test_derivatives_refuse_a_slip_that_touches_zero():
     run, pullback = lv.vjp(touching(0.75, False), lv.Spark(2), wrt=["v"], **call)
     with pytest.raises(lv.IntegrationError, match=r"'floor: stop' .* t = 1"):
         pullback(q=np.ones_like(run.q))
+
+
+def rod(first, **contacts):
+    """Return a uniform rod of length and mass 1 by its centre and its angle, and its start."""
+    system = lv.Lagrangian(
+        lambda t, q, v, params: (ca.sumsqr(v[:2]) + v[2] ** 2 / 12) / 2 - G * q[1],
+        q=("x", "y", "angle"),
+        contacts=contacts,
+    )
+    return system, {"q": [np.sin(first) / 2, np.cos(first) / 2, first], "v": np.zeros(3)}
+
+
+@pytest.mark.parametrize("first", [0.3, 0.8])
+def test_a_ladder_leaves_the_wall_at_two_thirds_of_its_height(first):
+    floor = lv.Contact(lambda t, q, params: q[1] - ca.cos(q[2]) / 2)
+    wall = lv.Contact(lambda t, q, params: q[0] - ca.sin(q[2]) / 2)
+    ladder, start = rod(first, floor=floor, wall=wall)
+    lies = lv.Event(lambda t, q, v, lam, params: q[2] - np.pi / 2, terminal=True)
+    run = lv.integrate(ladder, lv.Spark(4), t=(0, 3), h=0.01, events={"lies": lies}, **start)
+    assert [x.kind for x in run.contacts["wall"].changes] == ["close", "leave"]
+    left = run.contacts["wall"].changes[-1].t
+    k = np.searchsorted(run.t, left)
+    assert run.q[k, 1] / run.q[0, 1] == pytest.approx(2 / 3, abs=1e-13)
+    speed = np.cos(first) ** 1.5 * np.sqrt(G) / 3  # of the centre, which nothing changes any more
+    assert run.v[-1, 0] == pytest.approx(speed, abs=1e-13)
+
+
+@pytest.mark.parametrize("mu", [0.2, 0.3, 0.45, 0.8])
+def test_the_foot_of_a_toppling_rod_slips_where_its_load_says(mu):
+    """Below 0.37 it slips back at first, above forwards at once."""
+
+    def ratio(angle, first=0.1):
+        c, s, fallen = np.cos(angle), np.sin(angle), np.cos(first) - np.cos(angle)
+        return 0.75 * s * (c - 2 * fallen) / (1 - 0.75 * s**2 - 1.5 * c * fallen)
+
+    foot = lv.Contact(
+        lambda t, q, params: q[1] - ca.cos(q[2]) / 2,
+        friction=mu,
+        slip=lambda t, q, v, params: v[0] - ca.cos(q[2]) / 2 * v[2],
+    )
+    system, start = rod(0.1, foot=foot)
+    run = lv.integrate(system, lv.Spark(4), t=(0, 0.81), h=5e-3, **start)
+    slip = next(x.t for x in run.contacts["foot"].changes if x.kind == "slip")
+    sign, spans = (1, (0.1, 0.6)) if mu < 0.37 else (-1, (0.8, 1.0))
+    wanted = brentq(lambda angle: ratio(angle) - sign * mu, *spans, xtol=1e-15)
+    k = np.searchsorted(run.t, slip)
+    assert run.q[k, 2] == pytest.approx(wanted, abs=1e-11)
+    assert run.contacts["foot"].mode[k + 1].sign == -sign
+    assert run.contacts["foot"].mode[-1].sign == 1
+
+
+def test_a_block_on_a_table_that_shakes_slips_and_sticks_when_closed_forms_say():
+    a, omega, mu = 0.02, 20.0, 0.5
+    table = lv.Contact(
+        lambda t, q, params: q[1],
+        friction=mu,
+        slip=lambda t, q, v, params: v[0] - a * omega * ca.cos(omega * t),
+    )
+    system = lv.Lagrangian(
+        lambda t, q, v, params: ca.sumsqr(v) / 2 - G * q[1], q=2, contacts={"table": table}
+    )
+    start = {"q": [0.0, 0.0], "v": [a * omega, 0.0]}
+    run = lv.integrate(system, lv.Spark(2), t=(0, 1), h=5e-3, **start)
+    slips = [x.t for x in run.contacts["table"].changes if x.kind == "slip"]
+    first = np.arcsin(mu * G / (a * omega**2)) / omega
+    np.testing.assert_allclose(slips, first + np.arange(7) * np.pi / omega, atol=1e-14)
+
+    def behind(t):
+        return a * omega * (np.cos(omega * t) - np.cos(omega * first)) + mu * G * (t - first)
+
+    stops = [x.t for x in run.contacts["table"].changes if x.kind == "stick"][1:]
+    last = brentq(behind, np.pi / omega, 0.19, xtol=1e-16)
+    np.testing.assert_allclose(stops, last + np.arange(6) * np.pi / omega, atol=1e-13)
