@@ -337,6 +337,31 @@ def test_a_woodpecker_toy_pecks_its_way_down_without_penetration():
     assert np.diff(run.invariants["energy"]).max() < 2e-9
 
 
+@pytest.mark.parametrize(("speed", "hits"), [(55.0, 0), (70.0, 20), (90.0, 2)])
+def test_a_follower_lifts_off_where_its_cam_slows_down_faster_than_spring_and_weight(speed, hits):
+    """Its normal force is m a + k (s + s0) + m g, and first zero at 63.1 rad/s."""
+    mass, stiffness, off, pressed = 0.2, 200.0, 0.01, 0.01
+    m = Assembly(gravity=(0, -G, 0))
+    cam = m.planar_body("cam", mass=0.5, inertia=2e-4, at=(0, -off))
+    follower = m.planar_body("follower", mass=mass, inertia=1e-4, at=(0, 0.06))
+    m.revolute("shaft", "ground", cam, at=(0, 0), motion=lambda t, params: speed * t)
+    m.prismatic("guide", "ground", follower, axis=(0, 1, 0), spring=stiffness, rest=-pressed)
+    face = Plane(follower, at=(0, 0.02), normal=(0, -1))
+    m.contact("touch", Sphere(cam, 0.03), face, restitution=0.3)
+    system = m.system()
+    run = lv.integrate(system, lv.Spark(3), t=(0, 4 * np.pi / speed), steps=400, **m.start())
+    touch = run.contacts["touch"]
+    assert touch.gap.min() > -1e-15
+    assert touch.normal.min() > -1e-11
+    assert sum(x.kind == "hit" for x in touch.changes) == hits
+    load = mass * G + stiffness * (off + pressed)
+    wanted = -load / (off * (mass * speed**2 - stiffness))
+    assert (wanted > -1) == (hits > 0) == (speed > 63.1)
+    if hits:
+        left = next(x.t for x in touch.changes if x.kind == "leave")
+        assert left == pytest.approx(np.arccos(wanted) / speed, abs=1e-14)
+
+
 def test_coefficients_of_shapes_may_be_functions_of_the_parameters():
     def falls(friction, restitution):
         yard = Assembly(gravity=(0, -9.81, 0))
