@@ -4,6 +4,7 @@ import casadi as ca
 import numpy as np
 import pytest
 from scipy.linalg import expm
+from scipy.special import j0, jn_zeros
 
 import liouville as lv
 
@@ -47,6 +48,34 @@ def test_a_turning_field_has_the_quasienergies_of_its_frame():
     rotated = expm(-1j * frame * 1000 * period) @ start * (-1) ** 1000
     assert np.abs(modes.after(start, 1000) - rotated).max() < 1e-6
     assert np.abs(modes.after(start, 0) - start).max() < 1e-14
+
+
+def shirley(splitting, a, copies=30):
+    """Return the two quasi-energies near zero of copies of two levels that a drive of 1 couples."""
+    n = np.arange(-copies, copies + 1)
+    one, next_to = np.eye(len(n)), np.eye(len(n), k=1) + np.eye(len(n), k=-1)
+    levels = np.kron(np.diag(n), np.eye(2)) - splitting / 2 * np.kron(one, X)
+    found = np.linalg.eigvalsh(levels + a / 4 * np.kron(next_to, Z))
+    return found[np.abs(found) < 0.5]
+
+
+def test_two_driven_levels_have_the_quasienergies_of_shirley_and_of_a_bessel_function():
+    """A fast drive destroys tunnelling at a zero of J0, a slow one at weaker drives."""
+
+    def modes(splitting, a):
+        drive = [(lambda t, params: a / 2 * ca.cos(t), Z)]
+        system = lv.Schrodinger(-splitting / 2 * X, drive=drive)
+        return lv.analysis.floquet(system, 2 * np.pi, lv.Chebyshev(1e-12))
+
+    for splitting in (0.3, 0.9):
+        for a in (0.5, 1.5, 2.155, 4.0, 9.0):
+            own = modes(splitting, a).quasienergies
+            assert np.abs(own - shirley(splitting, a)).max() < 1e-11
+    assert abs(modes(0.9, 2.155).quasienergies[1]) < 1e-4  # where they cross
+    for a in (1.0, 4.0):  # of third order in the splitting
+        assert np.abs(modes(1e-3, a).quasienergies[1] - 5e-4 * abs(j0(a))) < 1e-9
+    stays = np.abs(modes(0.1, jn_zeros(0, 1)[0]).after([1, 0], np.arange(101))[:, 0]) ** 2
+    assert stays.min() == pytest.approx(0.9978, abs=1e-4)
 
 
 def test_modes_are_orthonormal_states_that_return():
