@@ -167,6 +167,69 @@ def test_a_run_that_fails_keeps_what_was_done_in_its_folder(many, tmp_path, monk
     assert left.t.tobytes() == lv.load(tmp_path / "run.zarr").t.tobytes()
 
 
+def sliding(**more):
+    """Return a block that comes to rest at t = 0.4, which the alpha method does not hold."""
+    floor = lv.Contact(height, friction=0.5, slip=lambda t, q, v, params: v[0])
+    system = lv.Lagrangian(
+        lambda t, q, v, params: ca.sumsqr(v) / 2 - 10 * q[1],
+        q=("x", "y"),
+        contacts={"floor": floor},
+    )
+    call = {"system": system, "method": lv.GeneralizedAlpha(0.9), "t": (0, 1), "h": 0.1}
+    return call | {"q": [0, 0], "v": [2, 0]} | more
+
+
+def weightless(**more):
+    """Return a ball above a table whose weight is no number from t = 0.55 on."""
+    system = lv.Lagrangian(
+        lambda t, q, v, params: v[0] ** 2 / 2 - ca.sqrt(0.55 - t) * q[0],
+        q=("y",),
+        contacts={"table": lv.Contact(lambda t, q, params: q[0])},
+    )
+    call = {"system": system, "method": lv.Spark(2), "t": (0, 1), "h": 0.1, "q": [1], "v": [0]}
+    return call | more
+
+
+FAILING = {
+    "in the first stretch": weightless,
+    "as the second begins": sliding,
+    "before there is a record": lambda: sliding(t_eval=[0.9]),
+}
+
+
+@pytest.mark.parametrize("kind", FAILING)
+def test_a_run_that_fails_early_keeps_its_records_and_fails_again_on_its_way(kind, tmp_path):
+    call, path = FAILING[kind](), tmp_path / "run.zarr"
+    with pytest.raises(lv.IntegrationError) as plain:
+        lv.integrate(**call)
+    plain.value.solution.save(tmp_path / "whole.zarr")
+    whole, message = lv.load(tmp_path / "whole.zarr"), str(plain.value).splitlines()[0]
+    with pytest.raises(lv.IntegrationError, match=message):
+        lv.integrate(**call, store=path)
+    agree(whole, lv.load(path))
+    with pytest.raises(lv.IntegrationError, match=message):
+        lv.resume(path)
+    agree(whole, lv.load(path))
+
+
+WHOLE = {
+    "one stretch": {"t": (0, 0.3)},
+    "one step": {"t": (0, 0.05)},
+    "one stretch and no states": {"t": (0, 0.3), "states": False},
+    "no record in the first": {"t_eval": [0.5, 1.0]},
+    "one record, the last": {"t_eval": [5.0]},
+}
+
+
+@pytest.mark.parametrize("kind", WHOLE)
+def test_a_run_of_few_stretches_or_records_is_stored_whole(kind, tmp_path):
+    call = bouncing(events=None, **WHOLE[kind])
+    lv.integrate(**call).save(tmp_path / "whole.zarr")
+    solution = lv.integrate(**call, store=tmp_path / "run.zarr")
+    assert solution.status == "done"
+    agree(lv.load(tmp_path / "whole.zarr"), lv.load(tmp_path / "run.zarr"))
+
+
 def test_stores_and_tangents_of_runs_with_contacts_are_not_for_each_other(tmp_path):
     with pytest.raises(TypeError, match="tangents= of runs with contacts go without store="):
         lv.integrate(**bouncing(), tangents={"v": [1.0, 0]}, store=tmp_path / "run.zarr")

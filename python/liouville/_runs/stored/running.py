@@ -94,6 +94,7 @@ def made(
         (temporary / CHECKPOINT / META).write_text(checksum.signed(group, FREE), encoding="utf-8")
         folder.commit(JOB, job)
         filled = fill(folder)
+        folder.sync()
         _rename(temporary, path)
     except BaseException:
         shutil.rmtree(temporary, ignore_errors=True)

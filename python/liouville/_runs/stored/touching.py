@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import json
+import math
 import pickle
 import time
 from collections.abc import Callable, Mapping
 from copy import copy
 from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -29,7 +31,7 @@ from liouville._runs.stored.running import (
     taken_back,
 )
 from liouville._runs.stored.store import Interval
-from liouville._runs.stored.stream import BYTES, EVENTS, PAUSE, STATE, TIME, Columns
+from liouville._runs.stored.stream import BYTES, EVENTS, PAUSE, STATE, TIME, Columns, Rows
 from liouville._solution.solution import Solution
 
 if TYPE_CHECKING:
@@ -64,13 +66,16 @@ class Job:
         course, folder = self.course(), opened_again(path, self.chunks)
         stream = Columns(folder, self.chunks)
 
-        def take() -> None:
+        def take() -> Rows:
             stream.take_back(state)
-            course.restore(pickle.loads(state["memory"].tobytes()))
+            last: Rows
+            saved, last = pickle.loads(state["memory"].tobytes())
+            course.restore(saved)
             stream.show_anew({"status": "interrupted", "message": CUT_OFF, **described(course)})
+            return last
 
-        taken_back(folder, take)
-        return StoredCourse(course, interval, folder, stream)
+        last = taken_back(folder, take)
+        return StoredCourse(course, interval, (folder, stream), lambda: last)
 
 
 def begin_touching(
@@ -86,6 +91,7 @@ def begin_touching(
     pickled((job, interval))
     course, failure = job.course(), None
     course.begin()
+    start = state_of(course, {})
     try:
         course.go_on()
         while not (course.is_over or course.may_part):
@@ -95,25 +101,29 @@ def begin_touching(
             raise
         course.status, course.ending, failure = "failed", str(error), error
     is_over = course.is_over
-    piece = course.solution() if is_over else course.taken()
+    piece, last = (course.solution(), dict) if is_over else taken(course)
     rows = arrays.rows_of(piece)
-    row = sum(x.nbytes for x in rows[TIME].values()) // len(piece.t)
+    row = sum(x.itemsize * math.prod(x.shape[1:]) for x in rows[TIME].values())
     chunks = dict.fromkeys(rows, EVENTS) | {TIME: max(1, BYTES // row)}
 
     def fill(folder: Folder) -> Columns:
         stream = Columns(folder, chunks)
+        # what fails or is interrupted before there is another state goes on from its start
+        for axis, own in rows.items():
+            stream.append(axis, {name: x[:0] for name, x in own.items()})
+        stream.commit(start, {})
         for axis, own in rows.items():
             stream.append(axis, own)
-        stream.finish(described(course))
         if not is_over:
-            save(course, stream)
+            stream.finish(described(course))
+            stream.commit(state_of(course, last()), {})
         return stream
 
     empty = replace(piece, status="interrupted", message=CUT_OFF)
     whole = pickled((replace(job, chunks=chunks), interval))
     folder, stream = made(path, whole, (empty, chunks), fill)
     with alone(path):
-        return StoredCourse(course, interval, folder, stream).go(progress, failure)
+        return StoredCourse(course, interval, (folder, stream), last).go(progress, failure)
 
 
 def described(course: Course) -> dict[str, Any]:
@@ -122,21 +132,38 @@ def described(course: Course) -> dict[str, Any]:
     return {"stats": json.dumps(records.stats), "h": records.mean(now.h, now.t)}
 
 
-def save(course: Course, stream: Columns) -> None:
-    """Write the state of a run whose stretches were taken."""
-    memory = np.frombuffer(pickle.dumps(course.saved()), dtype=np.uint8)
-    stream.commit(memory, {})
+def taken(course: Course) -> tuple[Solution, Callable[[], Rows]]:
+    """Take records, and return them and what returns the last, which is left to what follows."""
+    before = copy(course)
+    before.records = copy(course.records)
+    piece = course.taken()
+
+    @cache
+    def last() -> Rows:
+        rows = arrays.rows_of(before.solution())[TIME]
+        return {name: x[len(piece.t) :].copy() for name, x in rows.items()}
+
+    return piece, last
+
+
+def state_of(course: Course, last: Rows) -> np.ndarray:
+    """Return the state of a run whose stretches were taken, and its last record."""
+    return np.frombuffer(pickle.dumps((course.saved(), last)), dtype=np.uint8)
 
 
 class StoredCourse:
-    """A stored run with contacts on its way."""
+    """A stored run with contacts on its way; `last` returns the record that is left to it."""
 
-    def __init__(self, course: Course, interval: Interval, folder: Folder, stream: Columns) -> None:
-        self._course, self._interval = course, interval
-        self._folder, self._stream = folder, stream
-        self._saved, self._last, self._shown = self._steps, time.monotonic(), -np.inf
-        #: What was taken last, whose last record is left to what follows.
-        self._left: tuple[Any, Any, int] | None = None
+    def __init__(
+        self,
+        course: Course,
+        interval: Interval,
+        place: tuple[Folder, Columns],
+        last: Callable[[], Rows],
+    ) -> None:
+        self._course, self._interval, self._last = course, interval, last
+        self._folder, self._stream = place
+        self._saved, self._since, self._shown = self._steps, time.monotonic(), -np.inf
 
     def go(self, progress: Progress, failure: IntegrationError | None = None) -> Solution:
         """Run to the end, and return the first and the last record."""
@@ -195,34 +222,29 @@ class StoredCourse:
         course, interval = self._course, self._interval
         steps, many = self._steps, sum(len(x.whole.run.t) for x in course.stretches)
         is_due = is_stopped or (
-            time.monotonic() - self._last >= interval.seconds
+            time.monotonic() - self._since >= interval.seconds
             if interval.steps is None
             else steps - self._saved >= interval.steps
         )
         if not (is_due or len(course.stretches) >= MANY or many >= self._stream.rows):
             return
-        before = copy(course.records), course.stretches
-        piece = course.taken()
+        piece, self._last = taken(course)
         self._add(piece)
-        self._left = *before, len(piece.t)
         if not is_due:
             return
         if time.monotonic() - self._shown >= PAUSE:
             self._stream.finish(described(course))
             self._shown = time.monotonic()
-        save(course, self._stream)
-        self._saved, self._last = steps, time.monotonic()
+        self._stream.commit(state_of(course, self._last()), {})
+        self._saved, self._since = steps, time.monotonic()
 
     def _end(self) -> None:
         """Take the last records."""
         course = self._course
         if course.stretches:
             self._add(course.solution())
-        elif self._left is not None and course.status == "failed":
-            # the last stretch again, with its last record
-            course.records, course.stretches, count = self._left
-            rows = arrays.rows_of(course.solution())[TIME]
-            self._stream.append(TIME, {name: x[count:] for name, x in rows.items()})
+        elif course.status == "failed" and (last := self._last()):
+            self._stream.append(TIME, last)
 
     def _add(self, piece: Solution) -> None:
         for axis, rows in arrays.rows_of(piece).items():
