@@ -54,6 +54,38 @@ def test_members_do_as_alone(more):
     assert "contact 'floor':" in repr(many)
 
 
+def test_an_ensemble_says_which_member_has_gained_energy():
+    """A rod whose slip comes to rest, by Newton's law: the gain that Kane has found."""
+    tip = lv.Contact(
+        lambda t, q, params: q[1] - ca.sin(q[2]) / 2,
+        restitution=0.9,
+        friction=1.5,
+        slip=lambda t, q, v, params: v[0] + ca.sin(q[2]) * v[2] / 2,
+    )
+    rod = lv.Lagrangian(
+        lambda t, q, v, params: (v[0] ** 2 + v[1] ** 2 + v[2] ** 2 / 12) / 2 - G * q[1],
+        q=("x", "y", "angle"),
+        impacts="newton",
+        contacts={"tip": tip},
+    )
+    q, v = [0, np.sin(1) / 2 + 0.02, 1], [[0, 1, 0], [1, -2, 5]]
+    one = lv.integrate(rod, lv.Spark(2), t=(0, 0.05), h=0.01, q=q, v=v[1])
+    many = lv.ensemble(rod, lv.Spark(2), t=(0, 0.05), h=0.01, q=[q, q], v=v)
+    assert "gained energy" in one.message
+    assert many.message == f"member 1: {one.message}"
+
+
+def test_an_ensemble_of_which_no_member_can_start_says_how_many():
+    system = lv.Lagrangian(
+        lambda t, q, v, params: v[0] ** 2 / 2 - ca.sqrt(params.weight - t) * q[0],
+        q=("y",),
+        params={"weight": -1.0},
+        contacts={"table": lv.Contact(lambda t, q, params: q[0])},
+    )
+    with pytest.raises(lv.IntegrationError, match=r"^2 of 2 members .*, member 0: .* finite"):
+        lv.ensemble(system, lv.Spark(2), q=[[1.0], [2.0]], v=[0.0], **CALL)
+
+
 def test_a_member_that_fails_is_put_down_and_the_others_go_on():
     """One is squeezed at t = 0.5, and one goes to the end; an event ends the third."""
     system = block()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, cast
 
@@ -72,7 +72,7 @@ def ensemble(
                 break
             if report is not None:
                 report(k + 1, many)
-    return _joined(runs, (times, many), failures, request, tuple(of_params))
+    return _joined(runs, times, many, failures, request, tuple(of_params))
 
 
 def _varied(request: Request, of_params: Mapping[str, int]) -> dict[str, Any]:
@@ -81,47 +81,25 @@ def _varied(request: Request, of_params: Mapping[str, int]) -> dict[str, Any]:
 
 def _joined(
     runs: Sequence[Solution | None],
-    shape: tuple[Array, int],
+    times: Array,
+    many: int,
     failures: dict[int, Failure],
     request: Request,
     varied: tuple[str, ...],
 ) -> Solution:
     """Return the members as an ensemble: what they did not come to is NaN."""
-    times, many = shape
-    first = next((run for run in runs if run is not None), None)
+    shape, first = (len(times), many), next((run for run in runs if run is not None), None)
     if first is None:
-        raise IntegrationError(failures[0].message, t=failures[0].t)
-
-    def joined(parts: Sequence[Array | None], like: Array, empty: Any = np.nan) -> Array:
-        found = np.full((len(times), many, *like.shape[1:]), empty, dtype=like.dtype)
-        for k, x in enumerate(parts):
-            if x is not None:
-                found[: len(x), k] = x
-        return found
-
-    def of(each: Any, name: str) -> list[Array | None]:
-        return [None if run is None else each(run)[name] for run in runs]
-
+        raise IntegrationError(summary_of(failures, many), t=failures[0].t, member=0)
     arrays: dict[str, Any] = {
         group: {
-            name: joined(of(lambda run, group=group: getattr(run, group), name), x)
-            for name, x in getattr(first, group).items()
+            name: _rows([None if x is None else getattr(x, group)[name] for x in runs], shape)
+            for name in getattr(first, group)
         }
         for group in GROUPS
     }
     contacts = {
-        name: ContactRecord(
-            changes=tuple(() if run is None else run.contacts[name].changes for run in runs)
-            + ((),) * (many - len(runs)),
-            **{
-                what: joined(
-                    [None if run is None else getattr(run.contacts[name], what) for run in runs],
-                    getattr(first.contacts[name], what),
-                    None if what == "mode" else np.nan,
-                )
-                for what in COLUMNS
-            },
-        )
+        name: _record([None if x is None else x.contacts[name] for x in runs], shape)
         for name in first.contacts
     }
     ended = {
@@ -130,10 +108,6 @@ def _joined(
         if run is not None and run.status == "done" and len(run.t) < len(times)
     }
     is_cut = any(run is not None and run.status == "interrupted" for run in runs)
-    messages = [summary_of(failures, many)]
-    if is_cut:
-        messages = [f"interrupted after {len(runs) - 1} of {many} members"]
-    messages += sorted({run.message for run in runs if run is not None and not is_cut} - {""})
     initial = {}
     if request.t_eval is not None and first.initial:
         initial = {
@@ -154,8 +128,44 @@ def _joined(
         failures=failures,
         endings=ended,
         status="interrupted" if is_cut else ending_of(failures, many),
-        message="; ".join(x for x in messages[:1] if x),
+        message=f"interrupted after {len(runs) - 1} of {many} members"
+        if is_cut
+        else "; ".join(filter(None, [summary_of(failures, many), _remark(runs, ended)])),
     )
+
+
+def _rows(parts: Sequence[Array | None], shape: tuple[int, int]) -> Array:
+    """Return rows of members, one member after another along the second of these axes."""
+    like = next(x for x in parts if x is not None)
+    empty = None if like.dtype == object else np.nan
+    found = np.full((*shape, *like.shape[1:]), empty, dtype=like.dtype)
+    for k, x in enumerate(parts):
+        if x is not None:
+            found[: len(x), k] = x
+    return found
+
+
+def _record(own: Sequence[ContactRecord | None], shape: tuple[int, int]) -> ContactRecord:
+    """Return the record of a contact of all members."""
+    changes = [() if record is None else record.changes for record in own]
+    return ContactRecord(
+        changes=(*changes, *[()] * (shape[1] - len(own))),
+        **{
+            what: _rows([None if x is None else getattr(x, what) for x in own], shape)
+            for what in COLUMNS
+        },
+    )
+
+
+def _remark(runs: Sequence[Solution | None], ended: Collection[int]) -> str:
+    """Return what is said of the first of the members that come to the end with a message."""
+    said = [
+        f"member {k}: {run.message}"
+        for k, run in enumerate(runs)
+        if run is not None and run.status == "done" and run.message and k not in ended
+    ]
+    more = f" (and {len(said) - 1} more members have messages)" if said[1:] else ""
+    return f"{said[0]}{more}" if said else ""
 
 
 def _events(runs: Sequence[Solution | None]) -> dict[str, Points]:
