@@ -117,19 +117,15 @@ class ModeSystem(Mechanics):
         )
         # friction and impacts take from the energy, and walls that move may give
         self.is_conservative, self.may_only_lose = False, False
+        self._record_events(contacts)
+        self._add_resets(contacts)
+
+    def _record_events(self, contacts: Contacts) -> None:
+        """Record the functions whose fall to zero ends the mode."""
         self.own_events: dict[str, tuple[int, str]] = {}
         self._tapes_of_events: dict[str, Any] = {}
         self._tapes_of_slowing: dict[tuple[str, int], Any] = {}
         self._values_of_events: dict[str, ca.SX] = {}
-        self._record_events(contacts)
-        self.bounces: dict[str, int] = {}
-        self._resets: dict[str, Event] = {}
-        self._tapes_of_resets: dict[str, Any] = {}
-        if not any(modes) and not contacts.is_spatial.any():
-            self._add_resets(contacts)
-
-    def _record_events(self, contacts: Contacts) -> None:
-        """Record the functions whose fall to zero ends the mode."""
         found: dict[str, tuple[int, str, ca.SX]] = {}
         multipliers = self._multipliers
         for k, (name, mode) in enumerate(zip(contacts.names, self.modes, strict=True)):
@@ -188,7 +184,12 @@ class ModeSystem(Mechanics):
         return found
 
     def _add_resets(self, contacts: Contacts) -> None:
-        """Let hits of contacts that bounce be events with an impact."""
+        """Let hits of contacts that bounce be events with an impact, where none is closed."""
+        self.bounces: dict[str, int] = {}
+        self._resets: dict[str, Event] = {}
+        self._tapes_of_resets: dict[str, Any] = {}
+        if any(self.modes) or contacts.is_spatial.any():
+            return
         for name, (k, _) in self.own_events.items():
             if not contacts.bounces[k] or (contacts.is_rough[k] and not has_closed_form(contacts)):
                 continue

@@ -55,46 +55,11 @@ class Contacts:
         self.is_rough = tuple(x.is_rough for x in given.values())
         self.bounces = tuple(callable(x.restitution) or x.restitution > 0 for x in given.values())
         self._systems: dict[tuple[tuple[Mode, ...], tuple[int, ...], bool], ModeSystem] = {}
+        _check_linear(system)
         s, model = system._symbols, system._model
-        slopes = ca.vertcat(entries(jacobian(model.p, s.z)), entries(jacobian(model.v, s.z)))
-        reactions = entries(jacobian(model.r, model.lam))
-        if ca.depends_on(slopes, s.z) or ca.depends_on(reactions, model.lam):
-            sentence = (
-                "contacts want a momentum that is linear in the velocity, and linear reactions"
-            )
-            raise TypeError(hinted(sentence, "write the system as a Lagrangian"))
-        first = system.states[0]
         u = ca.SX.sym("u", s.y.numel())  # in the place of v
-        gaps, slips, loads = [], [], []
-        for name, contact in given.items():
-            what = f"contact '{name}'"
-            if name in system.constraints:
-                raise ValueError(f"{what} has the name of a constraint")
-            at = {"t": s.t, first: s.y, "params": s.params}
-            gap, load = ca.SX(0), ca.SX(0)
-            if contact.gap is not None:
-                gap = _trace.scalar(f"the gap of {what}", contact.gap, at)
-            elif callable(contact.load):
-                load = _trace.scalar(f"the load of {what}", contact.load, at)
-            elif contact.load is not None:
-                load = ca.SX(float(contact.load))
-            loads.append(load)
-            if contact.gap is not None and not ca.depends_on(gap, s.y):
-                sentence = f"the gap of {what} is the same for all coordinates"
-                raise ValueError(hinted(sentence, f"return a distance, a function of {first}"))
-            gaps.append(gap)
-            slip = ca.SX(0)
-            if contact.slip is not None:
-                moving = {"t": s.t, first: s.y, "v": u, "params": s.params}
-                slip = _trace.column(f"the slip of {what}", contact.slip, moving)
-                if slip.numel() > 2:
-                    sentence = f"the slip of {what} must be one value, or two in space"
-                    raise ValueError(f"{sentence}, not {slip.numel()}")
-                if ca.depends_on(jacobian(slip, u), u):
-                    raise ValueError(f"the slip of {what} must be affine in the velocity")
-                if not all(ca.depends_on(x, u) for x in ca.vertsplit(slip)):
-                    raise ValueError(f"the slip of {what} is the same for all velocities")
-            slips.append(slip)
+        each = [_functions_of(system, name, contact, u) for name, contact in given.items()]
+        gaps, loads, slips = zip(*each, strict=True)
         #: The contact of each slip, and which contacts have two.
         self.owner = np.repeat(np.arange(len(slips)), [x.numel() for x in slips])
         self.is_spatial = np.bincount(self.owner) > 1
@@ -341,3 +306,44 @@ class Contacts:
         if key not in self._systems:
             self._systems[key] = ModeSystem(self, *key)
         return self._systems[key]
+
+
+def _check_linear(system: Mechanics) -> None:
+    """Refuse momenta that are not linear in the velocity, and reactions not in multipliers."""
+    s, model = system._symbols, system._model
+    slopes = ca.vertcat(entries(jacobian(model.p, s.z)), entries(jacobian(model.v, s.z)))
+    reactions = entries(jacobian(model.r, model.lam))
+    if ca.depends_on(slopes, s.z) or ca.depends_on(reactions, model.lam):
+        sentence = "contacts want a momentum that is linear in the velocity, and linear reactions"
+        raise TypeError(hinted(sentence, "write the system as a Lagrangian"))
+
+
+def _functions_of(
+    system: Mechanics, name: str, contact: Contact, u: ca.SX
+) -> tuple[ca.SX, ca.SX, ca.SX]:
+    """Return gap, load and slip of a contact, at a velocity u; what it has not is zero."""
+    what, s, first = f"contact '{name}'", system._symbols, system.states[0]
+    if name in system.constraints:
+        raise ValueError(f"{what} has the name of a constraint")
+    at = {"t": s.t, first: s.y, "params": s.params}
+    gap, load, slip = ca.SX(0), ca.SX(0), ca.SX(0)
+    if contact.gap is not None:
+        gap = _trace.scalar(f"the gap of {what}", contact.gap, at)
+        if not ca.depends_on(gap, s.y):
+            sentence = f"the gap of {what} is the same for all coordinates"
+            raise ValueError(hinted(sentence, f"return a distance, a function of {first}"))
+    elif callable(contact.load):
+        load = _trace.scalar(f"the load of {what}", contact.load, at)
+    elif contact.load is not None:
+        load = ca.SX(float(contact.load))
+    if contact.slip is not None:
+        moving = {"t": s.t, first: s.y, "v": u, "params": s.params}
+        slip = _trace.column(f"the slip of {what}", contact.slip, moving)
+        if slip.numel() > 2:
+            sentence = f"the slip of {what} must be one value, or two in space"
+            raise ValueError(f"{sentence}, not {slip.numel()}")
+        if ca.depends_on(jacobian(slip, u), u):
+            raise ValueError(f"the slip of {what} must be affine in the velocity")
+        if not all(ca.depends_on(x, u) for x in ca.vertsplit(slip)):
+            raise ValueError(f"the slip of {what} is the same for all velocities")
+    return gap, load, slip
