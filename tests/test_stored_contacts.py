@@ -212,6 +212,20 @@ def test_a_run_that_fails_early_keeps_its_records_and_fails_again_on_its_way(kin
     agree(whole, lv.load(path))
 
 
+def test_functions_of_a_stored_run_need_no_module(tmp_path):
+    call = sliding(
+        method=lv.Spark(2),
+        observe={"power": lambda t, q, v, params: -5 * v[0]},
+        events={"slow": lambda t, q, v, lam, params: v[0] - 1},
+        control=lv.Reversible(monitor=lambda t, q, v, params: 1 / (1 + v[0] ** 2)),
+    )
+    lv.integrate(**call).save(tmp_path / "whole.zarr")
+    lv.integrate(**call, store=tmp_path / "run.zarr")
+    job = (tmp_path / "run.zarr" / "checkpoint" / "job.pickle").read_bytes()
+    assert __name__.encode() not in job
+    agree(lv.load(tmp_path / "whole.zarr"), lv.load(tmp_path / "run.zarr"))
+
+
 WHOLE = {
     "one stretch": {"t": (0, 0.3)},
     "one step": {"t": (0, 0.05)},

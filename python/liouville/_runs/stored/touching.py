@@ -33,6 +33,8 @@ from liouville._runs.stored.running import (
 from liouville._runs.stored.store import Interval
 from liouville._runs.stored.stream import BYTES, EVENTS, PAUSE, STATE, TIME, Columns, Rows
 from liouville._solution.solution import Solution
+from liouville._systems.events import named
+from liouville._systems.tracing.expressions import Recorded
 
 if TYPE_CHECKING:
     from liouville._methods import Method
@@ -87,9 +89,9 @@ def begin_touching(
 ) -> Solution:
     """Run to the end, and store the records on the way."""
     path, interval = place
-    job = Job(system, method, request, {})
-    pickled((job, interval))
+    job = Job(system, method, portable(system, request), {})
     course, failure = job.course(), None
+    pickled((job, interval))
     course.begin()
     start = state_of(course, {})
     try:
@@ -124,6 +126,20 @@ def begin_touching(
     folder, stream = made(path, whole, (empty, chunks), fill)
     with alone(path):
         return StoredCourse(course, interval, (folder, stream), last).go(progress, failure)
+
+
+def portable(system: Mechanics, request: Request) -> Request:
+    """Return a request with its functions written down, so that any program goes on with it."""
+    control = request.control
+    if (monitor := getattr(control, "monitor", None)) is not None:
+        control = replace(control, **system.portable({"monitor": monitor}))
+    args = system._args_of_events
+    events = {
+        name: replace(event, function=Recorded(f"event '{name}'", event.function, args))
+        for name, event in named(request.events).items()
+    }
+    observe = system.portable(request.observe)
+    return replace(request, control=control, observe=observe, events=events)
 
 
 def described(course: Course) -> dict[str, Any]:
