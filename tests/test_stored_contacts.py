@@ -131,15 +131,15 @@ def test_an_interrupt_ends_behind_a_stretch_and_the_run_goes_on_from_there(tmp_p
                 signal.raise_signal(signal.SIGINT)
 
         run = lv.integrate(**bouncing(t=(0, 60)), store=tmp_path / "run.zarr", progress=progress)
-        pipe.send((run.status, run.message))
+        pipe.send((run.status, run.message, run.t[-1]))
 
     receive, send = get_context("fork").Pipe(duplex=False)
     process = get_context("fork").Process(target=stopped, args=(send,))
     process.start()
-    status, message = receive.recv()
+    status, message, end = receive.recv()
     process.join()
     assert status == "interrupted"
-    assert message.startswith("interrupted at t = ")
+    assert message.startswith(f"interrupted at t = {end:g};")
     assert message.endswith("run.zarr') goes on")
     lv.resume(tmp_path / "run.zarr")
     assert lv.load(tmp_path / "run.zarr").t.tobytes() == whole.t.tobytes()

@@ -259,7 +259,7 @@ class StoredCourse:
         course = self._course
         if course.stretches:
             self._add(course.solution())
-        elif course.status == "failed" and (last := self._last()):
+        elif last := self._last():
             self._stream.append(TIME, last)
 
     def _add(self, piece: Solution) -> None:
