@@ -12,8 +12,8 @@ impl AlphaEquations<'_> {
         let [eta, zeta] = self.moved_by();
         self.moved_y = eta;
         let (at, h) = (&*self.solver, self.step.h.abs());
-        let (z, phi) = (max_norm(&at.z), max_norm(&at.phi).max(self.borne));
-        let of_y = relative(eta, self.unit());
+        let [unit, z, phi] = self.units();
+        let of_y = relative(eta, unit);
         match at.reactions_by {
             Reactions::Position => of_y,
             Reactions::Extended { .. } => of_y.max(relative(zeta, z.max(h * phi))),
@@ -40,15 +40,15 @@ impl AlphaEquations<'_> {
             let [_, r_lam] = (self.model).node_blocks(self.step.t + h, &at.y, &reaction.lam)?;
             largest = largest.max(self.matrix.mass.velocity_of(r_lam, d_lam));
         }
-        let size = relative(h * h * unit * largest, self.unit());
+        let size = relative(h * h * unit * largest, self.units()[0]);
         Ok(if size < NOISE { 0.0 } else { size })
     }
 
-    /// The position, or what velocities and accelerations make of it in a step.
-    fn unit(&self) -> f64 {
+    /// The position, or what velocities and accelerations make of it in a step; and these.
+    fn units(&self) -> [f64; 3] {
         let (at, h) = (&*self.solver, self.step.h.abs());
-        let phi = max_norm(&at.phi).max(self.borne);
-        max_norm(&at.y).max(h * max_norm(&at.z)).max(h * h * phi)
+        let (z, phi) = (max_norm(&at.z), max_norm(&at.phi).max(self.borne));
+        [max_norm(&at.y).max(h * z).max(h * h * phi), z, phi]
     }
 
     /// How far the correction has moved y1 and z1.
