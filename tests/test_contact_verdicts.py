@@ -6,6 +6,7 @@ import pytest
 
 import liouville as lv
 from liouville._runs.contacts import law
+from liouville._runs.contacts import run as _run
 from liouville.bodies import Assembly, Polygon
 
 G = 9.81
@@ -165,3 +166,14 @@ def test_a_block_leaves_a_plate_that_falls_faster_than_it(frequency):
     wanted = np.arcsin(G / (0.02 * frequency**2)) / frequency
     assert run.contacts["plate"].changes[1].t == pytest.approx(wanted, abs=1e-14)
     assert run.contacts["plate"].normal.min() > -1e-12
+
+
+def test_a_contact_that_pulls_is_refused(monkeypatch):
+    """As it would where the end of its force is missed."""
+    plate = lv.Contact(lambda t, q, params: q[0] - 0.02 * ca.sin(50 * t))
+    block = lv.Lagrangian(
+        lambda t, q, v, params: v[0] ** 2 / 2 - G * q[0], q=1, contacts={"plate": plate}
+    )
+    monkeypatch.setattr(_run, "endings", lambda *args: {})
+    with pytest.raises(lv.IntegrationError, match=r"contact 'plate' pulls with .* may only"):
+        lv.integrate(block, lv.Spark(2), t=(0, 0.03), h=1e-3, q=[0.0], v=[1.0])

@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 
 #: A gap penetrates beyond this part of the sizes of its terms.
 PENETRATES = 1e-9
+#: A contact pulls that changes its rate in a step by this part of the sizes of its terms.
+PULLS = 1e-6
 #: What slips as it must not has more than this part of the sizes of its terms: it begins at rest.
 BACKWARDS = 2 * AT_REST
 
@@ -98,7 +100,7 @@ def check_start(now: Switching, y: Array, z: Array) -> None:
 def check(
     run: Solution, system: ModeSystem, switching: Switching, accelerated: float, count: int
 ) -> IntegrationError | None:
-    """Return the fault of the first records of a stretch: they penetrate, or slip back."""
+    """Return the fault of the first records of a stretch: they penetrate, pull, or slip back."""
     contacts, t = switching.contacts, run.t[:count]
     y, z = (run.states[name][:count] for name in contacts.system.states)
     gap, slip, size, fast = contacts.records(t, y, z, switching.params, switching.h, accelerated)
@@ -114,6 +116,10 @@ def check(
         k, which = lifted[0]
         what = f"the load of contact '{contacts.names[which]}' is negative, {loads[k, which]:.3g}"
         return IntegrationError(f"{what}, at t = {t[k]:g}", t=float(t[k]))
+    if pull := _pull(system, switching, (t, y, z), run.states["lam"][:count]):
+        at, name, force = pull
+        sentence = f"contact '{name}' pulls with {force:.2g} at t = {at:g}, and may only press"
+        return IntegrationError(hinted(sentence, "try a smaller h"), t=at, quantity=name)
     signs = np.array([mode.sign for mode in system.modes])
     back = np.argwhere(slip * signs[contacts.owner] < -BACKWARDS * fast)
     if back.size:
@@ -123,3 +129,21 @@ def check(
         sentence = hinted(f"{against} at t = {t[k]:g}", "try a smaller h")
         return IntegrationError(sentence, t=float(t[k]), quantity=name)
     return None
+
+
+def _pull(
+    system: ModeSystem, switching: Switching, states: tuple[Array, Array, Array], lam: Array
+) -> tuple[float, str, float] | None:
+    """Return when a contact pulls most, its name and its force, where that is no roundoff."""
+    if system.is_shared or not system.normals:  # what shares a load has a margin instead
+        return None
+    pulls = lam[:, [*system.normals.values()]]
+    k, column = np.unravel_index(pulls.argmax(), pulls.shape)
+    which, force = [*system.normals][column], float(pulls[k, column])
+    if force <= 0:
+        return None
+    t, y, z = (x[k] for x in states)
+    at = switching.at(float(t), y, z)
+    if force * at.A[which, which] * switching.h <= PULLS * at.sizes[which]:
+        return None
+    return float(t), switching.contacts.names[which], force
