@@ -158,7 +158,7 @@ def _record(own: Sequence[ContactRecord | None], shape: tuple[int, int]) -> Cont
 
 
 def _remark(runs: Sequence[Solution | None], ended: Collection[int]) -> str:
-    """Return what is said of the first of the members that come to the end with a message."""
+    """Return the message of the first member that comes to the end with one."""
     said = [
         f"member {k}: {run.message}"
         for k, run in enumerate(runs)
