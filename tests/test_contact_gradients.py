@@ -61,8 +61,8 @@ def test_pullbacks_are_the_transposed_tangents_through_all_changes(name, more):
         own = run.tangents[direction].states
         terms = [cotangents[state] * own[state] for state in cotangents]
         forward, size = (sum(f(part).sum() for part in terms) for f in (np.asarray, np.abs))
-        # near rest friction turns by 1e7 times its slip
-        rounded = 1e-8 if name == "puck" else 1e-10
+        # near rest, and where a ball begins to roll, friction turns by 1e7 times its slip
+        rounded = 1e-8 if name in ("puck", "bowled") else 1e-10
         assert abs(np.sum(x * gradients[direction]) - forward) < rounded * max(size, 1)
 
 
