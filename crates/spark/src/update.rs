@@ -45,7 +45,7 @@ pub(super) struct Update<R = f64> {
     taken: EndPoint<R>,
 }
 
-/// What the equations of the end are solved for: z1, λ_k times its weight, and the impulses of ν.
+/// The unknowns of the end: z1, λ_k times its weight, and the impulses of ν.
 #[derive(Clone, Debug)]
 struct EndPoint<R> {
     z: Vec<R>,

@@ -146,7 +146,7 @@ class Asking:
         if self.is_controlled or not self.may_reset or until < self.end or not system.bounces:
             return False
         if not all(self.now.laws.restitution[k] for k in system.bounces.values()):
-            return False  # what does not bounce stays
+            return False  # a contact that does not bounce stays closed
         if self.window:
             return True
         self.window = LEAST  # once by the laws of contacts

@@ -98,7 +98,7 @@ class ContactsAdjoint(Adjoint):
             own.links[::-1], self._parts()[::-1], given[::-1], strict=True
         ):
             behind = 0.0, 0 * of_y, 0 * of_z
-            if link.is_bit:  # what follows begins where it began
+            if link.is_bit:  # the next stretch begins where the bit began
                 behind = of_t, of_y, of_z
             elif link.ended is None:
                 of_records[first][-1] += of_y

@@ -135,7 +135,8 @@ def _pull(
     system: ModeSystem, switching: Switching, states: tuple[Array, Array, Array], lam: Array
 ) -> tuple[float, str, float] | None:
     """Return when a contact pulls most, its name and its force, where that is no roundoff."""
-    if system.is_shared or not system.normals:  # what shares a load has a margin instead
+    # contacts that share a load have a margin instead
+    if system.is_shared or not system.normals or not len(lam):
         return None
     pulls = lam[:, [*system.normals.values()]]
     k, column = np.unravel_index(pulls.argmax(), pulls.shape)

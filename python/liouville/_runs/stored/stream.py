@@ -123,7 +123,7 @@ class Columns:
 
     def show_anew(self, attributes: Mapping[str, Any]) -> None:
         """Show what there is after a state was taken back."""
-        # what was written after the state may be lost, and no reader may count on it
+        # records behind the state may be lost, and no reader may count on them
         self._folder.show(self._lengths(), attributes)
         self.finish({})
 

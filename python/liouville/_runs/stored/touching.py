@@ -110,7 +110,7 @@ def begin_touching(
 
     def fill(folder: Folder) -> Columns:
         stream = Columns(folder, chunks)
-        # what fails or is interrupted before there is another state goes on from its start
+        # a run that fails or is interrupted before its next state goes on from its start
         for axis, own in rows.items():
             stream.append(axis, {name: x[:0] for name, x in own.items()})
         stream.commit(start, {})

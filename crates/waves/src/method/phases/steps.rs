@@ -219,7 +219,7 @@ impl SplitSteps {
                 self.composed.parts_mut().forget_tables();
             }
             let apart = match self.doubling.step(&mut self.composed, (t, h), state) {
-                // what leaves the wave numbers that are taken has no norm
+                // the state loses the norm of waves beyond the wave numbers that are taken
                 Err(StepError::Norm { .. } | StepError::Unresolved { .. })
                     if !self.band.is_all() =>
                 {

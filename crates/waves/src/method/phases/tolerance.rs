@@ -105,7 +105,7 @@ const MOST_SHORT: usize = 2000;
 pub(super) struct ShortSteps(f64, usize);
 
 impl ShortSteps {
-    /// Those between two outputs.
+    /// The short steps between two outputs.
     pub(super) fn new((start, end): (f64, f64)) -> Self {
         Self(SHORT * (end - start).abs(), 0)
     }
