@@ -19,6 +19,7 @@ from liouville._basics import casadi as ca
 from liouville._basics.errors import hinted, quoted
 from liouville._studies.optimal.arguments import Array, Controls
 from liouville._systems import Mechanics
+from liouville._systems.mechanics.consistent import project
 from liouville._systems.mechanics.form import differ, total_derivative
 from liouville._systems.tracing import trace as _trace
 from liouville._systems.tracing.sparse import jacobian
@@ -295,7 +296,7 @@ def near_constraints(
     y = y + ASIDE * (np.abs(y).max() or 1.0) * shift[0]
     z = z + ASIDE * (np.abs(z).max() or 1.0) * shift[1]
     with suppress(ValueError):  # too far away: the gradients there have to do
-        y = system._project("positions", t, y, z, params) if system.constraints else y
+        y = project(system, "positions", t, y, z, params) if system.constraints else y
     return y, z
 
 

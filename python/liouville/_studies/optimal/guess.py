@@ -13,6 +13,7 @@ from liouville._solution.solution import Solution
 from liouville._studies.optimal.arguments import Array
 from liouville._studies.optimal.final import near_constraints
 from liouville._studies.optimal.result import OptimalControl
+from liouville._systems.mechanics.consistent import project
 from liouville._systems.tracing import trace as _trace
 from liouville._systems.tracing.sparse import jacobian
 
@@ -91,7 +92,7 @@ def _along(problem: Problem, y: Array, parts: Array) -> Array:
         times, (_, z) = problem.times, problem.start
         t = times.start + parts * (times.end - times.start)
         inner = [
-            problem.system._project("positions", t[k], even[k], z, problem.params)
+            project(problem.system, "positions", t[k], even[k], z, problem.params)
             for k in range(1, len(parts) - 1)
         ]
     except ValueError:  # no place on the constraints is near
@@ -118,7 +119,7 @@ def _walked(problem: Problem, start: Array, end: Array, first: int) -> Array | N
         length = np.linalg.norm(towards)
         if not length > STUCK * np.linalg.norm(end - y):
             return None
-        y = system._project("positions", t, y + stride / length * towards, problem.start[1], params)
+        y = project(system, "positions", t, y + stride / length * towards, problem.start[1], params)
         way.append(y)
         if np.linalg.norm(end - y) <= stride:
             return np.array([*way, end])

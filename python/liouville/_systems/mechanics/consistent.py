@@ -4,8 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from liouville import _core
 from liouville._basics import casadi as ca
+from liouville._basics.errors import hinted
+from liouville._basics.faults import describe
 from liouville._systems.mechanics.form import Model, differ, record_blocks, total_derivative
 from liouville._systems.tape import record
 from liouville._systems.tracing.expressions import Symbols
@@ -19,6 +23,29 @@ if TYPE_CHECKING:
 Projection = tuple[
     tuple[_core.Tape, _core.Tape, _core.Tape], tuple[Pattern, Pattern], tuple[str, ...]
 ]
+
+
+def project(
+    system: Mechanics, what: str, t: float, x: np.ndarray, held: np.ndarray, params: np.ndarray
+) -> np.ndarray:
+    """Move x of "positions", of "both" by positions, or of the "partner", onto its constraints.
+
+    Raises
+    ------
+    ValueError
+        No consistent x is near the one given.
+    """
+    tapes, patterns, names = recorded(system, what)
+    if not names:
+        return x
+    found = _core.project(tapes, patterns, x, np.append(held, t), params)
+    if isinstance(found, dict):
+        if found["kind"] == "not finite":
+            found["t"] = t
+        sentence, _, _ = describe(found, system.coordinates, names)
+        sentence = f"no consistent start is near the one given: {sentence}"
+        raise ValueError(hinted(sentence, "start nearer to the constraints, or hold less"))
+    return found
 
 
 def recorded(system: Mechanics, what: str) -> Projection:

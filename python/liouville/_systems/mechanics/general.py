@@ -13,9 +13,8 @@ from liouville import _core
 from liouville._basics import casadi as ca
 from liouville._basics.arguments import amount
 from liouville._basics.errors import hinted, quoted, shown
-from liouville._basics.faults import describe
 from liouville._systems.mechanics import motion as _motion
-from liouville._systems.mechanics.consistent import recorded
+from liouville._systems.mechanics.consistent import project
 from liouville._systems.mechanics.form import (
     Model,
     Nonholonomic,
@@ -283,28 +282,13 @@ class Mechanics(TracedSystem):
             raise ValueError(f"hold must be '{first}', '{second}' or None, not {hold!r}")
         if self.constraints:
             if hold is None:
-                y = self._project("positions", t, y, z, values)
+                y = project(self, "positions", t, y, z, values)
             elif hold == second:
-                y = self._project("both", t, y, z, values)
+                y = project(self, "both", t, y, z, values)
             if hold != second:
-                z = self._project("partner", t, z, y, values)
+                z = project(self, "partner", t, z, y, values)
             self.check(t, y, z, values, f"without hold={hold!r} there may be a start nearby")
         return {first: y, second: z}
-
-    def _project(
-        self, what: str, t: float, x: np.ndarray, held: np.ndarray, params: np.ndarray
-    ) -> np.ndarray:
-        tapes, patterns, names = recorded(self, what)
-        if not names:
-            return x
-        found = _core.project(tapes, patterns, x, np.append(held, t), params)
-        if isinstance(found, dict):
-            if found["kind"] == "not finite":
-                found["t"] = t
-            sentence, _, _ = describe(found, self.coordinates, names)
-            sentence = f"no consistent start is near the one given: {sentence}"
-            raise ValueError(hinted(sentence, "start nearer to the constraints, or hold less"))
-        return found
 
     @cached_property
     def is_autonomous(self) -> bool:
