@@ -146,8 +146,9 @@ def ends(seed, **steps):
 
 
 #: Scenes with a disc at rest in a corner, whose margin is zero, with a box that lies down on an
-#: edge of which both corners bear as much as friction, and with a force of -4e-12 that holds on.
-AT_EDGES = [70039, 70046, 80369]
+#: edge of which both corners bear as much as friction, with a force of -4e-12 that holds on, and
+#: with a disc that presses itself against two corners of a box.
+AT_EDGES = [70039, 70046, 80369, 44]
 
 
 @pytest.mark.parametrize("seed", [*range(4), *AT_EDGES])

@@ -3,9 +3,10 @@
 import casadi as ca
 import numpy as np
 import pytest
+from scipy import optimize
 
 import liouville as lv
-from liouville._runs.contacts import law
+from liouville._runs.contacts import law, margin
 from liouville._runs.contacts import run as _run
 from liouville.bodies import Assembly, Polygon
 
@@ -177,3 +178,16 @@ def test_a_contact_that_pulls_is_refused(monkeypatch):
     monkeypatch.setattr(_run, "endings", lambda *args: {})
     with pytest.raises(lv.IntegrationError, match=r"contact 'plate' pulls with .* may only"):
         lv.integrate(block, lv.Spark(2), t=(0, 0.03), h=1e-3, q=[0.0], v=[1.0])
+
+
+def test_forces_of_one_unknown_have_the_margin_of_the_linear_program():
+    rng = np.random.default_rng(0)
+    for kind in (1, -1, 0) * 50:
+        n = int(rng.integers(1, 7))
+        a, slopes = rng.normal(size=(2, n)) * (rng.random((2, n)) > [[0], [0.2]])
+        slopes = kind * np.abs(slopes) if kind else slopes
+        (w,), found = margin._best_of_one(a, slopes)
+        rows = np.column_stack([-slopes, np.ones(n)])
+        best = optimize.linprog([0, -1], rows, a, bounds=[(None, None), (None, margin.LARGEST)])
+        assert found == pytest.approx(-best.fun, abs=1e-12)
+        assert (a + slopes * w).min() >= found - 1e-12

@@ -199,9 +199,9 @@ def _best_of_one(a: Array, slopes: Array) -> tuple[Array, float]:
     up, down = np.flatnonzero(~flat & (slopes > 0)), np.flatnonzero(~flat & (slopes < 0))
     most = min(LARGEST, a[flat].min(initial=np.inf))
     if not (up.size and down.size):  # they rise without end on one side
-        lines = np.concatenate([up, down])
-        needed = (most - a[lines]) / slopes[lines]
-        return np.array([needed[np.argmax(np.abs(needed))]]) if lines.size else np.zeros(1), most
+        needed = (most - a[~flat]) / slopes[~flat]
+        w = needed.max(initial=0.0) if up.size else needed.min(initial=0.0)
+        return np.array([w]), most
     rise, fall = slopes[up][:, None], slopes[down][None, :]
     heights = (a[down][None, :] * rise - a[up][:, None] * fall) / (rise - fall)
     i, j = np.unravel_index(int(np.argmin(heights)), heights.shape)
