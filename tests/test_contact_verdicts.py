@@ -180,6 +180,28 @@ def test_a_contact_that_pulls_is_refused(monkeypatch):
         lv.integrate(block, lv.Spark(2), t=(0, 0.03), h=1e-3, q=[0.0], v=[1.0])
 
 
+@pytest.mark.parametrize(("system", "partner"), [(lv.Lagrangian, "v"), (lv.Hamiltonian, "p")])
+def test_a_foot_that_is_closed_does_not_push_another_into_the_floor(system, partner):
+    """The left foot of a beam is 8e-13 high and at rest, while the right one rises."""
+    masses = np.array([2.0, 8.0])
+    feet = {
+        name: lv.Contact(lambda t, q, params, way=way: q[0] - 1 + way * q[1])
+        for name, way in (("left", -1), ("right", 1))
+    }
+
+    def function(t, q, moving, params):
+        if partner == "v":
+            return ca.dot(masses, moving**2) / 2 - 20 * q[0]
+        return ca.dot(1 / masses, moving**2) / 2 + 20 * q[0]
+
+    beam = system(function, q=("height", "angle"), contacts=feet)
+    start = {"q": [1 + 4e-13, -4e-13], partner: 0.5 * masses ** (partner == "p")}
+    run = lv.integrate(beam, lv.Spark(2), t=(0, 0.02), h=0.01, **start)
+    assert {mode.name for mode in run.contacts["left"].mode} == {"CLOSED"}
+    for record in run.contacts.values():
+        assert record.gap.min() > -1e-15
+
+
 def test_forces_of_one_unknown_have_the_margin_of_the_linear_program():
     rng = np.random.default_rng(0)
     for kind in (1, -1, 0) * 50:

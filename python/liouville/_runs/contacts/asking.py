@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from liouville._basics.errors import IntegrationError, hinted, quoted
-from liouville._runs.contacts import stops
+from liouville._runs.contacts import flights, stops
 from liouville._runs.contacts.bouncing import LEAST, MOST_HITS, WINDOW
 from liouville._runs.contacts.complementarity import Array
 from liouville._runs.contacts.joined import Records
@@ -166,7 +166,7 @@ class Asking:
 
     def _limits(self, y: Array, z: Array) -> tuple[float, float | None]:
         """Return where the stretch ends at most, and its step, which short flights shorten."""
-        now, shortest = self.now, self.now.shortest_flight(y, z)
+        now, shortest = self.now, flights.shortest(self.now, y, z)
         left = self.end - now.t
         slow = stops.slowest(now, now.at(now.t, y, z)) / 2
         if slow < (np.inf if self.is_controlled else FEW * now.h) or self.caution:

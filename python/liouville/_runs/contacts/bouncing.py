@@ -16,9 +16,11 @@ import numpy as np
 from liouville import _core
 from liouville._basics import casadi as ca
 from liouville._runs.contacts.complementarity import Array
+from liouville._runs.contacts.flights import LOW
 from liouville._runs.contacts.hit import has_closed_form, margin
+from liouville._runs.contacts.matrices import AT_REST, CLOSED, EPS, ROUNDINGS
 from liouville._runs.contacts.stretch import PENETRATES
-from liouville._runs.contacts.switching import AT_REST, CLOSED, EPS, LOW, ROUNDINGS, Switching
+from liouville._runs.contacts.switching import Switching
 from liouville._solution.contacts import Change
 from liouville._systems.events import AFTER
 from liouville._systems.mechanics.motion import kept

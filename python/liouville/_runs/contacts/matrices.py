@@ -8,6 +8,14 @@ import numpy as np
 
 from liouville._runs.contacts.complementarity import Array
 
+EPS, TINY = float(np.finfo(float).eps), float(np.finfo(float).tiny)
+
+#: A gap is closed within this part of the sizes of its terms, or so many roundings of its time: as
+#: many as an event may be off zero where a stretch starts, beyond which it is met as a hit.
+CLOSED, ROUNDINGS = 1e-12, 512
+#: Slips are zero within this part of the sizes of their terms, rates within the second.
+AT_REST, STILL = 1e-9, 1e-13
+
 
 def of_contacts(slips: Array, owner: Array) -> Array:
     """Return the sizes of slips, or of friction, by contact."""
@@ -63,6 +71,8 @@ class Matrices:
         How a unit of each N and T changes z'.
     free, v : ndarray, shape (n,)
         z' without contact forces, and y'.
+    v_z : ndarray, shape (n, n)
+        The derivative of y' by z.
     rows : ndarray, shape (c + s + b, n)
         Derivatives of all rates, those of the bilateral constraints first, by z.
     laws : Laws
@@ -86,6 +96,7 @@ class Matrices:
     moves: Array
     free: Array
     v: Array
+    v_z: Array
     rows: Array
     laws: Laws
     pull: float
@@ -97,4 +108,10 @@ class Matrices:
     def sizes(self) -> Array:
         """Sizes of the terms of rates, and of slips behind them."""
         found: Array = np.abs(self.rows[-len(self.b) :]).sum(axis=1) * self.speed
+        return found
+
+    @property
+    def still(self) -> Array:
+        """The rates of gaps that are zero by roundoff."""
+        found: Array = STILL * self.sizes[: len(self.gap)]
         return found

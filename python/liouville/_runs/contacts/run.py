@@ -14,9 +14,9 @@ from liouville._runs.contacts.asking import Asking
 from liouville._runs.contacts.bouncing import LEAST, Bounced, bounced
 from liouville._runs.contacts.complementarity import Array
 from liouville._runs.contacts.margin import loads, torn
+from liouville._runs.contacts.matrices import AT_REST, EPS
 from liouville._runs.contacts.mode import ModeSystem, endings
 from liouville._runs.contacts.stretch import Link, Part, Stretch, check, check_start
-from liouville._runs.contacts.switching import AT_REST, EPS
 from liouville._runs.contacts.tangent import DIFFERENCE, Jump, at_end, ended_by
 from liouville._systems.mechanics.contact import Mode
 

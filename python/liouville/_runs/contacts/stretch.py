@@ -11,8 +11,9 @@ import numpy as np
 from liouville._basics.errors import IntegrationError, hinted
 from liouville._runs.contacts.complementarity import Array
 from liouville._runs.contacts.margin import Shared
+from liouville._runs.contacts.matrices import AT_REST
 from liouville._runs.contacts.mode import ModeSystem
-from liouville._runs.contacts.switching import AT_REST, Switching
+from liouville._runs.contacts.switching import Switching
 from liouville._systems.mechanics.contact import Mode
 
 if TYPE_CHECKING:

@@ -8,33 +8,32 @@ from typing import Any
 import numpy as np
 
 from liouville._basics.errors import IntegrationError, hinted, quoted
-from liouville._runs.contacts import law
+from liouville._runs.contacts import flights, law
 from liouville._runs.contacts.complementarity import Array
 from liouville._runs.contacts.impulses import impulses, roles
 from liouville._runs.contacts.margin import contradicting
-from liouville._runs.contacts.matrices import Matrices, of_contacts
+from liouville._runs.contacts.matrices import (
+    AT_REST,
+    CLOSED,
+    EPS,
+    ROUNDINGS,
+    TINY,
+    Matrices,
+    of_contacts,
+)
 from liouville._runs.contacts.streak import Streak, refuse_endless
 from liouville._runs.contacts.traced import Contacts
 from liouville._solution.contacts import Change
 from liouville._systems.mechanics.contact import Mode
 
-EPS, TINY = float(np.finfo(float).eps), float(np.finfo(float).tiny)
-
-#: A gap is closed within this part of the sizes of its terms, or so many roundings of its time: as
-#: many as an event may be off zero where a stretch starts, beyond which it is met as a hit.
-CLOSED, ROUNDINGS = 1e-12, 512
-#: Rates and slips are zero within this part of the sizes of their terms.
-AT_REST = 1e-9
 #: Rates before an impact are known to this part of the sizes of their terms.
 ROUNDED = 1e-14
 #: Accelerations and forces are zero within this part of the largest, ahead within the second.
 ZERO, ZERO_AHEAD = 1e-9, 1e-12
 #: Accelerations are rounded by so many times what friction that holds leaves of them.
 NOISE = 4.0
-#: A look ahead goes this part of a step, one for the rates of accelerations the second.
-AHEAD, NEAR = 1e-6, 1e-3
-#: A contact that bounces closes where its next flight is as low as so many roundings of the gap.
-LOW = 64
+#: A look ahead goes this part of a step.
+AHEAD = 1e-6
 #: An impact gains energy where it is more than this part of the work of its impulses.
 GAINED = 1e-9
 #: Impacts at one time, after which contacts are said to hit one another without end.
@@ -92,21 +91,21 @@ class Switching:
         for _ in range(MOST_AT_ONCE):
             at = self.at(self.t, y, z)
             sizes = at.sizes
-            still = AT_REST * sizes[: self.c]
+            still = at.still
             touching = at.gap <= CLOSED * at.size + ROUNDINGS * EPS * np.abs(at.rate) * abs(self.t)
             touching &= ~at.is_pressed
             if (touching & (at.rate < -still)).any():
                 z, stopped = self._hit(at, z, touching, sizes, closing), set()
                 continue
-            low = self._low(at, touching, still, closing)
+            closed = at.is_pressed | (touching & (at.rate <= still))
+            low = flights.closed(self, at, (touching & ~closed, closed, stopped), closing)
             if low is not None:
                 self.impacts.append((low, np.zeros(0), None))
-                z, stopped = self._held(at, z, low), set()
+                z = flights.held(at, z, low)
                 continue
-            closed = at.is_pressed | (touching & (np.abs(at.rate) <= still))
-            self.modes = self._modes(at, y, z, closed, stopped, sizes[self.c :])
+            self.modes = self._modes(at, y, z, closed, stopped)
             self._note(before, closing)
-            return self._lifted(at, y), z
+            return self._placed(at, y), z
         self._refuse_contradictions(at, at.rate, touching)
         sentence = f"at t = {self.t:g} contacts hit one another without end"
         hit = tuple(self.contacts.names[k] for k in np.flatnonzero(touching))
@@ -122,7 +121,7 @@ class Switching:
     ) -> Array:
         """Return z after the impact of all contacts that touch."""
         own = self.contacts
-        restitution = self._restitution(at, touching, sizes, closing)
+        restitution = flights.restitution(self, at, touching, closing)
         before, found = self._struck(at, touching, restitution, sizes)
         if found is None:
             restitution = 0 * at.laws.restitution
@@ -170,12 +169,6 @@ class Switching:
                 break  # else nearly dependent rows contradict each other by more than roundoff
         return before, found
 
-    @staticmethod
-    def _held(at: Matrices, z: Array, low: int) -> Array:
-        """Return z with the rate of a contact brought to zero."""
-        after: Array = z + at.moves[:, low] * (-at.rate[low] / at.A[low, low])
-        return after
-
     def held(self, y: Array, z: Array) -> list[Any]:
         """Return the roles of contacts in the last change, from a state before it.
 
@@ -206,7 +199,7 @@ class Switching:
         for what, bounces, own in held:
             at = self.contacts.at(t, y, z, params, self.h)
             if own is None:
-                z = self._held(at, z, what)
+                z = flights.held(at, z, what)
                 continue
             rates, laws = np.concatenate([at.rate, at.slip]), at.laws
             coefficients = laws.static, bounces * laws.restitution
@@ -214,55 +207,11 @@ class Switching:
             z = z + at.moves @ impulses(at.A, rates, own, coefficients, at.owner, law_of)
         return z
 
-    def _restitution(
-        self, at: Matrices, touching: Array, sizes: Array, closing: dict[int, float | None]
-    ) -> Array:
-        """Return the restitutions of an impact: none where the flight after it would be low."""
-        found, still = at.laws.restitution.copy(), AT_REST * sizes[: self.c]
-        rates = -found * at.rate
-        near = touching & (rates > 0) & (rates**2 < self._low_square(at, np.abs(at.b[: self.c])))
-        if not near.any():
-            return found
-        held = touching & (np.abs(at.rate) <= still)
-        falls = -self.forces(at, held, 0 * at.slip).across
-        for k in np.flatnonzero(near):
-            if falls[k] > 0 and found[k] < 1:
-                closing[int(k)] = float(self.t + 2 * rates[k] / falls[k] / (1 - found[k]))
-            found[k] = 0.0
-        return found
-
-    def _low_square(self, at: Matrices, falls: Array) -> Array:
-        """Return the squares of the rates whose flights are low."""
-        return 2 * falls * LOW * EPS * at.size
-
-    def _low(
-        self, at: Matrices, touching: Array, still: Array, closing: dict[int, float | None]
-    ) -> int | None:
-        """Return a contact that would fly no higher than roundoff of its gap."""
-        for k in np.flatnonzero(touching & (at.rate > still)):
-            if k in closing:
-                continue
-            held = touching & (np.abs(at.rate) <= still)
-            fall = self.forces(at, held, 0 * at.slip).across[k]
-            if fall < 0 and at.rate[k] ** 2 < self._low_square(at, -fall)[k]:
-                closing[int(k)] = None
-                has_hit = bool(self.changes[k]) and self.changes[k][-1].t == self.t
-                if has_hit and 0 < (restitution := at.laws.restitution[k]) < 1:
-                    closing[int(k)] = float(self.t - 2 * at.rate[k] / fall / (1 - restitution))
-                return int(k)
-        return None
-
     def _modes(
-        self, at: Matrices, y: Array, z: Array, closed: Array, stopped: set[int], sizes: Array
+        self, at: Matrices, y: Array, z: Array, closed: Array, stopped: set[int]
     ) -> tuple[Mode, ...]:
         """Return the mode of each contact, given which contacts may bear a force."""
-        speed = of_contacts(at.slip, at.owner)
-        slides = np.array([mode is Mode.SLIDE for mode in self.modes])
-        # what slides in space does so until it is said to have stopped
-        moves = (speed > AT_REST * of_contacts(sizes, at.owner)) | (slides & (speed > 0))
-        moves &= closed & (at.laws.static > 0)
-        moves[list(stopped)] = False
-        slip = np.where(moves[at.owner], at.slip / np.maximum(speed, TINY)[at.owner], 0.0)
+        slip = self.ways(at, closed, stopped)
         found = self.forces(at, closed, slip)
         verdict, self.lifts = self._verdict(at, found, closed, slip, ZERO), found.across
         self.found = found, closed, slip
@@ -272,34 +221,23 @@ class Switching:
             verdict = [b if a is None else a for a, b in zip(verdict, sure, strict=True)]
         return tuple(Mode.OPEN if mode is None else mode for mode in verdict)
 
+    def ways(self, at: Matrices, closed: Array, stopped: set[int]) -> Array:
+        """Return the directions of slips, 0 of what does not slip."""
+        speed, sizes = (of_contacts(x, at.owner) for x in (at.slip, at.sizes[self.c :]))
+        slides = np.array([mode is Mode.SLIDE for mode in self.modes])
+        # what slides in space does so until it is said to have stopped
+        moves = (speed > AT_REST * sizes) | (slides & (speed > 0))
+        moves &= closed & (at.laws.static > 0)
+        moves[list(stopped)] = False
+        found: Array = np.where(moves[at.owner], at.slip / np.maximum(speed, TINY)[at.owner], 0.0)
+        return found
+
     def ahead(self, at: Matrices, y: Array, z: Array, part: float) -> tuple[Matrices, law.Forces]:
         """Return matrices and forces at a part of a step ahead, by the accelerations found."""
         (found, closed, slip), d = self.found, part * self.h
         dz = at.free + at.moves @ np.concatenate([found.normal, found.friction])
         ahead = self.at(self.t + d, y + d * at.v + d**2 / 2 * dz, z + d * dz)
         return ahead, self.forces(ahead, closed, slip)
-
-    def shortest_flight(self, y: Array, z: Array) -> float:
-        """Return how long the contacts that open now stay open at least, as far as can be said.
-
-        What leaves with a rate falls back by its acceleration, what leaves by an acceleration by
-        the rate of this.
-        """
-        at = self.at(self.t, y, z)
-        still = AT_REST * at.sizes[: self.c]
-        is_open = np.array([mode is Mode.OPEN for mode in self.modes])
-        low = is_open & (at.gap <= CLOSED * at.size)
-        thrown, lifted = low & (at.rate > 0) & (self.lifts < 0), low & (self.lifts > 0)
-        lifted &= np.abs(at.rate) <= still
-        flights = [2 * at.rate[k] / -self.lifts[k] for k in np.flatnonzero(thrown)]
-        if lifted.any():
-            try:
-                _, later = self.ahead(at, y, z, NEAR)
-            except IntegrationError:  # of a place that is never come to
-                return min(flights, default=np.inf)
-            jerks = (later.across - self.lifts) / (NEAR * self.h)
-            flights += [3 * self.lifts[k] / -jerks[k] for k in np.flatnonzero(lifted & (jerks < 0))]
-        return min(flights, default=np.inf)
 
     def forces(
         self, at: Matrices, closed: Array, slip: Array, begins: Array | bool = False
@@ -392,9 +330,20 @@ class Switching:
                 self.changes[k].append(Change(self.t, kind, rest=rest))
         self.rests = set()
 
-    def _lifted(self, at: Matrices, y: Array) -> Array:
-        """Return y with gaps that open below zero, by roundings, as much above it."""
-        for k, mode in enumerate(self.modes):
-            if mode is Mode.OPEN and at.gap[k] < 0 and at.A[k, k] > 0:
-                y = y - at.moves[:, k] * (2 * at.gap[k] / at.A[k, k])
-        return y
+    def _placed(self, at: Matrices, y: Array) -> Array:
+        """Return y with closed gaps at zero, and open ones that are zero by roundoff not below it.
+
+        All in one: what closes a gap moves others.
+        """
+        gap, A = at.gap, at.A[: self.c, : self.c]
+        moved = np.array([mode is not Mode.OPEN for mode in self.modes]) & ~at.is_pressed
+        near = ~moved & ~at.is_pressed & (gap <= CLOSED * at.size)
+        wanted, below = np.where(moved, 0.0, np.abs(gap)) - gap, near
+        if not (near & ((gap < 0) | moved.any())).any():
+            return y
+        while below.any():
+            x = np.linalg.lstsq(A[np.ix_(moved, moved)], wanted[moved], rcond=None)[0]
+            below = near & ~moved & (gap + A[:, moved] @ x < 0)
+            moved = moved | below
+        found: Array = y + at.v_z @ (at.moves[:, : self.c][:, moved] @ x)
+        return found

@@ -16,7 +16,7 @@ import numpy as np
 
 from liouville._basics.errors import IntegrationError, hinted, quoted
 from liouville._runs.contacts.complementarity import Array
-from liouville._runs.contacts.switching import CLOSED
+from liouville._runs.contacts.matrices import CLOSED
 from liouville._runs.tangents import PARAMS, ConstrainedDirections, places_of
 from liouville._solution.tangents import Tangent
 from liouville._systems.mechanics.contact import Mode

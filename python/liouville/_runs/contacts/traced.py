@@ -118,6 +118,7 @@ class Contacts:
             "rates": rates,
             "p_z": jacobian(model.p, s.z),
             "v": model.v,
+            "v_z": jacobian(model.v, s.z),
             "B": jacobian(bilateral, s.z),
             "B_t": total_derivative(bilateral, s, model.v),
             "f R": ca.horzcat(f, r_lam, rn_nu),
@@ -138,7 +139,7 @@ class Contacts:
         tape, places = self._tape
         flat = tape.map(params, [np.array([[t]]), y[None].copy(), z[None].copy()])[0]
         parts = [flat[cut].reshape(shape, order="F") for cut, shape in places]
-        gap, slopes, rates, p_z, v, B, B_t, fR, C, C_t, F, laws, load = parts
+        gap, slopes, rates, p_z, v, v_z, B, B_t, fR, C, C_t, F, laws, load = parts
         c, m = len(self.names), fR.shape[1]
         solved = np.linalg.solve(p_z, np.concatenate([fR, F], axis=1))
         free, R, F = solved[:, 0], solved[:, 1:m], solved[:, m:]
@@ -154,7 +155,7 @@ class Contacts:
         size = slopes[:, 0] * way + np.abs(gap[:, 0])
         return Matrices(
             gap[:, 0], rates[:c, 0], rates[c:, 0], size, float(way), float(speed), C @ F,
-            C @ free + C_t[:, 0], F, free, v[:, 0], np.concatenate([B, C]), given, pull,
+            C @ free + C_t[:, 0], F, free, v[:, 0], v_z, np.concatenate([B, C]), given, pull,
             load[:, 0], self.is_pressed, self.owner,
         )  # fmt: skip
 
