@@ -92,6 +92,9 @@ class Asking:
         self.met = dict.fromkeys(self.events, 0)
         #: How often a step was shortened in which a slip in space changed too much.
         self.caution = 0
+        #: The first failure of a step that is shortened, and the end of the steps before it.
+        self.failure: IntegrationError | None = None
+        self.limit = np.inf
         #: So many steps the next stretch through hits goes.
         self.window = WINDOW
         #: The times of the records, where they are given.

@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 SAME = 4
 #: A step in which a slip changes too much is shortened so often.
 MOST_CAUTION = 12
+#: A step that fails is shortened so often.
+MOST_TRIES = 5
 #: So many steps a stretch has at most: a stored run that is cut off makes its last one again.
 LONGEST = 1 << 14
 #: So many stretches in turn that do not move the time are said to be without end.
@@ -105,11 +107,11 @@ class Course(Asking):
         bounces = self._has_window(system, until)
         if h is not None:
             until = min(until, now.t + (self.window if bounces else LONGEST) * h)
+        until, self.limit = min(until, self.limit), np.inf
         ending = endings(self.contacts, system, AT_REST * at.sizes[now.c :], now.h)
         asked = self._asked((system, ending), (now.t, until), h, start, bounces=bounces)
         found = self._made(asked, bounces=bounces)
         if found is None:
-            self.window = 0
             return self.advance(y, z)
         last = stops.turned(found.run, system, self.contacts, now.params)
         if last and self.has_derivative:  # which is that at the end of a run
@@ -136,13 +138,17 @@ class Course(Asking):
             run = self.make(*asked, None, names)
         except IntegrationError as error:
             if bounces:  # of a part that may not count
+                self.window = 0
                 return None
+            if self._is_shortened(error):
+                return None
+            error = self.failure or error
             if error.solution is not None and len(error.solution.t):
                 run = error.solution
                 now.t = float(run.t[-1])
                 whole = Part(run, system, len(run.t), loads(run, system, self.now), now.t)
                 self._keep(whole, asked)
-            raise
+            raise error from None
         found = Bounced(run, len(run.t), None, [])
         if bounces:
             until = asked[1][1], self.request.observe
@@ -152,7 +158,19 @@ class Course(Asking):
         wrong = check(found.run, system, now, self.accelerated, found.count)
         if wrong is not None and not bounces:
             raise wrong
+        self.window = 0 if wrong is not None else self.window
+        self.failure = None
         return found if wrong is None else None
+
+    def _is_shortened(self, error: IntegrationError) -> bool:
+        """Whether a stretch is made again, shorter: behind its end a mode may not go on."""
+        if self.is_controlled or self.has_derivative or self.caution >= MOST_TRIES:
+            return False
+        if error.solution is not None and len(error.solution.t) > 1:
+            self.limit = float(error.solution.t[-1])
+        else:
+            self.failure, self.caution = self.failure or error, self.caution + 1
+        return True
 
     def _come(self, found: Bounced, last: int, asked: Any) -> tuple[Array, Array]:
         """Keep a stretch until its last record that counts; return the state there."""
