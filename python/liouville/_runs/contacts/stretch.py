@@ -135,17 +135,17 @@ def check(
 def _pull(
     system: ModeSystem, switching: Switching, states: tuple[Array, Array, Array], lam: Array
 ) -> tuple[float, str, float] | None:
-    """Return when a contact pulls most, its name and its force, where that is no roundoff."""
+    """Return when a contact pulls most, its name and its force, where that is no roundoff of it."""
     # contacts that share a load have a margin instead
-    if system.is_shared or not system.normals or not len(lam):
+    if system.is_shared or not len(lam):
         return None
-    pulls = lam[:, [*system.normals.values()]]
-    k, column = np.unravel_index(pulls.argmax(), pulls.shape)
-    which, force = [*system.normals][column], float(pulls[k, column])
-    if force <= 0:
-        return None
-    t, y, z = (x[k] for x in states)
-    at = switching.at(float(t), y, z)
-    if force * at.A[which, which] * switching.h <= PULLS * at.sizes[which]:
-        return None
-    return float(t), switching.contacts.names[which], force
+    for which, place in system.normals.items():
+        k = int(lam[:, place].argmax())
+        force = float(lam[k, place])
+        if force <= 0:
+            continue
+        t, y, z = (x[k] for x in states)
+        at = switching.at(float(t), y, z)
+        if force * at.A[which, which] * switching.h > PULLS * at.sizes[which]:
+            return float(t), switching.contacts.names[which], force
+    return None
