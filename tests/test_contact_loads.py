@@ -49,6 +49,15 @@ def test_a_brake_stops_a_wheel_and_holds_it(method, steps, way):
     np.testing.assert_allclose(record.friction[run.t < 2.9], -2 * way)
 
 
+@pytest.mark.parametrize("more", [{}, {"t_eval": [1.0, 3.0]}])
+def test_a_wheel_that_stops_at_the_end_of_a_run_sticks_there(more):
+    run = lv.integrate(wheel(brake=brake()), lv.Spark(2), t=(0, 3), h=0.1, q=[0], v=[3], **more)
+    record = run.contacts["brake"]
+    assert [mode.name for mode in record.mode[-2:]] == ["SLIP_UP", "STICK"]
+    assert [(x.kind, x.t) for x in record.changes] == [("stick", pytest.approx(3, abs=1e-14))]
+    assert record.friction[-2:] == pytest.approx([-2, 0])
+
+
 def test_a_torque_that_grows_tears_a_brake_off_at_its_static_friction():
     run = lv.integrate(
         wheel(rising, brake=brake(static=0.75)), lv.Spark(2), t=(0, 5), h=0.1, q=[1], v=[0]

@@ -14,6 +14,7 @@ from liouville._basics.progress import Progress, reported
 from liouville._methods.control import Takes
 from liouville._runs.contacts.complementarity import Array
 from liouville._runs.contacts.single import integrate
+from liouville._runs.contacts.stretch import Penetrates
 from liouville._runs.execute import plain
 from liouville._runs.watch import given
 from liouville._solution.contacts import COLUMNS, ContactRecord
@@ -63,6 +64,8 @@ def ensemble(
             )
             try:
                 runs.append(integrate(system, method, more, None))
+            except Penetrates as error:
+                raise Penetrates(f"member {k}: {error}") from None
             except IntegrationError as error:
                 runs.append(error.solution)
                 made = 0 if error.solution is None else int(error.solution.stats["steps"])

@@ -22,6 +22,7 @@ from liouville._runs.contacts.complementarity import Array
 from liouville._runs.contacts.joined import used
 from liouville._runs.contacts.run import Course
 from liouville._runs.contacts.single import course
+from liouville._runs.contacts.stretch import Penetrates
 from liouville._runs.execute import finished
 from liouville._runs.tangents import ENDS, PARAMS, check_wrt, gradients_of, shapes_of
 from liouville._solution.solution import Solution
@@ -173,9 +174,8 @@ class ContactsAdjoint(Adjoint):
             near = course(system, self._method, again, None)
             self._check_sides(near.first_modes, size)
             found = finished(near.solution())
-        except ValueError as error:
-            if "penetrates" in str(error):
-                self._check_sides(None, size)
+        except Penetrates:
+            self._check_sides(None, size)
             raise
         kept = sum(len(rows) for _, rows in self._parts())
         if len(found.t) != kept:

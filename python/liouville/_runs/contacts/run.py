@@ -269,12 +269,12 @@ class Course(Asking):
         self._ended(run, system)
 
     def finish(self, y: Array, z: Array, stopped: set[int]) -> None:
-        """Let the last record be behind a hit that is met at the end of the run."""
+        """Let the last record be behind a change that is met at the end of the run."""
         now, last = self.now, self.stretches[-1].whole
         own = last.system.own_events.items()
-        hits = [name for name, (_, kind) in own if kind == "hit"]
-        is_hit = any(now.t in last.run.events[name].t[-1:] for name in hits)
-        if not is_hit or self.status != "done" or self.has_derivative:
+        changes = [name for name, (_, kind) in own if kind != "slow"]
+        is_met = any(now.t in last.run.events[name].t[-1:] for name in changes)
+        if not is_met or self.status != "done" or self.has_derivative:
             return
         y, z = self.settle(y, z, stopped)
         at = now.at(now.t, y, z)

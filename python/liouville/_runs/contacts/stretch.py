@@ -89,13 +89,17 @@ class Link:
     is_bit: bool = False
 
 
+class Penetrates(ValueError):
+    """A start at which a contact penetrates."""
+
+
 def check_start(now: Switching, y: Array, z: Array) -> None:
     """Refuse a start that penetrates."""
     at = now.at(now.t, y, z)
     for name, gap, size in zip(now.contacts.names, at.gap, at.size, strict=True):
         if gap < -PENETRATES * size:
             sentence = f"contact '{name}' penetrates by {-gap:.3g} at the start"
-            raise ValueError(hinted(sentence, "its gap must not be negative"))
+            raise Penetrates(hinted(sentence, "its gap must not be negative"))
 
 
 def check(
