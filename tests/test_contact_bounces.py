@@ -246,3 +246,17 @@ def test_windows_without_hits_do_not_outgrow_the_run():
     )
     run = lv.integrate(body, lv.Spark(2), t=(0, 70), h=0.05, q=[0.0], v=[np.pi])
     assert sum(change.kind == "hit" for change in run.contacts["table"].changes) >= 65
+
+
+def test_of_many_contacts_the_first_that_changed_are_shown_by_name():
+    few, many = boxed(2, 0.5), boxed(9, 2.0)
+    shown = repr(few).splitlines()
+    hits = sum(bool(x.changes) for x in few.contacts.values())
+    assert len([line for line in shown if "contact '" in line]) == hits
+    assert f"{9 - hits} " in shown[-1]
+    assert shown[-1].endswith("contacts: no changes>")
+    *named, rest = [line for line in repr(many).splitlines() if " contact" in line]
+    assert len(named) == 8
+    counts = [int(line.split(": ")[1].split()[0]) for line in (*named, rest)]
+    assert rest.startswith(" 64 other contacts: ")
+    assert sum(counts) == sum(len(x.changes) for x in many.contacts.values())

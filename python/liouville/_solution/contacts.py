@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -14,6 +15,9 @@ Array = NDArray[Any]
 
 #: What is known of a contact at each record.
 COLUMNS = ("mode", "gap", "normal", "friction", "slip")
+
+#: How many contacts a solution shows by name.
+SHOWN = 8
 
 #: The kinds of changes, and the words for several of them.
 KINDS = {
@@ -111,10 +115,25 @@ class ContactRecord(Suggesting):
     @property
     def counted(self) -> str:
         """How many changes there were of each kind."""
-        kinds = Counter(change.kind for _, change in self.each)
-        found = [
-            f"{kinds[kind]} {word if kinds[kind] > 1 else word[:-1]}"
-            for kind, word in KINDS.items()
-            if kinds[kind]
-        ]
-        return ", ".join(found) or "no changes"
+        return _counted([self])
+
+
+def lines_of(contacts: Mapping[str, ContactRecord]) -> list[str]:
+    """Return lines that say how often contacts changed, by name as far as they are few."""
+    shown = [name for name, record in contacts.items() if any(record.each)][:SHOWN]
+    found = [f"contact '{name}': {contacts[name].counted}" for name in shown]
+    rest = [record for name, record in contacts.items() if name not in shown]
+    if rest:
+        what = f"{len(rest)} {'other ' if shown else ''}contact{'s' if len(rest) > 1 else ''}"
+        found.append(f"{what}: {_counted(rest)}")
+    return found
+
+
+def _counted(records: Iterable[ContactRecord]) -> str:
+    kinds = Counter(change.kind for record in records for _, change in record.each)
+    found = [
+        f"{kinds[kind]} {word if kinds[kind] > 1 else word[:-1]}"
+        for kind, word in KINDS.items()
+        if kinds[kind]
+    ]
+    return ", ".join(found) or "no changes"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,7 @@ from liouville._basics import html
 from liouville._basics.arguments import Named, amount
 from liouville._solution import parts
 from liouville._solution.computed import Computed
+from liouville._solution.contacts import ContactRecord, lines_of
 from liouville._solution.drifts import Drifts, worst
 from liouville._solution.exports import Exports
 from liouville._solution.failure import Failure
@@ -21,9 +22,6 @@ from liouville._solution.points import Points
 from liouville._solution.states import States, Stats
 from liouville._solution.tangents import Tangent
 from liouville._systems import System
-
-if TYPE_CHECKING:
-    from liouville._solution.contacts import ContactRecord
 
 Array = NDArray[Any]
 
@@ -243,7 +241,7 @@ class Solution(States, Drifts, Computed, Exports, Motions):
         kept = [*worst("worst residual", residuals), *worst("worst drift", drifts)]
         kept += worst("largest change", changes)
         kept = [", ".join(kept)] if kept else []
-        kept += [f"contact '{name}': {record.counted}" for name, record in self.contacts.items()]
+        kept += lines_of(self.contacts)
         lines = [f"<Solution {self.headline}", *kept, *message]
         return "\n ".join(lines) + ">"
 
