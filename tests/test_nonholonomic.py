@@ -249,6 +249,14 @@ def plane(nonholonomic, constraint=None, q=("x", "y", "th")):
 def test_bad_constraints_are_refused():
     with pytest.raises(ValueError, match="'wall' does not depend on the velocity\nhint: it is hol"):
         plane(lambda t, q, v, params: {"blade": v[0], "wall": q[0] - 1})
+    for number in (0, 1):
+        words = f"'a' is the same for all velocities: it is the number {number}"
+        with pytest.raises(ValueError, match=words):
+            plane(lambda t, q, v, params, number=number: {"a": number})
+    with pytest.raises(ValueError, match="'a' is the same for all velocities: none of them"):
+        plane(lambda t, q, v, params: {"a": t})
+    with pytest.raises(ValueError, match="'a' is the same for all velocities: it jumps"):
+        plane(lambda t, q, v, params: {"a": v[0] == 1})
     fast = plane(lambda t, q, v, params: [v[0], v[1], v[2]], lambda t, q, params: q[0])
     with pytest.raises(ValueError, match="4 constraints on 3 coordinates leave nothing"):
         lv.integrate(fast, lv.Spark(2), t=(0, 1), steps=5, q=[0, 0, 0], v=[0, 0, 0])

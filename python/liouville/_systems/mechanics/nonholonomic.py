@@ -8,6 +8,7 @@ from typing import Any
 from liouville._basics import casadi as ca
 from liouville._basics.errors import hinted
 from liouville._systems.mechanics.form import Nonholonomic, differ
+from liouville._systems.mechanics.traced import check_moved
 from liouville._systems.tracing import trace as _trace
 from liouville._systems.tracing.expressions import Symbols
 from liouville._systems.tracing.sparse import jacobian, solve
@@ -73,13 +74,13 @@ def _named(
     twice = set(names) & set(holonomic)
     if twice:
         raise ValueError(f"'{min(twice)}' names a holonomic and a nonholonomic constraint")
-    moved = set(ca.sparsify(jacobian(k, velocity)).sparsity().row())
     for row, name in enumerate(names):
-        if row not in moved:
+        if ca.depends_on(k[row], s.y) and not ca.depends_on(k[row], velocity):
             raise ValueError(
                 hinted(
                     f"nonholonomic constraint '{name}' does not depend on the velocity",
                     "it is holonomic then: give it to constraint=",
                 )
             )
+    check_moved(names, k, velocity, ("nonholonomic constraint", "velocities"))
     return names, k

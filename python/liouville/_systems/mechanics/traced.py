@@ -370,7 +370,12 @@ def traced_switches(switches: Mapping[str, Function] | None, args: _trace.Args) 
     }
 
 
-def check_moved(names: tuple[str, ...], constraints: ca.SX, y: ca.SX) -> None:
+def check_moved(
+    names: tuple[str, ...],
+    constraints: ca.SX,
+    y: ca.SX,
+    what: tuple[str, str] = ("constraint", "coordinates"),
+) -> None:
     """Refuse constraints that no coordinate moves, and say what they are instead."""
     moved = set(ca.sparsify(jacobian(constraints, y)).sparsity().row())
     for k, name in enumerate(names):
@@ -385,7 +390,7 @@ def check_moved(names: tuple[str, ...], constraints: ca.SX, y: ca.SX) -> None:
             why = "none of them is in it"
         raise ValueError(
             hinted(
-                f"constraint '{name}' is the same for all coordinates: {why}",
+                f"{what[0]} '{name}' is the same for all {what[1]}: {why}",
                 "return what is to vanish, such as x - 1 where x == 1 is meant",
             )
         )
