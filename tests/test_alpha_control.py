@@ -209,6 +209,25 @@ def test_a_step_that_would_be_too_small_ends_the_run_and_says_so():
     assert np.diff(caught.value.solution.t).min() >= 1e-6 * (1 - 1e-9)
 
 
+@pytest.mark.parametrize("rho", [0.9, 0.5])
+@pytest.mark.parametrize("reaction", [lambda x: x + x**3, ca.sinh], ids=["x + x³", "sinh x"])
+def test_reactions_that_bend_move_a_pendulum_by_the_position_alone_as_ideal_ones(reaction, rho):
+    """Velocities off the hidden constraint made multipliers jump where the step changed."""
+    system = lv.Mechanical(
+        velocity=lambda t, y, z, params: z,
+        momentum=lambda t, y, z, params: z,
+        force=lambda t, y, z, params: [0, -100],
+        reaction=lambda t, y, lam, params: -y * reaction(lam),
+        constraint=lambda t, y, params: ca.sumsqr(y) - 1,
+        y=2,
+    )
+    start = {"t": (0, 2), "y": [0.6, -0.8], "z": [0, 0]}
+    right = lv.integrate(system, lv.Spark(4), h=2e-3, **start).y[-1]
+    run = lv.integrate(system, lv.ArnoldBruls(rho), rtol=1e-5, **start)
+    assert np.abs(run.y[-1] - right).max() < 5e-3
+    assert run.stats["steps"] < 800
+
+
 def test_a_run_may_be_interrupted_within_its_trial(monkeypatch):
     """The trial of reversible steps is made a step at a time, between looks at the signals."""
     problem = load("double_pendulum")

@@ -25,9 +25,7 @@ impl AlphaEquations<'_> {
     pub(super) fn multiplier_size(&mut self) -> Result<f64, StepError> {
         let (at, h) = (&*self.solver, self.step.h);
         let (n, m) = (at.force.len(), at.reactions[1].lam.len());
-        // h² λ of steps of changing sizes is no smooth function of time by the position alone
-        let is_rough = !at.is_paired() && at.newton_tol.is_some();
-        if m == 0 || is_rough || self.model.problem.mechanical.is_linear {
+        if m == 0 || self.model.problem.mechanical.is_linear {
             return Ok(0.0);
         }
         let (corrected, unit) = if at.is_paired() {
