@@ -60,6 +60,43 @@ def test_semi_explicit_system_at_rest():
     assert abs(found.tangents["params.a"].y[-1, 0] - right) < 1e-6
 
 
+CORNER = np.array([0, 0, 1, 0, 0.5, np.sqrt(0.75)])
+
+
+def rods(t, q, params):
+    """Return two pins, and two rods of length 1 from them to a corner."""
+    reach = [(ca.sumsqr(q[4:] - q[k : k + 2]) - 1) / 2 for k in (0, 2)]
+    return [q[0], q[1], q[2] - 1, q[3], *reach]
+
+
+@pytest.mark.parametrize("method", LOW + HIGH + [lv.Spark(3, solver="newton")], ids=str)
+@pytest.mark.parametrize("rtol", [1e-6, 1e-9])
+def test_two_pins_and_a_bar_stay_where_they_are(method, rtol):
+    """Constraints leave no direction, and roundings of a random impulse are none."""
+    system = lv.Lagrangian(
+        lambda t, q, v, params: ca.sumsqr(v) / 2 - params.g * (q[1] + q[3] + q[5]),
+        rods, q=6, params={"g": 9.81},
+    )  # fmt: skip
+    start = {"q": CORNER, "v": np.zeros(6)}
+    run = lv.integrate(system, method, t=(0, 2), rtol=rtol, tangents={"params.g": 1.0}, **start)
+    assert np.abs(run.q[-1] - CORNER).max() < 1e-14
+    assert np.abs(run.tangents["params.g"].q[-1]).max() < 1e-14
+
+
+@pytest.mark.parametrize("method", [lv.Spark(1), lv.LobattoPair(2)], ids=str)
+def test_a_tangent_from_rest_grows_out_of_its_first_steps(method):
+    """By a method of order two they are a millionth of the motion's, which is one of g t²."""
+    system = lv.Lagrangian(
+        lambda t, q, v, params: ca.sumsqr(v) / 2 - params.g * q[1],
+        lambda t, q, params: (ca.sumsqr(q) - 1) / 2, q=2, params={"g": 9.81},
+    )  # fmt: skip
+    run = lv.integrate(
+        system, method, t=(0, 1e-3), rtol=1e-9, q=[1, 0], v=[0, 0], tangents={"params.g": 1.0}
+    )
+    right = run.v[-1] * 1e-3 / (2 * 9.81)
+    assert np.abs(run.tangents["params.g"].q[-1] - right).max() < 1e-6 * np.abs(right).max()
+
+
 WINDOWS = [lv.Spark(2), lv.Spark(3), lv.Spark(3, points="radau"), lv.LobattoPair(3), lv.HHT(-0.05)]
 
 

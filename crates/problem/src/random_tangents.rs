@@ -7,8 +7,8 @@ use super::{
 };
 use liouville_base::checkpoint::Checkpoint;
 use liouville_base::error::StepError;
-use liouville_base::linalg::{Matrix, copy};
-use liouville_base::method::{Estimating, Stats, Stepper, Symmetric, Tolerance};
+use liouville_base::linalg::{Matrix, copy, max_norm};
+use liouville_base::method::{Estimating, LEAST_ROUNDINGS, Stats, Stepper, Symmetric, Tolerance};
 use liouville_base::recorder::Recordable;
 
 /// The golden section.
@@ -230,6 +230,10 @@ impl<S: Carried, B: BeginTangents<S>> BeginTangents<S> for MechanicalStart<B> {
                 }
             }
             self.matrix.solve(model, &mut a, &mut b);
+            // where constraints leave nothing of the impulse, its roundings are no tangent
+            if direction == 0 && max_norm(&a) <= LEAST_ROUNDINGS * f64::EPSILON {
+                a.fill(0.0);
+            }
             copy(state.z.row_mut(direction), &a);
         }
         self.carried.begin(t, directions, state)

@@ -8,7 +8,8 @@
 //!
 //! u and a are what momenta and forces change by a parameter alone, as velocity and as acceleration. A derivative
 //! that begins, or whose parts take one another away, is no more than their roundoff: it has the size of these parts.
-//! The first step that is tried is H until one is made: there may be no other length that a young tangent can be held to.
+//! The first step that is tried is H until steps add up to it: there may be no other length that a young tangent can be
+//! held to.
 
 use super::{Mass, SensitivityModel};
 use liouville_base::checkpoint;
@@ -24,9 +25,9 @@ pub struct TangentSizes {
     /// α_k in units of the largest.
     weights: Vec<f64>,
     rtol: f64,
-    /// H of the steps that stand, or the first step that was tried; the longest of those that stand; and the last step,
-    /// which may yet be undone.
-    memory: [f64; 3],
+    /// H of the steps that stand, or the first step that was tried; the longest of those that stand; their sum; and the
+    /// last step, which may yet be undone.
+    memory: [f64; 4],
     part: Vec<f64>,
 }
 
@@ -61,30 +62,28 @@ impl TangentSizes {
         Self {
             weights: atol.iter().map(weight).collect(),
             rtol: tolerance.rtol,
-            memory: [0.0; 3],
+            memory: [0.0; 4],
             part: vec![0.0; atol.len()],
         }
     }
 
     /// Begins a step: the one before stands.
     pub fn begin(&mut self) {
-        let [of_late, longest, last] = self.memory;
-        let of_late = if last > 0.0 {
-            last.max(KEPT * of_late)
-        } else {
-            of_late
-        };
-        self.memory = [of_late, longest.max(last), 0.0];
+        let [of_late, longest, sum, last] = self.memory;
+        // steps of a young tangent may be a millionth of the first that was tried
+        let is_young = sum + last < of_late;
+        let kept = if is_young || last == 0.0 { 1.0 } else { KEPT };
+        self.memory = [last.max(kept * of_late), longest.max(last), sum + last, 0.0];
     }
 
     /// Leaves out the last step, which was rejected.
     pub fn undo(&mut self) {
-        self.memory[2] = 0.0;
+        self.memory[3] = 0.0;
     }
 
     /// The longest step so far.
     pub fn longest(&self) -> f64 {
-        self.memory[1].max(self.memory[2])
+        self.memory[1].max(self.memory[3])
     }
 
     /// ‖x‖
@@ -99,7 +98,7 @@ impl TangentSizes {
     /// Writes the absolute tolerances of a tangent in a step; returns what its largest is measured by, zero where all are.
     pub fn measure(&mut self, step: TangentStep, out: &mut Tolerance) -> f64 {
         let h = step.h.abs();
-        self.memory[2] = h;
+        self.memory[3] = h;
         if self.memory[0] == 0.0 {
             self.memory[0] = h;
         }
