@@ -193,11 +193,14 @@ def momentum(t, x, params):
 
 
 def test_a_banana_orbit_is_one_for_three_hundred_bounces():
-    """Ten steps of BM4 a gyration keep the momentum about the axis to 1e-5, without a trend."""
+    """Ten steps of BM4 a gyration keep the momentum about the axis to 1e-5, without a trend.
+
+    The energy has the random roundings of three million turns.
+    """
     ring = lv.ChargedParticles(B=tokamak, invariants={"momentum": momentum})
     start = [1.05, 0, 0, 0, 4.816e-4, -2.059e-3]
     run = lv.integrate(ring, V(), t=(0, 3e5), h=0.6, every=100, x=start)
-    assert run.invariant_drift("energy").max() < 1e-11
+    assert run.invariant_drift("energy").max() < 5e-13
     apart = np.abs(run.invariants["momentum"] / run.invariants["momentum"][0] - 1)
     tenth = len(apart) // 10
     assert apart[-tenth:].max() < 1.5 * apart[:tenth].max() < 1e-4

@@ -61,29 +61,32 @@ impl<S> ForEach<S> for TurnFlow<'_, S> {
         for (run, program) in piece.rows.iter() {
             rates[run.place] = value(view, program, &state.x);
         }
-        let [w0, w1, w2, e0, e1, e2] = rates;
+        // of h w and h e: a product with a rounded h² would change |v| by the same part in every step
+        let [w0, w1, w2, e0, e1, e2] = rates.map(
+            #[inline(always)]
+            |rate| rate.scaled(h),
+        );
         let (w, e) = ([w0, w1, w2], [e0, e1, e2]);
         let mut v = [view.constant(0.0); 3];
         for (v, place) in v.iter_mut().zip(&piece.places) {
             *v = view.load(&state.x, *place);
         }
-        let t = (w0 * w0 + w1 * w1 + w2 * w2).scaled(h * h);
+        let t = w0 * w0 + w1 * w1 + w2 * w2;
         let change = if piece.is_cayley {
-            let a = view.constant(h) / (view.constant(1.0) + t.scaled(0.25));
-            cross(w, plus(times(v, a), cross(w, times(v, a.scaled(0.5 * h)))))
+            let a = view.constant(1.0) / (view.constant(1.0) + t.scaled(0.25));
+            cross(w, plus(times(v, a), cross(w, times(v, a.scaled(0.5)))))
         } else {
-            let [first, second, third] = parts(t);
-            let (a, b) = (first.scaled(h), second.scaled(h * h));
+            let [a, b, k] = parts(t);
             let (mut outer, mut inner) = (times(v, a), times(v, b));
             if piece.is_pushed {
                 outer = plus(outer, times(e, b));
-                inner = plus(inner, times(e, third.scaled(h * h * h)));
+                inner = plus(inner, times(e, k));
             }
             cross(w, plus(outer, cross(w, inner)))
         };
         for (k, &place) in piece.places.iter().enumerate() {
             let change = if piece.is_pushed {
-                change[k] + e[k].scaled(h)
+                change[k] + e[k]
             } else {
                 change[k]
             };
