@@ -1,4 +1,4 @@
-"""Absorbing potentials on grids, against dense matrices."""
+"""Absorbing potentials on grids and lattices, against dense matrices."""
 
 import pickle
 
@@ -6,6 +6,7 @@ import casadi as ca
 import numpy as np
 import pytest
 import scipy.integrate
+import scipy.sparse as sp
 from scipy.linalg import expm
 
 import liouville as lv
@@ -150,8 +151,20 @@ def test_what_grows_is_refused():
         lv.Schrodinger(grid, absorber=np.where(grid.points[:, 0] < -11.9, -0.5, 0.0))
     with pytest.raises(ValueError, match="must not depend on time"):
         lv.Schrodinger(grid, absorber=lambda t, x, params: t * x**2)
-    with pytest.raises(TypeError, match="and H is none"):
-        lv.Schrodinger(np.eye(3), absorber=np.ones(3))
+    with pytest.raises(TypeError, match="the absorber is a function of the position on a Grid"):
+        lv.Schrodinger(np.eye(3), absorber=lambda t, x, params: x)
+    with pytest.raises(ValueError, match=r"where psi grows, as -1 at component 2"):
+        lv.Schrodinger(lv.Lattice(3), absorber=[0, 1, -1])
+    lattice = lv.Schrodinger(lv.Lattice(3), absorber=[0, 1, 1])
+    with pytest.raises(ValueError, match="psi would grow back in time"):
+        lv.integrate(lattice, "auto", t=(1, 0), psi=[1, 0, 0])
+    driven = lv.Schrodinger(
+        lv.Lattice(3), absorber=[0, 1, 1], drive=[(lambda t, params: t, [1, 2, 3])]
+    )
+    with pytest.raises(
+        TypeError, match=r"(?s)H without time.*an H\(t\) that absorbs is one on a G"
+    ):
+        lv.integrate(driven, "auto", t=(0, 1), psi=[1, 0, 0])
     with pytest.raises(TypeError, match="leave one of them out"):
         lv.Schrodinger(grid, absorber=1.0, nonlinearity=lambda t, rho, params: rho)
     with pytest.raises(ValueError, match=r"must have shape \(64,\)"):
@@ -168,13 +181,115 @@ def test_what_grows_is_refused():
     assert 0 < far.stats["absorbed"] < 1
 
 
-@pytest.mark.parametrize("method", [lv.Chebyshev(), lv.Lanczos(), lv.Magnus()])
+@pytest.mark.parametrize("method", [lv.Chebyshev(), lv.SchrodingerSplitting(1e-6), lv.Magnus()])
 def test_methods_that_keep_the_norm_refuse_one(method):
     system = absorbing()
     with pytest.raises(TypeError, match="is for a Hermitian H, and this one has an absorber"):
         lv.integrate(system, method, t=(0, 1), psi=packet(system.grid))
     with pytest.raises(TypeError, match="a ground state is for a Hermitian H"):
         lv.analysis.ground_state(system)
+
+
+RNG = np.random.default_rng(7)
+RING = sp.coo_array((np.exp(0.3j * np.arange(30)), (np.arange(30), (np.arange(30) + 1) % 30)))
+FULL = RNG.normal(size=(12, 12)) + 1j * RNG.normal(size=(12, 12))
+
+MATRICES = {
+    "chain": lv.Lattice(40),
+    "closed plane": lv.Lattice((5, 6), potential=RNG.normal(size=30), periodic=True),
+    "phases with a gauge": sp.diags_array([np.full(19, 1j), np.full(19, -1j)], offsets=[1, -1]),
+    "flux through a ring": RING + RING.conj().T,
+    "dense complex": FULL + FULL.conj().T,
+    "spins": lv.SpinSystem(5, ["xx", "yy", "zz"], up=2),
+    "by products": (20, lambda x: 2 * x - np.roll(x, 1) - np.roll(x, -1)),
+    "one component": [[2.0]],
+    "two alike": np.zeros((2, 2)),
+    "far energies": 1e4 * np.eye(9) + np.diag(np.ones(8), 1) + np.diag(np.ones(8), -1),
+    "grid": lv.Grid(-4, 4, 32, potential=lambda t, x, params: x**2),
+}
+
+
+def whole(given, hbar=1.0):
+    """Return the matrix of a Hamiltonian."""
+    if isinstance(given, lv.Grid):
+        (k,), unit = given.k, np.eye(given.size)
+        kinetic = np.fft.ifft((hbar * k[:, None]) ** 2 / 2 * np.fft.fft(unit, axis=0), axis=0)
+        return kinetic + np.diag(given.points[:, 0] ** 2)
+    if isinstance(given, tuple):
+        return np.array([given[1](x) for x in np.eye(given[0])]).T
+    if isinstance(given, lv.Lattice):
+        given = given.entries().dense()
+    if isinstance(given, lv.SpinSystem):
+        given = given.matrix()
+    return given.toarray() if sp.issparse(given) else np.array(given)
+
+
+@pytest.mark.parametrize("name", MATRICES)
+@pytest.mark.parametrize("tol", [1e-4, 1e-8, 1e-11])
+def test_krylov_spaces_are_those_of_the_dense_matrix(name, tol):
+    """Within the tolerance, which is a bound; W is of random numbers, some of them zero."""
+    if name == "far energies" and tol < 1e-8:
+        pytest.skip("out of reach of double precision, and refused")
+    plain = lv.Schrodinger(MATRICES[name], hbar=0.5)
+    n = plain.size
+    w = np.where(np.arange(n) % 3 == 1, 0, np.random.default_rng(n).uniform(0, 2, n))
+    system = lv.Schrodinger(MATRICES[name], absorber=w, hbar=0.5)
+    rng = np.random.default_rng(1)
+    psi = rng.normal(size=n) + 1j * rng.normal(size=n)
+    psi /= np.linalg.norm(psi)
+    h = whole(MATRICES[name], 0.5)
+    times = [0.5, 0.7, 2.0, 6.0]
+    for dimension in (3 if tol > 1e-5 else 8, 20):
+        run = lv.integrate(system, lv.Lanczos(tol, dimension), t=times, psi=psi)
+        for t, found in zip(times, run.psi, strict=True):
+            exact = expm(-2j * (t - 0.5) * (h - 1j * np.diag(w))) @ psi
+            assert np.linalg.norm(found - exact) <= run.stats["bound"]
+    wanted = 1 - np.linalg.norm(exact) ** 2
+    assert abs(run.stats["absorbed"] - wanted) <= 2 * tol
+    assert run.stats["absorbed"] > 0
+
+
+def test_a_lattice_that_absorbs_runs_by_auto():
+    """A packet that leaves a plane through its rim, beside the dense matrix."""
+    shape = (9, 8)
+    rim = np.zeros(shape)
+    rim[0] = rim[-1] = rim[:, 0] = rim[:, -1] = 0.8
+    system = lv.Schrodinger(lv.Lattice(shape), absorber=rim)
+    psi = np.zeros(shape)
+    psi[4, 4] = 1
+    run = lv.integrate(system, "auto", t=np.linspace(-1, 9, 11), psi=psi)
+    h = whole(lv.Lattice(shape))
+    exact = expm(-10j * (h - 1j * np.diag(rim.ravel()))) @ psi.ravel()
+    assert np.linalg.norm(run.psi[-1] - exact) < 1e-8
+    assert abs(run.stats["absorbed"] - (1 - np.linalg.norm(exact) ** 2)) < 1e-8
+    assert run.stats["absorbed"] > 0.5
+    assert (np.diff(run.observed["norm"]) < 0).all()
+    plan = lv.plan(system, t=(0, 10))
+    assert "Arnoldi" in str(plan)
+    again = lv.integrate(pickle.loads(pickle.dumps(system)), "auto", t=run.t, psi=psi)
+    assert np.array_equal(again.psi, run.psi)
+    many = lv.ensemble(system, lv.Lanczos(), t=run.t, psi=[psi, 1j * psi])
+    assert np.array_equal(many.psi[:, 0], run.psi)
+
+
+def test_an_absorber_of_zero_on_a_lattice_is_none():
+    psi = np.eye(30)[7]
+    run, plain = (
+        lv.integrate(lv.Schrodinger(lv.Lattice(30), **more), "auto", t=(0, 5), psi=psi)
+        for more in ({"absorber": np.zeros(30)}, {})
+    )
+    assert np.array_equal(run.psi, plain.psi)
+    assert run.stats["absorbed"] == 0
+
+
+def test_a_uniform_absorber_on_a_lattice_is_a_decay():
+    plain, system = (lv.Schrodinger(lv.Lattice(30), **more) for more in ({}, {"absorber": 0.3}))
+    run = lv.integrate(system, "auto", t=(0, 20), psi=np.eye(30)[7])
+    free = lv.integrate(plain, lv.Lanczos(1e-12), t=(0, 20), psi=np.eye(30)[7])
+    assert np.linalg.norm(run.psi[-1] - np.exp(-6) * free.psi[-1]) < 1e-9
+    still = lv.Schrodinger(np.zeros((3, 3)), absorber=[0, 1e6, 1.0])
+    left = lv.integrate(still, "auto", t=(0, 3), psi=[1, 1, 1]).psi[-1]
+    assert np.abs(left - [1, 0, np.exp(-3)]).max() < 1e-8
 
 
 def test_the_flux_through_two_points_is_what_leaves_between_them():

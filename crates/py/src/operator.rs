@@ -280,7 +280,7 @@ impl Hamiltonian {
         }
         if let Some(absorber) = absorber {
             let absorber = absorber.as_slice()?;
-            if absorber.len() != inner.size() || !absorber.iter().all(|w| *w >= 0.0) {
+            if absorber.len() != inner.places() || !absorber.iter().all(|w| *w >= 0.0) {
                 return Err(unfit());
             }
             inner = inner.with_absorber(absorber.into());

@@ -146,7 +146,8 @@ class Lanczos(Brief):
 
     Steps are as long as the estimated error allows. The best where a state is made of few
     eigenvectors and the tolerance is loose; it takes `dimension` complex vectors of memory and
-    inner products.
+    inner products. An H that absorbs has spaces by Arnoldi's recurrence, in which `tol` is a bound:
+    :doc:`/theory/condensates`.
 
     Parameters
     ----------

@@ -34,8 +34,8 @@ use liouville_tests::{
     turning,
 };
 use liouville_waves::method::{
-    Chebyshev, Lanczos, Magnus, MagnusSteps, MagnusTolerance, Nodes, Phases, ShearProgram, Shears,
-    Sweeper, TermBounds, Wave,
+    Arnoldi, Chebyshev, Lanczos, Magnus, MagnusSteps, MagnusTolerance, Nodes, Phases, ShearProgram,
+    Shears, Sweeper, TermBounds, Wave,
 };
 use liouville_waves::problem::{Bond, Dense, Diagonals, Hamiltonian, Operator, Spins};
 use std::sync::Arc;
@@ -567,6 +567,10 @@ fn a_sparse_matrix_is_factored_and_solved_with_in_the_memory_of_the_first_time()
 fn steps_of_wave_functions_allocate_nothing() {
     let sweeper = || Sweeper::<f64>::new(ring(20, 0.0));
     let plain = || Sweeper::<f64>::new(chain(20, 0.0));
+    let absorbing = chain(20, 0.0)
+        .as_ref()
+        .clone()
+        .with_absorber([0.02; 20].into());
     let bounds = parts(&[(-2.0, 2.0)]);
     let tolerance = MagnusTolerance {
         rate: 1e-6,
@@ -575,11 +579,12 @@ fn steps_of_wave_functions_allocate_nothing() {
     };
     let nodes = Nodes::find(6, 5).expect("a method");
     let steps = MagnusSteps::new(sweeper(), nodes, bounds.clone(), tolerance);
-    let mut steppers: [Box<dyn Stepper<State = Wave<f64>>>; 5] = [
+    let mut steppers: [Box<dyn Stepper<State = Wave<f64>>>; 6] = [
         Box::new(steps.expect("one part").expect("steps")),
         Box::new(Chebyshev::new(plain(), (-2.0, 2.0), 1e-9, 1e-6)),
         Box::new(Chebyshev::new(sweeper(), (-2.0, 2.0), 1e-9, 1e-6)),
         Box::new(Lanczos::new(sweeper(), 12, 1e-9, 1e-6)),
+        Box::new(Arnoldi::new(Sweeper::new(absorbing.into()), 12, 1e-9, 1e-6)),
         Box::new(Magnus::by_series(
             sweeper(),
             Nodes::find(4, 3).expect("a method"),

@@ -166,12 +166,8 @@ impl Lanczos {
                 re += u[0] * u[j] * cos;
                 im -= u[0] * u[j] * sin;
             }
-            let (re, im) = (norm * re, norm * im);
-            let (v_q, v_p) = self.basis[j].split_at(state.q.len());
-            add_scaled(&mut state.q, re, v_q);
-            add_scaled(&mut state.q, -im, v_p);
-            add_scaled(&mut state.p, re, v_p);
-            add_scaled(&mut state.p, im, v_q);
+            let factor = [norm * re, norm * im];
+            add_times(factor, &self.basis[j], &mut state.q, &mut state.p);
         }
     }
 
@@ -194,27 +190,47 @@ impl Lanczos {
     }
 }
 
-/// w ← (H v − α v − β w)/β' for w the vector before v, and (α, β').
+/// q + ip ← q + ip + (re + i im) v
+pub(super) fn add_times([re, im]: [f64; 2], v: &[f64], q: &mut [f64], p: &mut [f64]) {
+    let (v_q, v_p) = v.split_at(q.len());
+    add_scaled(q, re, v_q);
+    add_scaled(q, -im, v_p);
+    add_scaled(p, re, v_p);
+    add_scaled(p, im, v_q);
+}
+
+/// w ← H v + `keep` w
 ///
 /// A real H multiplies real and imaginary parts, a complex one all of a vector.
+pub(super) fn multiply(
+    sweeper: &mut Sweeper<f64>,
+    keep: f64,
+    v: &mut [f64],
+    w: &mut [f64],
+) -> Result<(), StepError> {
+    let update = Update {
+        keep,
+        factor: 1.0,
+        diagonal: 0.0,
+    };
+    let size = sweeper.hamiltonian().size();
+    for (v, w) in v.chunks_mut(size).zip(w.chunks_mut(size)) {
+        sweeper.run(&[Move::new(true, update)], v, w, Sink::Nothing)?;
+    }
+    Ok(())
+}
+
+/// w ← (H v − α v − β w)/β' for w the vector before v, and (α, β').
 pub(super) fn three_terms(
     sweeper: &mut Sweeper<f64>,
     beta: f64,
     v: &mut [f64],
     w: &mut [f64],
 ) -> Result<(f64, f64), StepError> {
-    let update = Update {
-        keep: -beta,
-        factor: 1.0,
-        diagonal: 0.0,
-    };
-    let product = Move::new(true, update);
+    multiply(sweeper, -beta, v, w)?;
     let size = sweeper.hamiltonian().size();
-    let mut alpha = 0.0;
-    for (v, w) in v.chunks_mut(size).zip(w.chunks_mut(size)) {
-        sweeper.run(&[product], v, w, Sink::Nothing)?;
-        alpha += dot(v, w);
-    }
+    let parts = v.chunks(size).zip(w.chunks(size));
+    let alpha = parts.fold(0.0, |sum, (v, w)| sum + dot(v, w));
     let mut square = 0.0;
     for (v, w) in v.chunks(size).zip(w.chunks_mut(size)) {
         add_scaled(w, -alpha, v);

@@ -2,6 +2,7 @@
 //!
 //! Methods step e^{iσt} ψ(t), by H − σ with σ in the middle of the spectrum; a state keeps σt.
 
+mod arnoldi;
 pub mod bessel;
 mod blocks;
 mod chebyshev;
@@ -22,6 +23,7 @@ mod sweep;
 mod term_bounds;
 mod windows;
 
+pub use arnoldi::Arnoldi;
 pub use chebyshev::Chebyshev;
 pub use derivative::{AtNodes, Derivative, Recorder, Wanted};
 pub use diagonal::{Diagonal, Eigenpairs};

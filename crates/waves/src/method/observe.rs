@@ -181,7 +181,7 @@ fn form(a: &[f64], q: &[f64], p: &[f64]) -> f64 {
 }
 
 /// ⟨a + i b | q + i p⟩
-fn overlap([a, b]: [&[f64]; 2], [q, p]: [&[f64]; 2]) -> [f64; 2] {
+pub(super) fn overlap([a, b]: [&[f64]; 2], [q, p]: [&[f64]; 2]) -> [f64; 2] {
     [dot(a, q) + dot(b, p), dot(a, p) - dot(b, q)]
 }
 

@@ -118,13 +118,13 @@ impl Hamiltonian {
         }
     }
 
-    /// The same less i times a diagonal that absorbs, of which the split operator alone knows.
+    /// The same less i times a diagonal that absorbs, of which the split operator and Arnoldi's method alone know.
     ///
     /// # Panics
     /// When it has another size, or grows.
     #[must_use]
     pub fn with_absorber(self, absorber: Arc<[f64]>) -> Self {
-        assert_eq!(absorber.len(), self.size(), "size of an absorber");
+        assert_eq!(absorber.len(), self.places(), "size of an absorber");
         assert!(absorber.iter().all(|w| *w >= 0.0), "sign of an absorber");
         Self { absorber, ..self }
     }

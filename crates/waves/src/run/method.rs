@@ -55,7 +55,7 @@ pub enum Method {
         /// Of the norm.
         tolerance: f64,
     },
-    /// A Krylov space for each step.
+    /// A Krylov space for each step, by Arnoldi's recurrence of an H that absorbs.
     Lanczos {
         /// Its dimension.
         dimension: usize,
@@ -218,8 +218,16 @@ impl Method {
         outputs: Vec<f64>,
         is_back: bool,
     ) -> Result<Self, StartError> {
-        let is_plain = hamiltonian.nonlinearity().is_none() && hamiltonian.absorber().is_empty();
-        if !is_plain && !matches!(self, Self::Splitting { .. }) {
+        let (is_linear, is_absorbing) = (
+            hamiltonian.nonlinearity().is_none(),
+            !hamiltonian.absorber().is_empty(),
+        );
+        let is_taken = match &self {
+            Self::Splitting { .. } => true,
+            Self::Lanczos { .. } => is_linear && !(is_absorbing && is_back),
+            _ => is_linear && !is_absorbing,
+        };
+        if !is_taken {
             return Err(StartError::invalid(
                 "a method for a linear equation that keeps the norm",
             ));

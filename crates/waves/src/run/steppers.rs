@@ -2,8 +2,8 @@
 
 use super::method::Method;
 use crate::method::{
-    Chebyshev, Diagonal, Doubled, DrivenSeries, Lanczos, Magnus, MagnusSteps, Processed, Shears,
-    SplitSteps, Sweeper, Wave,
+    Arnoldi, Chebyshev, Diagonal, Doubled, DrivenSeries, Lanczos, Magnus, MagnusSteps, Processed,
+    Shears, SplitSteps, Sweeper, Wave,
 };
 use liouville_base::cancel::CancelToken;
 use liouville_base::composition::Composed;
@@ -68,12 +68,14 @@ impl Method {
                 dimension,
                 rate,
                 tolerance,
-            } => Box::new(Lanczos::new(
-                sweeper.with_cancel(cancel),
-                *dimension,
-                *rate,
-                *tolerance,
-            )),
+            } => {
+                let sweeper = sweeper.with_cancel(cancel);
+                if sweeper.hamiltonian().absorber().is_empty() {
+                    Box::new(Lanczos::new(sweeper, *dimension, *rate, *tolerance))
+                } else {
+                    Box::new(Arnoldi::new(sweeper, *dimension, *rate, *tolerance))
+                }
+            }
             _ => self.lockstep(sweeper.with_cancel(cancel)),
         })
     }

@@ -37,7 +37,7 @@ LARGEST = 1e100
 
 #: What to take for open systems.
 MESOLVE = "QuTiP's mesolve takes open systems"
-OPEN = f"absorber= takes W of V - iW on a grid; collapse operators are not taken: {MESOLVE}"
+OPEN = f"absorber= takes W of H - iW; collapse operators are not taken: {MESOLVE}"
 
 #: An interval of eigenvalues.
 Bounds = tuple[float, float]

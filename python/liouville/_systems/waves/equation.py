@@ -68,10 +68,10 @@ class Schrodinger(OnGrid, Generic[Density]):
         On a grid a potential that depends on the density at its point, as of a condensate,
         :math:`i \hbar \psi' = (H + W(t, |\psi(x)|^2)) \psi`: ``W(t, rho, params)``, called once
         with CasADi symbols; rho is :math:`|\psi|^2`, a squared component over ``grid.cell``.
-
     absorber : array_like or callable, optional
-        On a grid W >= 0 of :math:`H - i W`, which absorbs what comes to the ends of the grid: an
-        array of its shape, or flat, or ``W(t, x, params)`` that does not depend on time.
+        W >= 0 of :math:`H - i W`, a value for each component, which absorbs what comes to the ends
+        of a grid or lattice, or decays: an array of its shape, or flat, or on a grid
+        ``W(t, x, params)`` that does not depend on time.
 
     Attributes
     ----------
@@ -350,13 +350,6 @@ class Schrodinger(OnGrid, Generic[Density]):
     def outward(self, psi: np.ndarray) -> np.ndarray:
         """Return states of the core as the user has them; components are the last axis."""
         return self.frame.outward(psi)
-
-    @property
-    def shapes(self) -> list[tuple[int, ...]]:
-        """The shapes that a state may have."""
-        shape = getattr(self.source, "shape", (self.size,))
-        is_model = isinstance(self.source, (Grid, Lattice))
-        return [(self.size,), *([shape] if is_model and len(shape) > 1 else [])]
 
     def observables(self, observe: Mapping[str, Any] | None) -> list[Observable]:
         r"""Return names, widths and the core's form of what a run keeps besides states.

@@ -1,4 +1,4 @@
-"""Parts of a Schrödinger equation on a grid: a potential, and functions of the density."""
+"""Parts of H that are functions of the position or of the density: potential and absorber."""
 
 from __future__ import annotations
 
@@ -73,6 +73,13 @@ class OnGrid(Bounded):
         other._join()
         return other
 
+    @property
+    def shapes(self) -> list[tuple[int, ...]]:
+        """The shapes that a state may have."""
+        shape = getattr(self.source, "shape", (self.size,))
+        is_model = isinstance(self.source, (Grid, Lattice))
+        return [(self.size,), *([shape] if is_model and len(shape) > 1 else [])]
+
     def _read_nonlinearity(self, function: Callable[..., Any] | None) -> Nonlinearity | None:
         """Return a function of the density, on a grid alone."""
         if function is None:
@@ -88,14 +95,14 @@ class OnGrid(Bounded):
         """Return a part of the potential that absorbs, as a function or as values at all points."""
         if given is None:
             return None
-        if self.grid is None:
-            sentence = "an absorber is a part of the potential of a Grid, and H is none"
-            raise TypeError(hinted(sentence, "write lv.Schrodinger(lv.Grid(...), absorber=...)"))
         if self.nonlinearity is not None:
             sentence = "an absorber changes the density within the flow of a nonlinearity"
             raise TypeError(hinted(sentence, "leave one of them out"))
         if not callable(given):
-            return on_sites("absorber", given, self.grid.shape).ravel()
+            return on_sites("absorber", given, self.shapes[-1]).ravel()
+        if self.grid is None:
+            sentence = "the absorber is a function of the position on a Grid, and H is none"
+            raise TypeError(hinted(sentence, "give an array of its values at all components"))
         found = TimeFunction("absorber", given, self._params, len(self.grid.shape))
         if found.is_driven:
             raise ValueError("the absorber must not depend on time")
@@ -108,7 +115,7 @@ class OnGrid(Bounded):
 
     @cached_property
     def absorber(self) -> np.ndarray | None:
-        """W of an H - iW on a grid, one value for each point, None where nothing absorbs.
+        """W of an H - iW, one value for each component, None where nothing absorbs.
 
         Raises
         ------
@@ -117,13 +124,16 @@ class OnGrid(Bounded):
         """
         if self._absorbing is None:
             return None
-        assert self.grid is not None, "an absorber is one on a grid"
-        values, points = self._absorbing, self.grid.points
-        if isinstance(values, TimeFunction):
-            values = values.at(0.0, points)
+        values = self._absorbing
+        if isinstance(values, TimeFunction) and self.grid is not None:
+            values = values.at(0.0, self.grid.points)
+        assert isinstance(values, np.ndarray), "a function is one on a grid"
         least = int(np.argmin(values))
         if values[least] < 0:
-            found = f"{values[least]:g} at x = {point(points[least])}"
+            place = f"component {least}"
+            if self.grid is not None:
+                place = f"x = {point(self.grid.points[least])}"
+            found = f"{values[least]:g} at {place}"
             sentence = f"absorber must not be negative, where psi grows, as {found}"
             raise ValueError(hinted(sentence, "H - iW absorbs where W is positive"))
         return values if values.any() else None
@@ -133,14 +143,19 @@ class OnGrid(Bounded):
         """Whether the equation is linear and nothing absorbs."""
         return self.nonlinearity is None and self.absorber is None
 
-    def check_plain(self, what: str, hint: str = TAKEN) -> None:
-        """Refuse a potential of the density, or one that absorbs, for what takes none."""
+    def check_linear(self, what: str, hint: str = TAKEN) -> None:
+        """Refuse a potential of the density for what takes none."""
         if self.nonlinearity is not None:
             sentence = f"{what} is for a linear equation, and this one has a nonlinearity"
             raise TypeError(hinted(sentence, hint))
+
+    def check_plain(self, what: str, hint: str = "") -> None:
+        """Refuse a potential of the density, or one that absorbs, for what takes none."""
+        self.check_linear(what, hint or TAKEN)
         if self.absorber is not None:
             sentence = f"{what} is for a Hermitian H, and this one has an absorber"
-            raise TypeError(hinted(sentence, hint))
+            by_products = "take 'auto' or Lanczos()"
+            raise TypeError(hinted(sentence, hint or (TAKEN if self.grid else by_products)))
 
     def _beside_the_terms(self) -> dict[str, Any]:
         """Return the arguments of H beside its constant terms, with those of a grid alone."""
@@ -149,7 +164,7 @@ class OnGrid(Bounded):
             tapes = self.nonlinearity.tapes(1 / self.hbar)
             more["nonlinearity"] = (*tapes, self._params.values(None), self.grid.cell)
         if self.absorber is not None:
-            more["absorber"] = self.absorber / self.hbar
+            more["absorber"] = self.frame.diagonal(self.absorber / self.hbar)
         return more
 
     def _of_grid(self, grid: Grid, found: TimeFunction | np.ndarray) -> Term:

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from liouville._basics.errors import hinted
-from liouville._methods import Chebyshev, Magnus, SchrodingerSplitting, SplitOperator
+from liouville._methods import Chebyshev, Lanczos, Magnus, SchrodingerSplitting, SplitOperator
 from liouville._methods.planner.waves.driven import Planned
 from liouville._methods.planner.waves.levels import cheaper_by_levels
 from liouville._methods.planner.waves.moving import plan_driven, plan_magnus
@@ -47,6 +47,8 @@ def plan_run(
         return plan_tolerance(system, method, times, psi)
     is_free = method is AUTO and not is_differentiated
     if is_free and not system.is_plain:
+        if system.grid is None or not system.has_diagonal_drive:
+            return plan_wave(system, Lanczos(AUTO.tol), times)
         plan = plan_run(system, SplitOperator(tol=AUTO.tol), times, psi)
         return replace(plan, method=AUTO)
     said: tuple[str, ...] = ()
@@ -86,9 +88,14 @@ def plan_wave(
 
 
 def _check_system(system: Schrodinger, method: Planned) -> None:
-    """Refuse an H that depends on time, or on the density, for what takes none."""
-    system.check_plain(name_of(method))
+    """Refuse an H that depends on time, absorbs, or depends on the density, for what takes none."""
+    if isinstance(method, Lanczos):
+        system.check_linear(name_of(method))
+    else:
+        system.check_plain(name_of(method))
     takes_time = isinstance(method, Chebyshev | Magnus) or getattr(method, "mode", "") == "auto"
     if system.is_driven and not takes_time:
         hint = "take 'auto' or Magnus(), or SplitOperator(tol=1e-8) on a grid"
+        if system.absorber is not None:
+            hint = "an H(t) that absorbs is one on a Grid, by SplitOperator(tol=1e-8)"
         raise TypeError(hinted(f"{method!r} is for an H without time", hint))

@@ -15,7 +15,7 @@ from liouville._methods import Chebyshev, Lanczos, SchrodingerSplitting
 from liouville._methods.planner.waves.ladder import Choice, cheapest
 from liouville._methods.planner.waves.plan import LEAST_NORM, NORM_TIMES, WavePlan, planned
 from liouville._methods.planner.waves.propagators import Krylov, Series, Shears
-from liouville._methods.planner.waves.span import Span
+from liouville._methods.planner.waves.span import LEFT_OUT, Span, check_forwards
 from liouville._methods.planner.waves.speed import series_cost
 from liouville._methods.planner.waves.windows import LITTLE, SERIES, Windows, windows_of
 from liouville._systems import Schrodinger
@@ -170,17 +170,27 @@ class Settled:
         )  # fmt: skip
 
     def _lanczos(self, method: Lanczos) -> WavePlan:
-        """Estimate the products by steps that keep the bound of a Krylov space's error."""
+        """Estimate the products by steps that keep the bound of a Krylov space's error.
+
+        Nothing grows where H absorbs, so that the bound is one of the run's error.
+        """
         thetas, norm_tol = self.span.thetas, max(NORM_TIMES * method.tol, LEAST_NORM)
+        why = "asked for; the number of products is that of a state of all energies"
+        absorber, kind = self.system.absorber, "Lanczos"
+        if absorber is not None:
+            check_forwards(self.span.times[-1] - self.span.t0)
+            thetas = thetas + 0.5 * float(absorber.max()) / self.system.hbar * self.span.intervals
+            why, kind = why.replace("asked for", LEFT_OUT), "Arnoldi"
         step = _krylov_step(method.dimension, method.tol / max(float(thetas.sum()), 1e-300))
         products = float(np.maximum(np.ceil(thetas / step), 1).sum())
         rate = method.tol / float(self.span.intervals.sum())
         return planned(
             self.system, method, self.span,
-            scheme=f"Lanczos (Krylov spaces of dimension {method.dimension})",
+            scheme=f"{kind} (Krylov spaces of dimension {method.dimension})",
             theta=float(thetas.max()),
             products=products * method.dimension,
-            reasons=("asked for; the number of products is that of a state of all energies",),
+            bound=None if absorber is None else method.tol,
+            reasons=(why,),
             core=Krylov(method.dimension, rate, norm_tol),
         )  # fmt: skip
 

@@ -27,6 +27,9 @@ LOOKS = 1 << 14
 #: Where energies are so many times as large as half their width, a constant may be taken off them.
 SHIFTED = 10.0
 
+#: What bounds of the spectrum are where H absorbs.
+LEFT_OUT = "psi is absorbed, and the spectrum is that of H without absorber"
+
 
 @dataclass(frozen=True)
 class Span:
@@ -119,3 +122,10 @@ class Span:
                     hint,
                 )
             )
+
+
+def check_forwards(span: float) -> None:
+    """Refuse a run back in time of an H that absorbs."""
+    if span < 0:
+        hint = "run forwards in time"
+        raise ValueError(hinted("an absorber cannot be undone: psi would grow back in time", hint))

@@ -15,7 +15,7 @@ from liouville._methods.planner.waves.levels import products_of_levels
 from liouville._methods.planner.waves.plan import WavePlan, planned
 from liouville._methods.planner.waves.propagators import Looks, Split, SplitSteps
 from liouville._methods.planner.waves.resonance import free_step
-from liouville._methods.planner.waves.span import Span
+from liouville._methods.planner.waves.span import LEFT_OUT, Span, check_forwards
 from liouville._systems import Schrodinger
 from liouville._systems.waves.bounds import Spectrum
 from liouville._systems.waves.foreign import times_of_samples
@@ -264,7 +264,7 @@ def _left_out(system: Schrodinger) -> list[str]:
     if system.nonlinearity is not None:
         why.append("the spectrum is that of T + V, without the nonlinearity")
     if system.absorber is not None:
-        why.append("psi is absorbed, and the spectrum is that of H without absorber")
+        why.append(LEFT_OUT)
     return why
 
 
@@ -282,9 +282,7 @@ def _check_damped(system: Schrodinger, scheme: str, run: tuple[float, float], h:
     """Refuse kicks back in time that an absorber makes grow by more than others damp."""
     if system.absorber is None:
         return
-    if run[1] < run[0]:
-        hint = "run forwards in time"
-        raise ValueError(hinted("an absorber cannot be undone: psi would grow back in time", hint))
+    check_forwards(run[1] - run[0])
     if not _is_back(scheme):
         return
     if scheme not in DAMPED:
