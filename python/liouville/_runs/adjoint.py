@@ -15,8 +15,8 @@ from liouville._solution.solution import Solution
 if TYPE_CHECKING:
     from liouville._runs.kinks import Kinks
 
-#: The prefixes of cotangents of events and of invariants, among those of states.
-EVENTS, INVARIANTS = "events.", "invariants."
+#: The prefixes of cotangents of events, of invariants and of observables, among those of states.
+EVENTS, INVARIANTS, OBSERVED = "events.", "invariants.", "observed."
 
 #: Gradients by name, each of the shape of what it is by.
 Gradients = dict[str, Any]

@@ -14,7 +14,7 @@ from liouville._basics.options import started
 from liouville._basics.progress import Progress
 from liouville._methods import Method
 from liouville._methods.control import Control
-from liouville._runs.adjoint import EVENTS, INVARIANTS, Adjoint, Gradients
+from liouville._runs.adjoint import EVENTS, INVARIANTS, OBSERVED, Adjoint, Gradients
 from liouville._runs.choice import check_system, runner_of
 from liouville._runs.execute import execute
 from liouville._runs.runner import Request
@@ -50,8 +50,9 @@ class Pullback:
     :math:`2 A \psi` for :math:`F = \langle \psi | A | \psi \rangle` and
     :math:`2 \varphi \langle \varphi | \psi \rangle` for
     :math:`F = |\langle \varphi | \psi \rangle|^2`. The gradient by a start ``psi`` is complex in
-    the same way. States at the starts of windows are kept by the run, the terms of a window are
-    made again.
+    the same way. Those of what `observe` named are ``observed={"name": ...}``, in the shapes of
+    ``solution.observed``, and complex where it is. States at the starts of windows are kept by the
+    run, the terms of a window are made again.
 
     Attributes
     ----------
@@ -68,7 +69,7 @@ class Pullback:
     @property
     def states(self) -> tuple[str, ...]:
         """The states that have cotangents."""
-        others = EVENTS, INVARIANTS
+        others = EVENTS, INVARIANTS, OBSERVED
         return tuple(name for name in self._shapes if not name.startswith(others))
 
     def __repr__(self) -> str:
@@ -76,7 +77,9 @@ class Pullback:
         return f"<Pullback of {', '.join(self._shapes)} to {', '.join(self.wrt)}>"
 
     def __call__(self, **cotangents: Any) -> Gradients:
-        """Pull cotangents of states, events and invariants back; see :class:`Pullback`.
+        """Pull cotangents of states, events, invariants and observables back.
+
+        See :class:`Pullback`.
 
         Raises
         ------
@@ -94,12 +97,15 @@ class Pullback:
             hint = 'write events={"name": {"t": ...}}'
             raise TypeError(hinted("cotangents of events are mappings of their states", hint))
         of_events = {f"{EVENTS}{e}.{x}": y for e, own in events.items() for x, y in own.items()}
-        invariants = cotangents.pop("invariants", {})
-        if not isinstance(invariants, Mapping):
-            hint = 'write invariants={"energy": ...}'
-            raise TypeError(hinted("cotangents of invariants are a mapping of their names", hint))
-        of_invariants = {f"{INVARIANTS}{name}": x for name, x in invariants.items()}
-        named = cotangents | of_events | of_invariants
+        named = cotangents | of_events
+        for prefix, example in ((INVARIANTS, "energy"), (OBSERVED, "x")):
+            group = prefix[:-1]
+            own = named.pop(group, {})
+            if not isinstance(own, Mapping):
+                hint = f'write {group}={{"{example}": ...}}'
+                sentence = f"cotangents of {group} are a mapping of their names"
+                raise TypeError(hinted(sentence, hint))
+            named |= {f"{prefix}{name}": x for name, x in own.items()}
         return self.adjoint.pulled(self._solution, self._checked(named))
 
     def _checked(self, cotangents: Mapping[str, ArrayLike]) -> dict[str, np.ndarray]:
@@ -148,6 +154,7 @@ def vjp(
     every: int = 1,
     t_eval: ArrayLike | None = None,
     events: Mapping[str, Any] | None = None,
+    observe: Mapping[str, Any] | None = None,
     params: Mapping[str, ArrayLike] | None = None,
     progress: Progress = None,
     threads: int | None = None,
@@ -178,7 +185,11 @@ def vjp(
         What gradients are by: states of the system such as ``"q"`` and ``"v"``, ``"params.name"``,
         and ``"t0"`` and ``"t1"`` where steps are equal, without contacts. Parameters of a field are
         those of its coefficients. Of a Schrödinger equation ``"psi"``, parameters of its drive and
-        of the potential of a grid, and ``"drive[k]"``, the samples of a drive.
+        of the potential of a grid, ``"drive[k]"``, the samples of a drive, and ``"t0"``, ``"t1"``
+        or ``"t"``, all the times that were given.
+    observe : mapping, optional
+        Of a Schrödinger equation observables as for :func:`integrate`; the pullback takes their
+        cotangents.
     threads : int, optional
         At most and by default as many as this process has processors. They take the members of an
         ensemble in turn, or the rows of a large wave function. The result does not depend on them.
@@ -218,12 +229,15 @@ def vjp(
     (2,)
     """
     check_system(system)
+    if observe is not None and not isinstance(system, Schrodinger):
+        hint = "functions of states have cotangents of the states, by their own derivatives"
+        raise TypeError(hinted("observe= has cotangents of a Schrodinger equation alone", hint))
     # members are run again by what is given here, which the caller may change meanwhile
     t, t_eval, params, given = (kept(x) for x in (t, t_eval, params, started(start, values)))
     request = Request(
         t=t, h=h, steps=steps, rtol=rtol, atol=atol, control=control, every=every, t_eval=t_eval,
-        events=events, params=params, start=given, has_pullback=True, threads=threads,
-        is_ensemble=members.are_given(system, given, params),
+        events=events, observe=observe, params=params, start=given, has_pullback=True,
+        threads=threads, is_ensemble=members.are_given(system, given, params),
     )  # fmt: skip
     if isinstance(system, Mechanics) and system.contacts is not None:
         # imported here: few systems have contacts

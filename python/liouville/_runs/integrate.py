@@ -115,8 +115,8 @@ def integrate(
         too. With contacts steps are equal, and directions starts and parameters. Of mechanical
         systems by ``Spark``, ``LobattoPair`` and compositions of them and by those of the alpha
         family, of semi-explicit systems by ``"y"``, of fields without divergence by ``"x"``,
-        parameters and ends, and of Schrödinger equations by ``"psi"``, parameters and samples, as
-        for :func:`vjp`.
+        parameters and ends, and of Schrödinger equations by ``"psi"``, parameters, samples and
+        times, as for :func:`vjp`.
     progress : bool or callable, optional
         True shows a bar, on a terminal or in a notebook. A function is called about twenty times a
         second, ``progress(done, total)``, with numbers of steps, or times where steps are

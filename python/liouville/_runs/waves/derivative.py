@@ -22,7 +22,7 @@ from liouville._methods.planner.waves.propagators import (
     Shears,
     SplitSteps,
 )
-from liouville._runs.tangents import PARAMS, Directions, Place, check_names
+from liouville._runs.tangents import ENDS, PARAMS, Directions, Place, check_names
 from liouville._runs.waves.windows import (
     DEGREE,
     LEFT_OUT,
@@ -49,6 +49,9 @@ TERMS = 60
 #: Arrays that a potential at the nodes of a window is in, at a time.
 COPIES = 3
 
+#: Terms of a Taylor series over a short time by which a run is moved.
+SHIFT = 4
+
 #: The methods whose runs leave pieces.
 COVERED = (
     "methods that have: 'auto' and Chebyshev with up to ten drives, Magnus(...) with h= or steps=, "
@@ -62,9 +65,9 @@ class WaveDirections(Directions):
 
     has_complex = True
 
-    def __init__(self, system: Schrodinger, tangents: Any) -> None:
+    def __init__(self, system: Schrodinger, tangents: Any, times: int) -> None:
         hint = 'write tangents={"psi": direction} or {"params.name": 1.0}'
-        super().__init__(tangents, places_of(system), {}, hint)
+        super().__init__(tangents, places_of(system, times), {}, hint)
         self.names = tuple(tangents)
 
     def read(self, rows: Array) -> dict[str, Tangent]:
@@ -72,8 +75,11 @@ class WaveDirections(Directions):
         return self.named(rows, {"psi": slice(None)})
 
 
-def places_of(system: Schrodinger) -> dict[str, Place]:
-    """Return where each direction begins among all that may change, and its shape."""
+def places_of(system: Schrodinger, times: int = 0) -> dict[str, Place]:
+    """Return where each direction begins among all that may change, and its shape.
+
+    The last are so many times that a run was given, the start, the end, or all.
+    """
     drive = system.sensitivity
     found: dict[str, Place] = {"psi": (0, (system.size,))}
     for name, (cut, shape) in drive.params.items():
@@ -83,7 +89,18 @@ def places_of(system: Schrodinger) -> dict[str, Place]:
         size = drive.number(name)
         found[name] = (place, (size,))
         place += size
+    if times:
+        found |= {"t": (place, (times,)), "t0": (place, ()), "t1": (place + times - 1, ())}
     return found
+
+
+def moves_of(plan: WavePlan, times: int) -> Array:
+    """Return how the times of the states that are kept move by those that a run was given."""
+    kept = np.array(plan.times)
+    if times == kept.size:
+        return np.eye(times)
+    part = (kept - kept[0]) / (kept[-1] - kept[0])  # of equal steps
+    return np.stack([1 - part, part], axis=1)
 
 
 def followed(system: Schrodinger, plan: WavePlan) -> WavePlan:
@@ -122,12 +139,12 @@ def check_room(
     check_memory(what, 16.0 * size * (kept + terms), "take fewer steps, or a shorter run")
 
 
-def check_wrt(system: Schrodinger, wrt: Any) -> tuple[str, ...]:
+def check_wrt(system: Schrodinger, wrt: Any, times: int = 0) -> tuple[str, ...]:
     """Return names of what derivatives are by, each seen to be one."""
     if system.moving_product is not None:
         hint = "give H(t) as a matrix and drives, pairs of a function and a matrix"
         raise TypeError(hinted("there is no derivative of an H(t) known by its products", hint))
-    return check_names(wrt, places_of(system), "psi")
+    return check_names(wrt, places_of(system, times), "psi")
 
 
 def records(
@@ -204,9 +221,11 @@ class WaveDerivative:
         psi: Array,
         run: tuple[_core.WaveRecord, int],
         names: Sequence[str],
+        times: int,
     ) -> None:
         record, threads = run
         self._system, self._psi = system, psi
+        self._times, self._moves = np.array(plan.times), moves_of(plan, times)
         self._drive, self._potential = system.sensitivity, system.potential_sensitivity
         self._core = _core.WaveDerivative(system.hamiltonian, system.groups, record, threads)
         self._kept = [0, *np.cumsum([steps for _, steps in plan.stops]).tolist()]
@@ -225,23 +244,49 @@ class WaveDerivative:
         """The times at which H was taken."""
         return np.concatenate([np.empty(0), *(nodes for _, nodes in self._pieces)])
 
-    def followed(self, rows: Array) -> Array:
+    def followed(self, rows: Array, psi: Array) -> Array:
         """Return tangents of the states kept, shape (k, directions, N), of directions as rows."""
-        n = self._system.size
-        states = self._system.frame.inward(rows[:, :n])
+        system, n = self._system, self._system.size
+        states = system.frame.inward(rows[:, :n])
         changes = np.ascontiguousarray(rows[:, n:].real)
+        ends = changes[:, changes.shape[1] - self._moves.shape[1] :]
+        if ends.any():
+            states = states - np.outer(ends[:, 0], self._rates(self._psi[None], [0]))
         kept = [states]
         for k, (_, nodes) in enumerate(self._pieces):
             moved = self._changes(nodes, changes), self._potential_changes(nodes, changes)
             states, outputs = self._core.follow(k, states, *moved)
             kept += self._keep(k, outputs.reshape(-1, len(rows), n))
-        return self._system.outward(np.array(kept))
+        found = np.array(kept)
+        if ends.any():
+            rates = self._rates(system.frame.inward(psi), range(len(psi)))
+            found += (self._moves @ ends.T)[..., None] * rates[:, None]
+        return system.outward(found)
+
+    def _rates(self, states: Array, kept: Sequence[int]) -> Array:
+        """Return derivatives by time of states of the core, at the times of these kept ones."""
+        times = self._times[list(kept)].tolist()
+        each = zip(times, states, strict=True)
+        return np.concatenate([states[:0], *(self._system.rate(t, x[None]) for t, x in each)])
+
+    def _shifted(self, state: Array, t: float, end: float) -> Array:
+        """Return a state of the core at a time as it is at another one nearby."""
+        found, term = state, state
+        for degree in range(1, SHIFT + 1):
+            rate = self._system.rate(0.5 * (t + end), term[None])[0]
+            term = (end - t) / degree * rate
+            found = found + term
+        return found
 
     def repeated(self, direction: Array, size: float) -> Array:
         """Return the states kept by a run with all choices held, moved by so much of a row."""
         system, drive, n = self._system, self._drive, self._system.size
         moved = size * direction
-        state = (self._psi + system.frame.inward(moved[:n]))[None]
+        ends = moved[moved.size - self._moves.shape[1] :].real
+        state = self._psi + system.frame.inward(moved[:n])
+        if ends.any():
+            state = self._shifted(state, self._times[0] + ends[0], self._times[0])
+        state = state[None]
         kept = [state]
         start = system.parameters.values(None)
         params = start + moved[n : n + start.size].real
@@ -259,7 +304,11 @@ class WaveDerivative:
                 of_points = potential.values(nodes, params) - potential.values(nodes, start)
             state, outputs = self._core.repeat(k, state, change, of_points)
             kept += self._keep(k, outputs[:, None])
-        return system.outward(np.array(kept)[:, 0])
+        found = np.array(kept)[:, 0]
+        if ends.any():
+            each = zip(found, self._times, self._times + self._moves @ ends, strict=True)
+            found = np.array([self._shifted(*own) for own in each])
+        return system.outward(found)
 
     def _keep(self, piece: int, outputs: Array) -> list[Array]:
         first = self._steps[piece] + 1
@@ -290,7 +339,7 @@ class WaveDerivative:
             return none
         return np.array([self._potential.pushed(nodes, own) for own in changes[:, :count]])
 
-    def pulled(self, cotangents: Array, names: Sequence[str]) -> dict[str, Array]:
+    def pulled(self, cotangents: Array, names: Sequence[str], psi: Array) -> dict[str, Array]:
         """Return gradients by these names from cotangents of the states kept, shape (k, N)."""
         system, drive = self._system, self._drive
         inward = system.frame.inward(cotangents)
@@ -311,7 +360,13 @@ class WaveDerivative:
                 weights.append(of_weights)
             if potential is not None:
                 by_potential += potential.pulled(nodes, of_points)
-        gradients = {"psi": system.outward(self._core.cotangent[0] + at_start)}
+        by_start = self._core.cotangent[0] + at_start
+        gradients = {"psi": system.outward(by_start)}
+        if {"t", *ENDS} & set(names):
+            rates = self._rates(system.frame.inward(psi[has]), np.flatnonzero(has).tolist())
+            each = np.einsum("kn,kn->k", rows.conj(), rates).real @ self._moves[has]
+            each[0] -= np.vdot(by_start, self._rates(self._psi[None], [0])[0]).real
+            gradients |= {"t": each, "t0": each[0], "t1": each[-1]}
         t, w = np.concatenate(times), np.concatenate(weights)[:, 1:]
         if any(name.startswith(PARAMS) for name in names):
             by_params = by_potential + (drive.pulled(t, w) if t.size else 0.0)
@@ -328,12 +383,12 @@ class WaveDerivative:
         return [(k, k + 1) for k in reversed(range(count))] if is_single else [(0, count)]
 
 
-def direction_row(system: Schrodinger, directions: Mapping[str, Any]) -> Array:
-    """Return directions by name as one row of all that may change."""
-    places = places_of(system)
+def direction_row(system: Schrodinger, directions: Mapping[str, Any], times: int) -> Array:
+    """Return directions by name as one row of all that may change, so many times too."""
+    places = places_of(system, times)
     width = max(first + int(np.prod(shape)) for first, shape in places.values())
     row = np.zeros(width, dtype=complex)
     for name, value in directions.items():
         first, shape = places[name]
-        row[first : first + int(np.prod(shape))] = np.ravel(value)
+        row[first : first + int(np.prod(shape))] += np.ravel(value)  # ends are among all times
     return row

@@ -60,6 +60,7 @@ class WaveRunner(Runner):
 
     system: Schrodinger
     choice: WaveMethod | WavePlan
+    times: tuple[float, ...]
     _widened = 0
     nodes = np.empty(0)  # times at which a run that was differentiated took H
 
@@ -71,7 +72,7 @@ class WaveRunner(Runner):
             system = system.with_potential(potential)
         self.system = system
         self.params = system.params
-        times = times_of(request.t)
+        self.times = times = times_of(request.t)
         self.psi = system.inward(start_of(request.start), request.is_ensemble)
         self.members = self.psi.shape[:-1]
         self.threads = threads_of(request.threads)
@@ -161,11 +162,18 @@ class WaveRunner(Runner):
         self.plan = wave_derivative.followed(self.system, self.plan)
         runs = math.prod(self.members)
         if request.tangents is not None:
-            self._directions = wave_derivative.WaveDirections(self.system, request.tangents)
-            names = wave_derivative.check_wrt(self.system, self._directions.names)
+            self._directions = wave_derivative.WaveDirections(
+                self.system, request.tangents, len(self.times)
+            )
+            names = wave_derivative.check_wrt(self.system, self._directions.names, len(self.times))
             self.plan = with_breaks(self.plan, self.system, names)
             self.check_room(runs)
             self._records = wave_derivative.records(self.system, self.plan, names, runs)
+
+    @property
+    def observed(self) -> dict[str, list[tuple[Any, ...]]]:
+        """The parts that the core has of each observable that was asked for."""
+        return {name: parts for name, _, parts in self._observed}
 
     @property
     def has_tangents(self) -> bool:
@@ -193,7 +201,7 @@ class WaveRunner(Runner):
         from liouville._runs.waves.windows import of_potential, with_breaks
 
         self.plan = wave_derivative.followed(self.system, self.plan)
-        names = wave_derivative.check_wrt(self.system, wrt)
+        names = wave_derivative.check_wrt(self.system, wrt, len(self.times))
         self.plan = with_breaks(self.plan, self.system, names)
         potentials = bool(of_potential(self.system, names))
         is_wanted = set(names) != {"psi"}
@@ -263,7 +271,7 @@ class WaveRunner(Runner):
         from liouville._runs.waves.derivative import WaveDerivative
 
         run, psi = (self._records[member], threads), np.atleast_2d(self.psi)[member]
-        found = WaveDerivative(self.system, self.plan, psi, run, names)
+        found = WaveDerivative(self.system, self.plan, psi, run, names, len(self.times))
         self.nodes = found.nodes
         return found
 
@@ -275,7 +283,7 @@ class WaveRunner(Runner):
         if self.members:
             runs = [(self, member) for member in range(self.members[0])]
             return self.tangents_of(runs, parts["psi"], self.threads)
-        rows = self.derivative(own.names).followed(own.rows)
+        rows = self.derivative(own.names).followed(own.rows, parts["psi"])
         return own.read(rows.reshape(*rows.shape[:-2], -1))
 
     def check_tangents(self, request: Request, solution: Solution) -> None:
@@ -296,7 +304,8 @@ class WaveRunner(Runner):
             if not np.isfinite(psi[-1, member]).all():  # it failed
                 return np.full((count, own.count, self.system.size), np.nan, dtype=complex)
             runner, place = runs[member]
-            return runner._derivative_of(place, own.names, 1).followed(own.rows)
+            derivative = runner._derivative_of(place, own.names, 1)
+            return derivative.followed(own.rows, psi[:, member])
 
         # the first records tapes that all share
         found = [followed(0)]

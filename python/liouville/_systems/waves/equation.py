@@ -342,6 +342,11 @@ class Schrodinger(OnGrid, Generic[Density]):
         given = foreign.state(psi, self.size, is_ensemble)
         return self.frame.inward(observed.checked(given, self.shapes, is_ensemble))
 
+    def rate(self, t: float, states: np.ndarray) -> np.ndarray:
+        r"""Return :math:`-i H(t) \psi / \hbar` of states of the core as rows."""
+        found = forms.of_states(self.product_at(t), self.hamiltonian.size, states)
+        return -1j * found
+
     def is_many(self, psi: Any) -> bool:
         """Return whether these are states of several members, and not one."""
         shape = np.shape(foreign.state(psi, self.size, False))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -104,6 +105,23 @@ def term_of(
 def twice(operator: _core.Operator, is_doubled: bool) -> _core.Operator:
     """Return a real operator as the core has it beside complex ones."""
     return operator.twice() if is_doubled else operator
+
+
+def of_states(
+    product: Callable[[np.ndarray], np.ndarray], size: int, states: np.ndarray
+) -> np.ndarray:
+    """Return products with states as rows, by one with a real vector of the core's size.
+
+    That of a complex operator is one of real and imaginary parts together.
+    """
+    found = np.empty_like(states)
+    for out, state in zip(found, states, strict=True):
+        if size == state.size:
+            re, im = (product(np.ascontiguousarray(part)) for part in (state.real, state.imag))
+        else:
+            re, im = np.split(product(np.concatenate([state.real, state.imag])), 2)
+        out[:] = re + 1j * im
+    return found
 
 
 def by_rows(matrix: Entries) -> _core.Operator:
