@@ -134,7 +134,7 @@ def test_what_ensembles_with_contacts_go_without_is_said():
         lv.ensemble(system, lv.Spark(2), q=[0.0, 1.0], v=[0.0, 0.0], **CALL)
     with pytest.raises(TypeError, match="tangents= is not for ensembles with contacts"):
         lv.ensemble(system, lv.Spark(2), tangents={"q": np.eye(2)}, **STARTS, **CALL)
-    with pytest.raises(ValueError, match="^member 1: contact 'floor' penetrates by 0.5 at the"):
+    with pytest.raises(ValueError, match=r"^member 1: contact 'floor' penetrates by 0.5 at the"):
         lv.ensemble(system, lv.Spark(2), q=[[0, 1], [0, -0.5]], v=np.zeros((2, 2)), **CALL)
     with pytest.raises(lv.IntegrationError, match="contradict") as caught:
         lv.ensemble(

@@ -23,46 +23,49 @@ STRICT = (
 )
 
 
-def test_programs_of_the_documentation_pass_mypy(tmp_path, monkeypatch):
+#: A ground state of each kind, whose types are told, and an argument that there is none of.
+GROUND = """import liouville as lv
+grid = lv.Grid(-5, 5, 64, potential=lambda t, x, params: x**2 / 2)
+reveal_type(lv.analysis.ground_state(lv.Schrodinger(grid, hbar=1.0)))
+own = lv.Schrodinger(grid, nonlinearity=lambda t, rho, params: rho, params={"g": 1.0})
+reveal_type(lv.analysis.ground_state(own))
+def plain(system: lv.Schrodinger) -> float:
+    return system.hbar
+"""
+WRONG = "import liouville as lv\n\nlv.Spark(stags=3)\n"
+
+
+@pytest.fixture(scope="module")
+def said(tmp_path_factory):
+    """Return what mypy says of all programs, in one run, by the file that it speaks of."""
     api = pytest.importorskip("mypy.api")
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("MYPYPATH", str(ROOT / "python"))
-    scripts = []
+    folder = tmp_path_factory.mktemp("programs")
+    texts = {"ground": GROUND, "wrong": WRONG}
     for page in PAGES:
-        programs = re.findall(
-            r"^```python\n(.*?)^```", (ROOT / page).read_text("utf-8"), re.M | re.S
-        )
-        scripts.append(tmp_path / f"{page.removesuffix('.md').replace('/', '_')}.py")
-        scripts[-1].write_text("\n".join(programs), encoding="utf-8")
-    wrong = tmp_path / "wrong.py"
-    wrong.write_text("import liouville as lv\n\nlv.Spark(stags=3)\n", encoding="utf-8")
-    found, problems, _ = api.run([*STRICT, *map(str, (*scripts, wrong))])
+        text = (ROOT / page).read_text("utf-8")
+        programs = re.findall(r"^```python\n(.*?)^```", text, re.M | re.S)
+        texts[page.removesuffix(".md").replace("/", "_")] = "\n".join(programs)
+    for name, text in texts.items():
+        (folder / f"{name}.py").write_text(text, encoding="utf-8")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        patch.setenv("MYPYPATH", str(ROOT / "python"))
+        found, problems, _ = api.run([*STRICT, *(f"{name}.py" for name in texts)])
     assert not problems
-    reported = [
-        line for line in found.splitlines() if ": error:" in line and "no-redef" not in line
-    ]
-    assert [line for line in reported if "wrong.py" not in line] == []
-    assert len(reported) == 1  # a wrong argument is seen: the types are those of liouville
+    lines = [line.partition(".py:") for line in found.splitlines()]
+    return {name: [text for file, _, text in lines if file == name] for name in texts}
 
 
-def test_types_say_what_a_ground_state_is(tmp_path, monkeypatch):
-    api = pytest.importorskip("mypy.api")
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("MYPYPATH", str(ROOT / "python"))
-    script = tmp_path / "ground.py"
-    script.write_text(
-        "import liouville as lv\n"
-        "grid = lv.Grid(-5, 5, 64, potential=lambda t, x, params: x**2 / 2)\n"
-        "reveal_type(lv.analysis.ground_state(lv.Schrodinger(grid, hbar=1.0)))\n"
-        "own = lv.Schrodinger(grid, nonlinearity=lambda t, rho, params: rho, params={'g': 1.0})\n"
-        "reveal_type(lv.analysis.ground_state(own))\n"
-        "def plain(system: lv.Schrodinger) -> float:\n"
-        "    return system.hbar\n",
-        encoding="utf-8",
-    )
-    found, problems, _ = api.run([*STRICT, str(script)])
-    assert not problems
-    notes = [line for line in found.splitlines() if "Revealed type" in line]
-    assert "GroundState" in notes[0]
-    assert "Condensate" in notes[1]
-    assert "error:" not in found
+def test_programs_of_the_documentation_pass_mypy(said):
+    errors = {
+        name: [text for text in lines if " error:" in text and "no-redef" not in text]
+        for name, lines in said.items()
+    }
+    assert len(errors.pop("wrong")) == 1  # a wrong argument is seen: the types are liouville's
+    assert not any(errors.values()), errors
+
+
+def test_types_say_what_a_ground_state_is(said):
+    first, second = (text for text in said["ground"] if "Revealed type" in text)
+    assert "GroundState" in first
+    assert "Condensate" in second
