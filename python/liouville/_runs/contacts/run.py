@@ -271,9 +271,9 @@ class Course(Asking):
     def finish(self, y: Array, z: Array, stopped: set[int]) -> None:
         """Let the last record be behind a change that is met at the end of the run."""
         now, last = self.now, self.stretches[-1].whole
-        own = last.system.own_events.items()
-        changes = [name for name, (_, kind) in own if kind != "slow"]
-        is_met = any(now.t in last.run.events[name].t[-1:] for name in changes)
+        own, met = last.system.own_events.items(), last.run.events
+        changes = [name for name, (_, kind) in own if kind != "slow" and name in met]
+        is_met = any(now.t in met[name].t[-1:] for name in changes)
         if not is_met or self.status != "done" or self.has_derivative:
             return
         y, z = self.settle(y, z, stopped)
