@@ -101,21 +101,24 @@ class Watch:
         rest: dict[str, tuple[np.ndarray, np.ndarray | None]] = {}
         width = sum(len(names) for names in system.places.values())
         none = np.empty(0), np.empty(0), np.empty(0, dtype=np.int64)
-        unmet: dict[int, dict[str, np.ndarray]] = {}  # of events that were not met, by their sides
+        unmet: dict[int, tuple[Any, Any]] = {}  # of events that were not met, by their sides
         # where no member could begin, the core has seen no event
         for name, (times, rows, members) in zip(self.events, found or repeat(none), strict=False):
-            sides = rows.reshape(times.size, 1 + (name in self._resets), width + more)
+            count = 1 + (name in self._resets)
+            if not times.size and count in unmet:
+                points[name], rest[name] = unmet[count]
+                continue
+            sides = rows.reshape(times.size, count, width + more)
             rest[name] = sides[..., width:], members if params.ndim > 1 else None
             sides = sides[..., :width]
-            states: dict[str, np.ndarray] = {} if times.size else unmet.get(sides.shape[1], {})
-            own = {"member": members} if params.ndim > 1 else {}
-            for side, end in enumerate(() if states else ("", AFTER)[: sides.shape[1]]):
+            states = {"member": members} if params.ndim > 1 else {}
+            for side, end in enumerate(("", AFTER)[:count]):
                 at = _states_at(system, times, sides[:, side], params, members)
-                states |= {f"{state}{end}": x for state, x in at.items()}
-            if not times.size:
-                unmet[sides.shape[1]] = states
-            points[name] = Points(times, states | own)
+                states = {f"{state}{end}": x for state, x in at.items()} | states
+            points[name] = Points(times, states)
             self._hits[name] = times, members
+            if not times.size:
+                unmet[count] = points[name], rest[name]
         names = [*self.events]
         said = {member: sentence_of_end(names[which], t, limit) for which, t, limit, member in ends}
         self.ended_by = {member: names[which] for which, _, _, member in ends}

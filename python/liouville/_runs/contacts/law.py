@@ -104,9 +104,12 @@ def solve(
     across = A[:, :c].copy()
     np.subtract.at(across.T, owner, (A[:, c:] * slid).T)
     moves = np.bincount(owner, np.abs(slip), minlength=c) > 0
-    for i in _coupled_ones(A, np.flatnonzero(closed), owner):
-        sought = i[(mu[i] > 0) & ~moves[i]]  # friction is to be found
-        rows = np.flatnonzero(_among(sought, c)[owner])
+    groups, is_alone = _coupled_ones(A, np.flatnonzero(closed), owner)
+    sought = (mu > 0) & ~moves  # friction is to be found
+    ones = _alone((across, A[:, c:], base), is_alone, sought, (mu, extra), owner)
+    for i in groups + [np.array([k]) for k in np.flatnonzero(is_alone & ~ones[0])]:
+        own = i[sought[i]]
+        rows = np.flatnonzero(_among(own, c)[owner])
         whose = owner[rows]
         group = _Group(
             across[:, i],
@@ -118,18 +121,21 @@ def solve(
             extra[whose],
             c + rows,
         )
-        in_plane = _alone_and_rough, _glocker_pfeiffer, _stewart_trinkle, _by_sweeps
-        forms = (cones,) if len(sought) < len(rows) else in_plane
-        for form in (_alone, *forms):
+        in_plane = _glocker_pfeiffer, _stewart_trinkle, _by_sweeps
+        for form in (cones,) if len(own) < len(rows) else in_plane:
             found = form(group)
             if found is not None:
                 break
         else:
             return None
         normal[i] += found[0]
-        own = _among(i, c)[owner]
-        friction[own] = -slid[own] * normal[owner[own]]
         friction[rows] = found[1]
+    is_solved, own_normal, own_friction = ones
+    normal[is_solved] += own_normal[is_solved]
+    rough = (is_solved & sought)[owner]
+    friction[rough] = own_friction[owner][rough]
+    slides = (closed & ~sought)[owner]
+    friction[slides] = (-slid * normal[owner])[slides]
     both = A @ np.concatenate([normal, friction]) + b
     return Forces(normal, friction, both[:c], both[c:])
 
@@ -141,18 +147,19 @@ def _among(contacts: Array, c: int) -> Array:
     return found
 
 
-def _coupled_ones(A: Array, contacts: Array, owner: Array) -> list[Array]:
-    """Return the contacts in groups that do not act on one another."""
-    if len(contacts) < 2:
-        return [contacts] if len(contacts) else []
-    own = np.sqrt(np.abs(np.diag(A)))
-    acts = np.abs(A) > COUPLED * np.outer(own, own)
-    whose = np.concatenate([np.arange(len(A) - len(owner)), owner])
-    near = np.zeros((len(A) - len(owner),) * 2, dtype=bool)
-    np.logical_or.at(near, (whose[:, None], whose[None, :]), acts)
-    near, n = near[np.ix_(contacts, contacts)], len(contacts)
-    found, left = [], np.ones(n, dtype=bool)
-    for k in range(n):
+def _coupled_ones(A: Array, contacts: Array, owner: Array) -> tuple[list[Array], Array]:
+    """Return contacts in groups that act on one another, and which of all act on none."""
+    n, c = len(contacts), len(A) - len(owner)
+    (slips,) = np.nonzero(_among(contacts, c)[owner])
+    rows = np.concatenate([contacts, c + slips])
+    whose = np.concatenate([np.arange(n), np.searchsorted(contacts, owner[slips])])
+    own = np.sqrt(np.abs(np.diag(A)))[rows]
+    acts = np.abs(A[np.ix_(rows, rows)]) > COUPLED * np.outer(own, own)
+    belongs = (whose[:, None] == np.arange(n)).astype(float)
+    near = (belongs.T @ acts @ belongs > 0) | np.eye(n, dtype=bool)
+    found, left = [], near.sum(axis=1) > 1
+    is_alone = _among(contacts[~left], c)
+    for k in np.flatnonzero(left):
         if not left[k]:
             continue
         group = np.arange(n) == k
@@ -160,7 +167,49 @@ def _coupled_ones(A: Array, contacts: Array, owner: Array) -> list[Array]:
             group = wider
         left &= ~group
         found.append(contacts[group])
-    return found
+    return found, is_alone
+
+
+def _alone(
+    parts: tuple[Array, Array, Array],
+    which: Array,
+    sought: Array,
+    bounds: tuple[Array, Array],
+    owner: Array,
+) -> tuple[Array, Array, Array]:
+    """Return which contacts that act on no others have just one solution, and N and T of these.
+
+    They are smooth, slip, or have friction in the plane. `parts` are how N and T act on all, and
+    what there is without them; `bounds` the coefficients of friction and what contacts bear.
+    """
+    (normals, tangents, base), (mu, borne) = parts, bounds
+    k, first = np.arange(len(mu)), np.searchsorted(owner, np.arange(len(mu)))
+    rows, p = len(mu) + first, base[k]
+    a, b, e, d, q = (
+        normals[k, k],
+        tangents[k, first],
+        normals[rows, k],
+        tangents[rows, first],
+        base[rows],
+    )
+    is_given = (a == 0) & (p > 0)
+    is_smooth = which & ~sought & (is_given | (a > 0))
+    is_rough = which & sought & (np.bincount(owner) == 1) & (d > mu * np.abs(e))
+    is_rough &= is_given | (a > mu * np.abs(b))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        normal = np.maximum(-p / a, 0.0)
+        # friction that sticks, with what it bears in any case where nothing presses besides
+        stuck = (b * q - d * p) / (a * d - b * e)
+        stuck, is_held = np.where(is_given | (stuck < 0), 0.0, stuck), ~is_given & (stuck >= 0)
+        friction = np.where(is_held, (e * p - a * q) / (a * d - b * e), -q / d)
+        rough = stuck
+        for way in (-1.0, 1.0):
+            most = np.maximum(-(p + way * mu * borne * b) / (a + way * mu * b), 0.0)
+            most = np.where(is_given, 0.0, most)
+            force = way * mu * (most + borne)
+            slips = (e * most + d * force + q) * way <= 0
+            rough, friction = np.where(slips, most, rough), np.where(slips, force, friction)
+    return is_smooth | is_rough, np.where(is_rough, rough, normal), friction
 
 
 @dataclass(frozen=True)
@@ -195,40 +244,6 @@ class _Group:
     def rows(self) -> tuple[Array, Array]:
         """The rows of the gaps, and of the slips whose friction is to be found."""
         return self.i, self.slips
-
-
-def _alone(group: _Group) -> tuple[Array, Array] | None:
-    """Return N of a single contact whose friction is none or follows from it."""
-    b, own = group.b[group.i], group.normals[group.i]
-    if len(group.i) > 1 or group.j.size or not own[0, 0] > 0:
-        return None
-    return np.maximum(-b / own[0, 0], 0.0), np.zeros(0)
-
-
-def _alone_and_rough(group: _Group) -> tuple[Array, Array] | None:
-    """Return N and T of a single contact with friction in the plane, if there are no others."""
-    if len(group.i) > 1 or len(group.slips) != 1:
-        return None
-    rows = np.concatenate(group.rows)
-    K = np.hstack([group.normals, group.tangents])[rows]
-    b, mu, borne = group.b[rows], float(group.mu[0]), float(group.borne[0])
-    if not (K[0, 0] > mu * abs(K[0, 1]) and K[1, 1] > mu * abs(K[1, 0])):
-        return None
-
-    def at_bound(way: float) -> tuple[float, float, float]:
-        """Return N, T and the rate of the slip, with friction at its bound this way."""
-        normal = max(-(b[0] + way * mu * borne * K[0, 1]) / (K[0, 0] + way * mu * K[0, 1]), 0.0)
-        friction = way * mu * (normal + borne)
-        return normal, friction, K[1, 0] * normal + K[1, 1] * friction + b[1]
-
-    for way in (1.0, -1.0):
-        normal, friction, rate = at_bound(way)
-        if rate * way <= 0:
-            return np.array([normal]), np.array([friction])
-    normal, friction = np.linalg.solve(K, -b)
-    if normal < 0:  # it sticks with what it bears in any case
-        normal, friction = 0.0, -b[1] / K[1, 1]
-    return np.array([normal]), np.array([friction])
 
 
 def _glocker_pfeiffer(group: _Group) -> tuple[Array, Array] | None:
@@ -327,7 +342,9 @@ def impact(
     """
     c = len(mu)
     free, hit = np.zeros(len(owner)), np.zeros(c, dtype=bool)
-    for group in _coupled_ones(A, np.flatnonzero(touching), owner):
+    groups, is_alone = _coupled_ones(A, np.flatnonzero(touching), owner)
+    hit[is_alone] = before[:c][is_alone] < 0
+    for group in groups:
         hit[group] = (before[group] < 0).any()
     if law == "newton":
         bounced = before + np.append(

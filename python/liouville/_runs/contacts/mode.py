@@ -292,7 +292,8 @@ def endings(contacts: Contacts, system: ModeSystem, rest: Array, h: float) -> di
     """Return the events that end a mode; slips stop too where they are so small and turn back."""
     found: dict[str, Event] = system.slows(contacts, h)
     for name, (k, kind) in system.own_events.items():
-        if kind != "slow":
-            size = rest[contacts.slips_of(k)[0]] if kind == "stop" else 0.0
-            found[name] = replace(ENDING, size=float(size))
+        if kind == "stop":
+            found[name] = replace(ENDING, size=float(rest[contacts.slips_of(k)[0]]))
+        elif kind != "slow":
+            found[name] = ENDING
     return found

@@ -289,24 +289,33 @@ class Contacts:
         wanted = [k for k, mode in enumerate(modes) if self.has_gap(k) and mode is not Mode.OPEN]
         wanted += [c + row for row, k in enumerate(self.owner) if modes[k] is Mode.STICK]
         fixed = len(at.rows) - len(at.b)
-        basis: list[Array] = []
-        found, is_redundant = [], False
-        for row in [*range(fixed), *(fixed + k for k in wanted)]:
-            x = at.rows[row]
-            size = np.linalg.norm(x)
-            for _ in range(2):
-                for e in basis:
-                    x = x - (e @ x) * e
-            if np.linalg.norm(x) > INDEPENDENT * size:
-                basis.append(x / np.linalg.norm(x))
-                if row >= fixed:
-                    found.append(row - fixed)
-            else:
-                is_redundant |= row < fixed
+        rows = [*range(fixed), *(fixed + k for k in wanted)]
+        held = independent(at.rows[rows])
+        found = [k for k, x in zip(wanted, held[fixed:], strict=True) if x]
+        is_redundant = not all(held[:fixed])
         key = modes, tuple(found), is_redundant
         if key not in self._systems:
             self._systems[key] = ModeSystem(self, *key)
         return self._systems[key]
+
+
+def independent(rows: Array) -> list[bool]:
+    """Return which rows no rows before them imply."""
+    if not len(rows):
+        return []
+    sizes = np.linalg.norm(rows, axis=1)
+    left = np.abs(np.diag(np.linalg.qr(rows.T, mode="r"))) if len(rows) <= rows.shape[1] else 0.0
+    if (left > INDEPENDENT * sizes).all():
+        return [True] * len(rows)
+    basis, found = np.zeros((0, rows.shape[1])), []
+    for x, size in zip(rows, sizes, strict=True):
+        for _ in range(2):
+            x = x - (basis @ x) @ basis
+        rest = np.linalg.norm(x)
+        found.append(bool(rest > INDEPENDENT * size))
+        if found[-1]:
+            basis = np.vstack([basis, x / rest])
+    return found
 
 
 def _check_linear(system: Mechanics) -> None:
