@@ -282,6 +282,32 @@ def test_a_rod_on_two_ends_slides_and_turns():
     assert caught.value.solution.t[-1] > 0.4
 
 
+@pytest.mark.parametrize("force", [0.0, 1.0])
+def test_a_tripod_that_sticks_is_refused_by_its_feet_unless_one_of_them_holds_it(force):
+    places = [(np.cos(angle), np.sin(angle)) for angle in (0.0, 2.1, 4.2)]
+
+    def tripod(*frictions):
+        feet = {
+            f"foot {k}": lv.Contact(
+                lambda t, q, params, x=x, y=y: q[2] + x * q[3] + y * q[4],
+                friction=friction,
+                slip=lambda t, q, v, params, x=x, y=y: [v[0] - y * v[5], v[1] + x * v[5]],
+            )
+            for k, ((x, y), friction) in enumerate(zip(places, frictions, strict=True))
+        }
+        return lv.Lagrangian(
+            lambda t, q, v, params: ca.sumsqr(v) / 2 - G * q[2] + force * q[0], q=6, contacts=feet
+        )
+
+    call = {"t": (0, 1), "h": 0.05, "q": np.zeros(6), "v": np.zeros(6)}
+    words = "contacts share a load, and 'foot 0', 'foot 1' and 'foot 2' have friction in space"
+    with pytest.raises(lv.IntegrationError, match=words):
+        lv.integrate(tripod(0.5, 0.5, 0.5), lv.Spark(2), **call)
+    run = lv.integrate(tripod(0.5, 0.0, 0.0), lv.Spark(2), **call)
+    assert {mode.name for mode in run.contacts["foot 0"].mode} == {"STICK"}
+    assert run.contacts["foot 0"].friction == pytest.approx(force)
+
+
 def test_a_puck_that_is_pressed_stops_and_is_torn_off():
     """A load of 2 at friction .5 on a mass of 1, and a force along (3, 4) t / 5 from then on."""
     puck = lv.Lagrangian(

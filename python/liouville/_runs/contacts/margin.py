@@ -137,7 +137,7 @@ def refuse_space(system: ModeSystem, contacts: Contacts, t: float) -> None:
     if system.is_shared and which.size:
         names = quoted([contacts.names[k] for k in which])
         sentence = f"at t = {t:g} contacts share a load, and {names} have friction in space"
-        hint = "which part of the load each bears is not determined: take fewer contacts"
+        hint = "which part of it each bears is not determined: let fewer contacts have friction"
         raise IntegrationError(hinted(sentence, hint), t=t)
 
 
