@@ -1,4 +1,4 @@
-"""What pages of the gallery say of contacts holds, by closed forms and by others' numbers."""
+"""Contacts of the gallery and of machines, beside closed forms and others' numbers."""
 
 from pathlib import Path
 
@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 import liouville as lv
+from liouville.bodies import Assembly, Dry, Plane, Sphere
 
+G = 9.81
 EXAMPLES = Path(__file__).resolve().parent.parent / "examples"
 
 
@@ -66,3 +68,71 @@ def test_thrown_balls_roll_when_and_where_closed_forms_say(page, capsys):
         when, speed = line.split("off by ")[1].split(" s, ")
         assert float(when) < 2e-9
         assert float(speed.removesuffix(" m/s")) < 2e-9
+
+
+@pytest.mark.parametrize("way", [1, -1])
+def test_a_shoe_that_leads_brakes_harder_than_one_that_trails(way):
+    """About its pivot the shoe has the moments of the push, the normal force and friction."""
+    m = Assembly()
+    drum = m.planar_body("drum", mass=5.0, inertia=0.1, at=(0, 0))
+    m.revolute("axle", "ground", drum, at=(0, 0))
+    lever = m.planar_body("lever", mass=0.5, inertia=0.01, at=(-0.25, 0))
+    m.revolute("pivot", "ground", lever, at=(-0.27, -0.2))
+    m.contact("shoe", Sphere(lever, 0.03, at=(-0.23, 0)), Sphere(drum, 0.2), friction=0.4)
+    m.force("push", lever, lambda t, x, v, params: (50.0, 0, 0), at=(-0.25, 0.2))
+    start = m.start(rates={"axle": 10.0 * way})
+    run = lv.integrate(m.system(), lv.Spark(3), t=(0, 1), h=0.01, **start)
+    normal = 50 * 0.4 / (0.2 - 0.4 * 0.07 * way)
+    shoe = run.contacts["shoe"]
+    assert shoe.normal[1] == pytest.approx(normal, rel=1e-12)
+    assert shoe.changes[-1].kind == "stick"
+    assert shoe.changes[-1].t == pytest.approx(10 * 0.1 / (0.2 * 0.4 * normal), rel=1e-12)
+
+
+def test_a_clutch_brings_both_sides_to_one_speed():
+    m = Assembly()
+    for name, inertia in (("engine", 0.3), ("wheels", 0.6)):
+        body = m.planar_body(name, mass=1.0, inertia=inertia, at=(0, 0))
+        m.revolute(f"axle of {name}", "ground", body, at=(0, 0))
+    m.revolute("clutch", "engine", "wheels", at=(0, 0), friction=Dry(4.0, 5.0))
+    start = m.start(rates={"axle of engine": 10.0})
+    run = lv.integrate(m.system(), lv.Spark(3), t=(0, 1), h=0.05, **start)
+    (change,) = run.contacts["clutch.angle.friction"].changes
+    assert change.kind == "stick"
+    assert change.t == pytest.approx(10 / (4 / 0.3 + 4 / 0.6), rel=1e-12)
+    for name in ("engine", "wheels"):
+        assert run.joint(f"axle of {name}").rate[-1] == pytest.approx(10 / 3, rel=1e-12)
+
+
+def test_a_front_wheel_bears_less_as_the_rear_one_drives_and_lifts_at_last():
+    """Wheels without mass: N = m (g b - a h) / l of distances b, l and a centre at the height h."""
+    for torque, bears in ((300.0, 200 * (G * 0.6 - 5.0 * 0.6) / 1.4), (700.0, 0.0)):
+        m = Assembly(gravity=(0, -G, 0))
+        frame = m.planar_body("frame", mass=200.0, inertia=30.0, at=(0.6, 0.6))
+        m.free("flight", frame)
+        for name, x, drive in (("rear", 0.0, torque), ("front", 1.4, 0.0)):
+            wheel = m.planar_body(name, mass=1e-6, inertia=1e-9, at=(x, 0.3))
+            motor = {"torque": lambda t, angle, rate, params, drive=drive: -drive}
+            m.revolute(f"axle {name}", frame, wheel, at=(x, 0.3), **motor)
+            road = Plane("ground", normal=(0, 1))
+            m.contact(f"tyre {name}", Sphere(wheel, 0.3), road, friction=1.5)
+        run = lv.integrate(m.system(), lv.Spark(3), t=(0, 0.1), h=0.01, **m.start())
+        assert run.contacts["tyre front"].normal[1] == pytest.approx(bears, rel=1e-6)
+        assert run.contacts["tyre rear"].mode[-1].name == "STICK"
+        assert (run.contacts["tyre front"].gap[-1] > 1e-4) == (torque == 700)
+
+
+def test_a_stone_on_a_rope_goes_slack_flies_and_is_caught_again():
+    """From below with v^2 = 3.5 g l it goes slack at 120 degrees and flies for 4 v sin 120 / g."""
+    m = Assembly(gravity=(0, -G, 0))
+    stone = m.planar_body("stone", mass=1.0, inertia=0.01, at=(0, -1))
+    m.free("flight", stone)
+    m.rope("rope", "ground", stone, at=((0, 0), (0, -1)), length=1.0)
+    rates = {"flight": (np.sqrt(3.5 * G), None, None, None, None, None)}
+    run = lv.integrate(m.system(), lv.Spark(4), t=(0, 1.5), h=0.01, **m.start(rates=rates))
+    close, leave, hit = run.contacts["rope"].changes
+    assert (close.kind, leave.kind, hit.kind) == ("close", "leave", "hit")
+    x, y = run(leave.t).q[:2]
+    assert np.degrees(np.arctan2(x, -y)) == pytest.approx(120, abs=1e-9)
+    flight = 4 * np.sqrt(G / 2) * np.sin(2 * np.pi / 3) / G
+    assert hit.t - leave.t == pytest.approx(flight, abs=1e-10)
