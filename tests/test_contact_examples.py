@@ -57,7 +57,7 @@ def test_blocks_hit_as_often_as_pi_says_and_discs_share_their_energy(page, capsy
     assert said == ["1 to 1: 3 hits", "1 to 100: 31 hits", "1 to 10000: 314 hits"]
     for run in (*found["runs"].values(), found["run"]):
         assert np.max(run.invariant_drift("energy")) < 1e-12
-    assert np.mean(found["share"] ** 2) == pytest.approx(2 / 110, rel=0.1)
+    assert np.mean(found["share"] ** 2) == pytest.approx(2 / 110, rel=0.2)  # five deviations
 
 
 def test_thrown_balls_roll_when_and_where_closed_forms_say(page, capsys):
