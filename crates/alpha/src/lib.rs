@@ -190,12 +190,11 @@ impl Alpha {
         self.matrix.matrix.to_dense()
     }
 
-    /// A first step whose acceleration moves the coordinates by about the tolerance.
-    pub fn first_step(&self, state: &AlphaState, span: f64) -> f64 {
-        match &self.tolerance {
-            Some(tolerance) => tolerance.first_step(&state.y, [&state.phi, &state.a], span),
-            None => span.abs() / 100.0,
-        }
+    /// A first step whose acceleration moves the coordinates by about the tolerance; infinite without one.
+    pub fn first_step(&self, state: &AlphaState) -> f64 {
+        self.tolerance.as_ref().map_or(f64::INFINITY, |tolerance| {
+            tolerance.first_step(&state.y, [&state.phi, &state.a])
+        })
     }
 
     /// Begins again with a0 = φ0 after a step that an event has cut to a much shorter one than `h`: there a0 − φ0, and φ0

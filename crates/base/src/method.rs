@@ -118,6 +118,8 @@ pub struct Tolerance {
     pub rtol: f64,
     /// In the unit of each coordinate.
     pub atol: Vec<f64>,
+    /// The longest first step, a hundredth of the run.
+    pub longest: f64,
 }
 
 impl Tolerance {
@@ -150,10 +152,10 @@ impl Tolerance {
     }
 
     /// A first step whose acceleration moves the coordinates by about the tolerance.
-    pub fn first_step(&self, y: &[f64], accelerations: [&[f64]; 2], span: f64) -> f64 {
+    pub fn first_step(&self, y: &[f64], accelerations: [&[f64]; 2]) -> f64 {
         let [a, b] = accelerations.map(|a| self.weigh([y, y], a.iter().copied()));
         let h = (2.0 / a.max(b).max(f64::MIN_POSITIVE)).sqrt();
-        h.min(span.abs() / 100.0)
+        h.min(self.longest)
     }
 }
 

@@ -26,24 +26,18 @@ impl Index2 {
         self
     }
 
-    /// A first step whose acceleration moves the coordinates by about the tolerance.
+    /// A first step whose acceleration moves the coordinates by about the tolerance; infinite without one.
     ///
     /// # Errors
     /// The acceleration cannot be solved for.
-    pub fn first_step(
-        &mut self,
-        t: f64,
-        state: &SemiExplicitState,
-        span: f64,
-    ) -> Result<f64, StepError> {
-        let longest = span.abs() / 100.0;
+    pub fn first_step(&mut self, t: f64, state: &SemiExplicitState) -> Result<f64, StepError> {
         let Some(at) = &self.estimate else {
-            return Ok(longest);
+            return Ok(f64::INFINITY);
         };
         let mut solver = self.model.solver();
         self.model.solve(&mut solver, t, &state.y, &state.z)?;
         let tolerance = &at.estimate.tolerance;
-        Ok(tolerance.first_step(&state.y, [&solver.y_ddot; 2], span))
+        Ok(tolerance.first_step(&state.y, [&solver.y_ddot; 2]))
     }
 
     /// Keeps the start of a step, and its stages, for the estimate.

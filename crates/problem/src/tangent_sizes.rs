@@ -8,8 +8,8 @@
 //!
 //! u and a are what momenta and forces change by a parameter alone, as velocity and as acceleration. A derivative
 //! that begins, or whose parts take one another away, is no more than their roundoff: it has the size of these parts.
-//! The first step that is tried is H until steps add up to it: there may be no other length that a young tangent can be
-//! held to.
+//! H begins as the time in which the motion moves by its own size, √(1/rtol) first steps, but a hundredth of the run at
+//! most, and is that until steps add up to it: there may be no other length that a young tangent can be held to.
 
 use super::{Mass, SensitivityModel};
 use liouville_base::checkpoint;
@@ -25,7 +25,9 @@ pub struct TangentSizes {
     /// α_k in units of the largest.
     weights: Vec<f64>,
     rtol: f64,
-    /// H of the steps that stand, or the first step that was tried; the longest of those that stand; their sum; and the
+    /// The longest H to begin with.
+    longest_first: f64,
+    /// H of the steps that stand, or that to begin with; the longest of those that stand; their sum; and the
     /// last step, which may yet be undone.
     memory: [f64; 4],
     part: Vec<f64>,
@@ -62,6 +64,7 @@ impl TangentSizes {
         Self {
             weights: atol.iter().map(weight).collect(),
             rtol: tolerance.rtol,
+            longest_first: tolerance.longest,
             memory: [0.0; 4],
             part: vec![0.0; atol.len()],
         }
@@ -100,7 +103,7 @@ impl TangentSizes {
         let h = step.h.abs();
         self.memory[3] = h;
         if self.memory[0] == 0.0 {
-            self.memory[0] = h;
+            self.memory[0] = (h / self.rtol.sqrt()).min(self.longest_first).max(h);
         }
         let longest = self.memory[0].max(h);
         let largest = |of: [&[f64]; 2]| self.norm(of[0]).max(self.norm(of[1]));

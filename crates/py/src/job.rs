@@ -30,12 +30,13 @@ enum ControlOf<'py> {
 }
 
 impl ControlOf<'_> {
-    fn read(&self) -> PyResult<Control> {
+    fn read(&self, span: f64) -> PyResult<Control> {
         match self {
             Self::Adaptive(rtol, atol, h_first, h_min) => Ok(Control::Adaptive {
                 tolerance: Tolerance {
                     rtol: *rtol,
                     atol: atol.as_slice()?.to_vec(),
+                    longest: span.abs() / 100.0,
                 },
                 h_first: (*h_first > 0.0).then_some(*h_first),
                 h_min: *h_min,
@@ -267,7 +268,7 @@ impl MechanicalJob<'_> {
         let start = self.start.iter().map(|x| Ok(x.to_vec()?));
         let control = match &self.control {
             None => Control::Fixed,
-            Some(control) => control.read()?,
+            Some(control) => control.read(t1 - t0)?,
         };
         Ok(run::Job {
             start: start.collect::<PyResult<_>>()?,

@@ -70,19 +70,16 @@ impl Spark {
         estimate.raise(of_velocity, order);
     }
 
-    /// A first step whose acceleration moves the coordinates by about the tolerance.
+    /// A first step whose acceleration moves the coordinates by about the tolerance; infinite without one.
     ///
     /// # Errors
     /// The acceleration cannot be solved for.
-    pub fn first_step(&mut self, t: f64, state: &State, span: f64) -> Result<f64, StepError> {
-        let longest = span.abs() / 100.0;
+    pub fn first_step(&mut self, t: f64, state: &State) -> Result<f64, StepError> {
         let Some(estimate) = &self.estimate else {
-            return Ok(longest);
+            return Ok(f64::INFINITY);
         };
         let acceleration = self.predictor.acceleration(&mut self.model, t, state)?;
-        Ok(estimate
-            .tolerance
-            .first_step(&state.y, [acceleration; 2], span))
+        Ok(estimate.tolerance.first_step(&state.y, [acceleration; 2]))
     }
 }
 

@@ -56,7 +56,7 @@ impl Starter {
         let mut stepper = Alpha::new(model, weights, reactions, tolerance).to_tolerance(solved);
         let state = stepper.start(span.t0, y, z, a)?;
         let sizes = sizes.map(|(h_first, h_min)| {
-            let h_first = h_first.unwrap_or_else(|| stepper.first_step(&state, span.t1 - span.t0));
+            let h_first = h_first.unwrap_or_else(|| stepper.first_step(&state));
             (h_first, h_min)
         });
         Ok((stepper, state, sizes))

@@ -269,7 +269,7 @@ impl Starter {
         }
         let h_first = match h_first {
             Some(h_first) => *h_first,
-            None => stepper.first_step(span.t0, &state, span.t1 - span.t0)?,
+            None => stepper.first_step(span.t0, &state)?,
         };
         Ok((stepper, state, Some((h_first, *h_min))))
     }

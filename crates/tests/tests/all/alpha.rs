@@ -37,6 +37,7 @@ fn ball(weights: tableau::Alpha, reactions: Reactions, tolerance: bool) -> (Alph
     let tolerance = tolerance.then(|| Tolerance {
         rtol: 0.0,
         atol: vec![1.0; 3],
+        longest: 0.01,
     });
     let mut alpha = Alpha::new(model, weights, reactions, tolerance);
     let (y, z) = driven_start();

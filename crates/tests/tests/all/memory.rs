@@ -108,6 +108,7 @@ fn ball(reactions: Reactions) -> (Alpha, liouville_alpha::AlphaState) {
     let tolerance = Tolerance {
         rtol: 1e-6,
         atol: vec![1e-6; 3],
+        longest: 0.01,
     };
     let model = SecondOrderModel::new(heavy().second_order(), &[]);
     let mut alpha = Alpha::new(model, hht, reactions, Some(tolerance));
@@ -182,6 +183,7 @@ fn index_2_goes_on() {
     let tolerance = || Tolerance {
         rtol: 1e-7,
         atol: vec![1e-7; 3],
+        longest: 0.01,
     };
     for of in [(1, false), (3, false), (3, true)] {
         let index2 = |model| Index2::new(model, of.0);
@@ -248,6 +250,7 @@ fn spark_goes_on() {
         let tolerance = || Tolerance {
             rtol: 1e-7,
             atol: vec![1e-9; 2],
+            longest: 0.01,
         };
         let estimating = |model| Spark::new(model, 3, solver).estimating(tolerance());
         goes_on("controlled", &[1, 2, 8, 15], || {

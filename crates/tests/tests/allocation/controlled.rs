@@ -21,6 +21,7 @@ fn tolerance(n: usize) -> Tolerance {
     Tolerance {
         rtol: 1e-6,
         atol: vec![1e-9; n],
+        longest: 0.01,
     }
 }
 

@@ -150,6 +150,7 @@ fn controlled_steps_of_index_2_and_their_events_take_no_memory() {
     let tolerance = Tolerance {
         rtol: 1e-6,
         atol: vec![1e-6; 3],
+        longest: 0.01,
     };
     let gauss = tableau::Spark::gauss(3);
     let stepper = Index2::of(model, &gauss).estimating(&gauss, tolerance);

@@ -287,6 +287,7 @@ fn a_step_of_the_alpha_family_takes_no_memory() {
     let tolerance = Tolerance {
         rtol: 1e-6,
         atol: vec![1e-6; 3],
+        longest: 0.01,
     };
     for reactions in [extended(false), extended(true), Reactions::Position] {
         let mut alpha = Alpha::new(model.clone(), hht, reactions, Some(tolerance.clone()));
@@ -491,6 +492,7 @@ fn a_step_of_its_own_choice_takes_no_memory() {
     let tolerance = Tolerance {
         rtol: 1e-6,
         atol: vec![1e-9; 2],
+        longest: 0.01,
     };
     let mut spark = Spark::new(model.clone(), 3, Solver::Auto).estimating(tolerance);
     let mut step = |h| {
