@@ -43,7 +43,7 @@ solution
 
 fig, axes = plt.subplots(1, 4, figsize=(9, 2.6), sharey=True)
 for ax, k in zip(axes, (0, 8, 16, 24), strict=True):
-    density = np.abs(solution.psi[k].reshape(grid.shape)) ** 2 / grid.cell
+    density = np.abs(solution.psi_on_grid[k]) ** 2 / grid.cell
     ax.imshow(density.T, origin="lower", extent=(-9, 9, -9, 9), cmap="viridis")
     ax.set(title=f"t = {solution.t[k]:g}", xlim=(-6, 6), ylim=(-6, 6))
 plt.show()

@@ -231,3 +231,25 @@ def test_workers_take_members_that_share_a_state_in_the_shape_of_the_lattice():
             clean, "auto", t=(0, 1), psi=psi, potential=potential, executor=executor, chunk=2
         )
     assert np.array_equal(run.psi, other.psi)
+
+
+def test_psi_has_the_shape_of_its_grid_as_a_view(tmp_path):
+    start = np.zeros((4, 5), dtype=complex)
+    start[1, 2], start[3, 0] = 1, 1j
+    for source in (lv.Lattice((4, 5)), lv.Grid((0, 0), (4, 5), (4, 5))):
+        system = lv.Schrodinger(source)
+        run = lv.integrate(system, "auto", t=(0, 1, 2), psi=start)
+        assert run.psi_on_grid.shape == (3, 4, 5)
+        assert np.array_equal(run.psi_on_grid[0], start)
+        assert np.shares_memory(run.psi_on_grid, run.psi)
+        many = lv.ensemble(system, "auto", t=(0, 1), psi=[start, 1j * start])
+        assert many.psi_on_grid.shape == (2, 2, 4, 5)
+        assert np.array_equal(many.psi_on_grid[0, 1], 1j * start)
+    line = lv.integrate(lv.Schrodinger([[1.0]]), "auto", t=(0, 1), psi=[1])
+    assert line.psi_on_grid.shape == line.psi.shape == (2, 1)
+    run.save(tmp_path / "run.npz")
+    with pytest.raises(ValueError, match=r"loaded has no grid\nhint: write solution.psi.reshape"):
+        lv.load(tmp_path / "run.npz").psi_on_grid  # noqa: B018
+    field = lv.PolynomialField(lambda t, x, p: [x[1], -x[0]], x=2)
+    with pytest.raises(AttributeError):
+        lv.integrate(field, t=(0, 1), h=0.1, x=[1, 0]).psi_on_grid  # noqa: B018

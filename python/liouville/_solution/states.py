@@ -207,6 +207,19 @@ class States:
         return self._state("psi")
 
     @property
+    def psi_on_grid(self) -> Array:
+        """Wave functions in the shape of their grid or lattice, (k, *shape) or (k, P, *shape).
+
+        A view of ``psi``. ValueError after :func:`liouville.load`, where no grid is known.
+        """
+        system: Any = cast("Solution", self).system
+        psi = self.psi
+        if system is None:
+            hint = "write solution.psi.reshape(-1, *grid.shape)"
+            raise ValueError(hinted("a solution that was loaded has no grid", hint))
+        return psi.reshape(*psi.shape[:-1], *system.shapes[-1])
+
+    @property
     def q(self) -> Array:
         """Positions, shape (k, n)."""
         return self._state("q")
