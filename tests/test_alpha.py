@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from plain_alpha import Plain
 from properties import examples
 from registry import PROBLEMS, SECOND_ORDER
 from scipy.linalg import null_space
@@ -54,6 +55,42 @@ def test_steps_are_those_of_the_plain_implementation(method, name):
         digits = 1e-12 if ours != "a" else 1e-11
         scale = digits * np.abs(expected).max()
         np.testing.assert_allclose(getattr(found, ours), expected, rtol=0, atol=scale)
+
+
+@pytest.mark.parametrize("stiffness", [0.0, 1e5])
+def test_a_long_chain_takes_the_plain_steps_with_few_factors_however_stiff_it_is(stiffness):
+    links, h, steps = 12, 0.02, 6
+
+    def places(t, q):
+        return ca.horzcat(ca.DM.zeros(2, 1), ca.reshape(q, 2, links))
+
+    def bending(t, q):
+        x = places(t, q)
+        return stiffness / 2 * ca.sumsqr(x[:, 2:] - 2 * x[:, 1:-1] + x[:, :-2])
+
+    def constraint(t, q, params=None):
+        x = places(t, q)
+        return ca.vertsplit(((ca.sum1((x[:, 1:] - x[:, :-1]) ** 2) - 1) / 2).T)
+
+    def force(t, y, z):
+        return -ca.gradient(bending(t, y) + 9.81 * ca.sum1(y[1::2]), y)
+
+    system = lv.Lagrangian(
+        lambda t, q, v, params: ca.sumsqr(v) / 2 - bending(t, q) - 9.81 * ca.sum1(q[1::2]),
+        constraint,
+        q=[f"q{k}" for k in range(2 * links)],
+    )
+    q = np.stack([np.arange(1.0, links + 1), np.zeros(links)], axis=1).ravel()
+    start = {"q": q, "v": np.zeros(2 * links)}
+    method = lv.HHT(-0.1)
+    found = lv.integrate(system, method, t=(0.0, steps * h), steps=steps, **start)
+    plain = Plain(2 * links, lambda t, y: ca.DM.eye(2 * links), force, constraint)
+    begun = plain.start(0.0, q, start["v"], kind=method.reaction)
+    sizes, how = np.full(steps, h), {"kind": method.reaction, "b": method.b}
+    states = plain.run(begun, sizes, method.coefficients, **how)
+    np.testing.assert_allclose(found.q, [state.y for state in states], rtol=0, atol=1e-12)
+    assert found.stats["factorizations"] <= 3
+    assert found.stats["cold_starts"] == 0
 
 
 def test_the_acceleration_is_that_of_the_motion_and_has_the_reaction_in_it():

@@ -10,10 +10,20 @@ use liouville_base::newton::{Attempts, Backoff, BranchAttempts, Slot, Solved, St
 pub(super) struct AlphaAttempt<'a> {
     pub(super) alpha: &'a mut Alpha,
     pub(super) step: AlphaStep<'a>,
+    /// Where the unknowns were started from last.
+    pub(super) from: Start,
+}
+
+impl<'a> AlphaAttempt<'a> {
+    pub(super) fn new(alpha: &'a mut Alpha, step: AlphaStep<'a>) -> Self {
+        let from = Start::Cold;
+        Self { alpha, step, from }
+    }
 }
 
 impl Attempts for AlphaAttempt<'_> {
     fn start(&mut self, h: f64, start: Start) -> Result<bool, StepError> {
+        self.from = start;
         let (at, step) = (&mut *self.alpha, AlphaStep { h, ..self.step });
         at.solver.prepare(step);
         if let Start::Continued | Start::Part = start {
@@ -46,9 +56,18 @@ impl Attempts for AlphaAttempt<'_> {
         self.alpha.matrix.reuse.discard();
     }
 
+    /// A split matrix is split no more where this fails with new factors of it, and not without.
     fn iterate(&mut self, h: f64) -> Result<bool, StepError> {
-        let solved = self.alpha.iterate(AlphaStep { h, ..self.step }, false)?;
-        Ok(solved.is_near)
+        let step = AlphaStep { h, ..self.step };
+        let has_new_factors = !self.is_reusable(h);
+        let mut solved = self.alpha.iterate(step, false);
+        if solved.is_err() && has_new_factors && self.alpha.matrix.is_split {
+            self.alpha.matrix.split(false);
+            self.start(h, self.from)?;
+            solved = self.alpha.iterate(step, false);
+            self.alpha.matrix.split(solved.is_err());
+        }
+        solved.map(|solved| solved.is_near)
     }
 
     fn count_cold_start(&mut self) {

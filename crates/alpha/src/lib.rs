@@ -19,6 +19,7 @@
 
 mod adjoint;
 mod attempt;
+mod block;
 mod coupling;
 mod estimate;
 mod linear_step;
@@ -185,9 +186,9 @@ impl Alpha {
         })
     }
 
-    /// The matrix of the last Newton iterations.
-    pub fn newton_matrix(&self) -> Matrix {
-        self.matrix.matrix.to_dense()
+    /// The matrix of the last Newton iterations, unless it is split.
+    pub fn newton_matrix(&self) -> Option<Matrix> {
+        self.matrix.to_dense()
     }
 
     /// A first step whose acceleration moves the coordinates by about the tolerance; infinite without one.
@@ -250,6 +251,10 @@ impl Alpha {
     /// The iteration, with factors made where it starts unless there are reusable ones, or with factors for each
     /// correction if it `is_full`.
     fn iterate(&mut self, step: AlphaStep, is_full: bool) -> Result<Solved, StepError> {
+        let is_split = self.matrix.is_split;
+        if is_full {
+            self.matrix.split(false);
+        }
         if !is_full && !self.matrix.reuse.is_reusable(step.h) {
             self.stats.factorizations += 1;
             self.matrix
@@ -263,10 +268,13 @@ impl Alpha {
             newton::solve(&mut equations, MOST_ITERATIONS)
         };
         self.stats.factorizations += equations.factorizations;
+        if is_full {
+            self.matrix.split(is_split);
+        }
         let solved = outcome.inspect_err(|_| self.matrix.reuse.discard())?;
         self.stats.iterations += solved.iterations;
         self.stats.evaluations += solved.iterations;
-        self.matrix.reuse.record(solved.iterations);
+        self.matrix.record(solved.iterations);
         Ok(solved)
     }
 
@@ -338,7 +346,7 @@ impl Alpha {
         self.leave_cut(t, h, state)?;
         self.solver.signs = Signs::Regarded;
         let step = AlphaStep { t, h, state };
-        let attempted = newton::attempt(&mut AlphaAttempt { alpha: self, step }, h);
+        let attempted = newton::attempt(&mut AlphaAttempt::new(self, step), h);
         attempted.inspect_err(|_| self.is_warm = false)?;
         self.finish(step)?;
         self.is_warm = true;

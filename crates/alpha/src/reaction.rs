@@ -26,6 +26,11 @@ impl Reactions {
             Self::Position => 1e-3 * f64::EPSILON,
         }
     }
+
+    /// Whether A0 and A1 are unknowns, each with so many multipliers.
+    pub(super) fn are_paired(self, multipliers: usize) -> bool {
+        multipliers > 0 && self != Self::Position
+    }
 }
 
 /// An acceleration by the constraints, and the multipliers it comes from.

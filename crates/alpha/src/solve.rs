@@ -103,11 +103,11 @@ impl AlphaEquations<'_> {
 
     /// η, ζ and the corrections of the multipliers, by the Newton matrix.
     pub(super) fn solve(&mut self) {
-        let at = &mut *self.solver;
+        let (at, h) = (&mut *self.solver, self.step.h);
         let (n, Coupling { phi, y, z, slope }) = (at.force.len(), at.coupling);
         copy_scaled(&mut at.x[..n], phi[0], &at.force);
         if !at.is_paired() {
-            self.matrix.solve(&mut at.x, n);
+            self.matrix.solve(self.model, &mut at.x, h);
             copy_scaled(&mut at.zeta, slope, &at.x[..n]);
             return;
         }
@@ -117,7 +117,7 @@ impl AlphaEquations<'_> {
             of_eta[k] -= y[0] * first[k] + y[1] * last[k];
             of_d[k] = -(z[0] * first[k] + z[1] * last[k]);
         }
-        self.matrix.solve(&mut at.x, 2 * n);
+        self.matrix.solve(self.model, &mut at.x, h);
         for (k, zeta) in at.zeta.iter_mut().enumerate() {
             *zeta = slope * at.x[k] + at.x[n + k];
         }
@@ -138,8 +138,9 @@ impl AlphaEquations<'_> {
         let (d, lam) = rest.split_at(n);
         let (lam_first, lam_last) = lam.split_at(first.lam.len());
         let d_phi = &mut at.force;
-        patterns.j_y.multiply_add(&matrix.j_y, h * h, eta, d_phi);
-        patterns.j_z.multiply_add(&matrix.j_z, h, &at.zeta, d_phi);
+        let of = &matrix.derivatives;
+        patterns.j_y.multiply_add(&of.j_y, h * h, eta, d_phi);
+        patterns.j_z.multiply_add(&of.j_z, h, &at.zeta, d_phi);
         matrix.mass.solve(d_phi);
         let m = lam_first.len();
         let delta = &mut at.delta;
@@ -206,9 +207,7 @@ impl Equations for AlphaEquations<'_> {
         let is_reversed = if self.model.problem.mechanical.m > 0 {
             is_doubtful && self.matrix.is_turned_by_forces(self.model, self.step.h)
         } else {
-            let at = &*self.matrix;
-            let both = at.matrix.is_negative().zip(at.mass.is_negative());
-            both.is_some_and(|(own, of_mass)| own != of_mass)
+            self.matrix.is_against_mass()
         };
         if is_reversed {
             self.solver.signs = Signs::Reversed;

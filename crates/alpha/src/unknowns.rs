@@ -133,7 +133,7 @@ impl AlphaSolver {
 
     /// Whether A0 and A1 are unknowns, each with its multipliers.
     pub(super) fn is_paired(&self) -> bool {
-        !self.reactions[0].lam.is_empty() && self.reactions_by != Reactions::Position
+        self.reactions_by.are_paired(self.reactions[0].lam.len())
     }
 
     /// Everything that is known before the unknowns are.

@@ -40,15 +40,23 @@ pub struct Reuse {
 impl Reuse {
     /// The policy for this matrix, which has no factors yet.
     pub fn new<R: Real>(matrix: &BlockMatrix<R>, renewal: Renewal) -> Self {
-        let is_sparse = matrix.is_sparse();
+        let sparse = Self::sparse(renewal);
+        if matrix.is_sparse() {
+            return sparse;
+        }
+        Self {
+            factor_cost: DENSE_COST * matrix.order() as f64,
+            is_sparse: false,
+            ..sparse
+        }
+    }
+
+    /// The policy for a sparse matrix, which has no factors yet.
+    pub fn sparse(renewal: Renewal) -> Self {
         Self {
             renewal,
-            factor_cost: if is_sparse {
-                SPARSE_COST
-            } else {
-                DENSE_COST * matrix.order() as f64
-            },
-            is_sparse,
+            factor_cost: SPARSE_COST,
+            is_sparse: true,
             h: 0.0,
             cost: 0.0,
             steps: 0.0,

@@ -116,6 +116,11 @@ impl<R: Real> Saddle<R> {
         }
     }
 
+    /// Whether it is eliminated constraint by constraint, as sparse as their couplings.
+    pub fn is_eliminated(&self) -> bool {
+        matches!(self.form, Form::Sparse(_))
+    }
+
     /// `g_y` it was last factored with.
     pub fn g_y(&self) -> &[R] {
         &self.g_y

@@ -209,7 +209,7 @@ fn the_condition_of_the_newton_matrix_does_not_grow_as_h_goes_to_zero() {
         let conditions = [1e-1, 1e-2, 1e-4, 1e-6, 1e-8].map(|h| {
             let (mut alpha, mut state) = ball(weights, EXTENDED, false);
             alpha.step(START, h, &mut state).expect("a step");
-            condition(&alpha.newton_matrix())
+            condition(&alpha.newton_matrix().expect("a matrix"))
         });
         let limit = conditions[4];
         assert!(limit < 20.0, "{conditions:?}");
