@@ -327,3 +327,22 @@ def test_a_block_on_a_table_that_shakes_slips_and_sticks_when_closed_forms_say()
     stops = [x.t for x in run.contacts["table"].changes if x.kind == "stick"][1:]
     last = brentq(behind, np.pi / omega, 0.19, xtol=1e-16)
     np.testing.assert_allclose(stops, last + np.arange(6) * np.pi / omega, atol=1e-13)
+
+
+@pytest.mark.parametrize("steps", STEPS[::2])
+@pytest.mark.parametrize("method", METHODS, ids=repr)
+def test_a_disc_that_passes_an_edge_fast_leaves_where_it_passes(method, steps):
+    """Behind the edge it would have to be pulled: v^2 > g r."""
+    table = lv.Contact(lambda t, q, params: ca.if_else(q[0] < 0, q[1], ca.hypot(q[0], q[1])) - 0.1)
+    disc = lv.Lagrangian(
+        lambda t, q, v, params: ca.sumsqr(v) / 2 - G * q[1],
+        q=("x", "y"),
+        contacts={"table": table},
+    )
+    for speed in (1.0, 1.2, 2.0):
+        run = lv.integrate(disc, method, t=(0, 0.5), q=[-0.3, 0.1], v=[speed, 0], **steps)
+        _, leave = run.contacts["table"].changes
+        assert leave.kind == "leave"
+        assert leave.t == pytest.approx(0.3 / speed, abs=1e-8)
+        height, _ = falls(0.1, 0.0, 0.5 - 0.3 / speed)
+        np.testing.assert_allclose(run.q[-1], [speed * 0.5 - 0.3, height], atol=1e-8)

@@ -121,7 +121,7 @@ def check(
         k, which = lifted[0]
         what = f"the load of contact '{contacts.names[which]}' is negative, {loads[k, which]:.3g}"
         return IntegrationError(f"{what}, at t = {t[k]:g}", t=float(t[k]))
-    if pull := _pull(system, switching, (t, y, z), run.states["lam"][:count]):
+    if pull := _pull(run, system, switching, count):
         at, name, force = pull
         sentence = f"contact '{name}' pulls with {force:.2g} at t = {at:g}, and may only press"
         return IntegrationError(hinted(sentence, "try a smaller h"), t=at, quantity=name)
@@ -137,18 +137,23 @@ def check(
 
 
 def _pull(
-    system: ModeSystem, switching: Switching, states: tuple[Array, Array, Array], lam: Array
+    run: Solution, system: ModeSystem, switching: Switching, count: int
 ) -> tuple[float, str, float] | None:
     """Return when a contact pulls most, its name and its force, where that is no roundoff of it."""
     # contacts that share a load have a margin instead
-    if system.is_shared or not len(lam):
+    if system.is_shared or not run.states["lam"].size:
         return None
     for which, place in system.normals.items():
-        k = int(lam[:, place].argmax())
-        force = float(lam[k, place])
+        # where a contact leaves, a force that jumps may be that behind the jump
+        left = f"{switching.contacts.names[which]}: leave"
+        is_behind = left in run.events and run.t[count - 1] in run.events[left].t
+        lam = run.states["lam"][: count - is_behind, place]
+        k = int(lam.argmax()) if lam.size else 0
+        force = float(lam[k]) if lam.size else 0.0
         if force <= 0:
             continue
-        t, y, z = (x[k] for x in states)
+        t = run.t[k]
+        y, z = (run.states[name][k] for name in switching.contacts.system.states)
         at = switching.at(float(t), y, z)
         if force * at.A[which, which] * switching.h > PULLS * at.sizes[which]:
             return float(t), switching.contacts.names[which], force

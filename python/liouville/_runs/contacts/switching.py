@@ -75,6 +75,8 @@ class Switching:
         self.found: tuple[law.Forces, Array, Array]
         #: The contacts whose slip in space has just come to rest.
         self.rests: set[int] = set()
+        #: The contacts whose forces have just come to a bound, by a jump too.
+        self.gave_way: set[int] = set()
 
     def at(self, t: float, y: Array, z: Array) -> Matrices:
         """Return the matrices at a state, those of the last one again."""
@@ -215,6 +217,8 @@ class Switching:
         found = self.forces(at, closed, slip)
         verdict, self.lifts = self._verdict(at, found, closed, slip, ZERO), found.across
         self.found = found, closed, slip
+        for k in self.gave_way:  # a force that jumps is none on this side
+            verdict[k] = None
         if any(mode is None for mode in verdict):
             ahead, later = self.ahead(at, y, z, AHEAD)
             sure = self._verdict(ahead, later, closed, slip, ZERO_AHEAD)
