@@ -176,14 +176,52 @@ def test_a_belt_makes_a_block_stick_and_slip():
     assert abs(record.slip[stuck]).max() < 1e-15
 
 
-def test_a_cradle_of_balls_that_touch_is_symmetric():
+def cradle(balls, restitution=1.0, impacts="poisson"):
+    """Return balls of mass 1 in a row, which touch at distance 1."""
     gaps = {
-        f"{k}": lv.Contact(lambda t, q, params, k=k: q[k + 1] - q[k] - 1, restitution=1.0)
-        for k in range(2)
+        f"{k}": lv.Contact(lambda t, q, params, k=k: q[k + 1] - q[k] - 1, restitution=restitution)
+        for k in range(balls - 1)
     }
-    row = lv.Lagrangian(lambda t, q, v, params: ca.sumsqr(v) / 2, q=3, contacts=gaps)
-    run = lv.integrate(row, lv.Spark(2), t=(0, 2), h=0.1, q=[-1, 1, 2], v=[1, 0, 0])
+    kinetic = lambda t, q, v, params: ca.sumsqr(v) / 2  # noqa: E731
+    return lv.Lagrangian(kinetic, q=balls, contacts=gaps, impacts=impacts)
+
+
+def test_a_cradle_of_balls_that_touch_is_symmetric():
+    run = lv.integrate(cradle(3), lv.Spark(2), t=(0, 2), h=0.1, q=[-1, 1, 2], v=[1, 0, 0])
     np.testing.assert_allclose(run.v[-1], [-1 / 3, 2 / 3, 2 / 3], rtol=0, atol=1e-15)
+
+
+@pytest.mark.parametrize("method", [*METHODS, lv.HHT(-0.05)], ids=repr)
+@pytest.mark.parametrize("steps", [{"h": 0.1}, {"rtol": 1e-8}], ids=str)
+def test_a_cradle_by_a_sequence_of_hits_throws_as_many_balls_as_come(method, steps):
+    row = cradle(5, impacts="sequence")
+    for come in range(1, 5):
+        q = np.arange(5.0)
+        q[:come] -= 1
+        run = lv.integrate(row, method, t=(0, 2), q=q, v=1.0 * (np.arange(5) < come), **steps)
+        np.testing.assert_allclose(run.v[-1], np.arange(5) >= 5 - come, rtol=0, atol=1e-13)
+        wanted = np.arange(5.0)
+        wanted[-come:] += 1
+        np.testing.assert_allclose(run.q[-1], wanted, rtol=0, atol=1e-12)
+        assert max(run.invariant_drift("energy")) < 1e-14
+
+
+@pytest.mark.parametrize("e", [0.0, 0.5, 0.9])
+def test_a_sequence_of_hits_is_that_of_balls_that_are_a_bit_apart(e):
+    """With no restitution it ends where all have the same share."""
+    row = cradle(3, e, "sequence")
+    run = lv.integrate(row, lv.Spark(2), t=(0, 2), h=0.1, q=[-1, 1, 2], v=[1, 0, 0])
+    v = np.array([1.0, 0, 0])
+    while (nears := v[:-1] - v[1:]).max() > 1e-14:
+        k = nears.argmax()
+        v[k : k + 2] += (1 + e) / 2 * nears[k] * np.array([-1, 1])
+    np.testing.assert_allclose(run.v[-1], v, rtol=0, atol=1e-12)
+    assert e or np.abs(v - 1 / 3).max() < 1e-13
+
+
+def test_a_law_of_impacts_that_there_is_not_is_refused():
+    with pytest.raises(ValueError, match="impacts must be 'poisson', 'newton' or 'sequence', not"):
+        cradle(2, impacts="moreau")
 
 
 @pytest.mark.parametrize("method", [lv.Spark(3), lv.LobattoPair(3)], ids=repr)

@@ -153,7 +153,8 @@ def test_impacts_may_be_those_of_newton():
         )
         hits = [c.normal for c in run.contacts["A.angle.high"].changes if c.kind == "hit"]
         assert hits
-    with pytest.raises(ValueError, match="impacts must be 'poisson' or 'newton', not 'moreau'"):
+    law = "impacts must be 'poisson', 'newton' or 'sequence', not 'moreau'"
+    with pytest.raises(ValueError, match=law):
         m.system(impacts="moreau")
 
 

@@ -201,7 +201,7 @@ class Assembly(Acting):
         params : mapping of str to float or 1-D array_like, optional
             Parameters by name, with default values, as those of :class:`~liouville.Lagrangian`;
             they come after those of the assembly, and may give these other values.
-        impacts : {"poisson", "newton"}
+        impacts : {"poisson", "newton", "sequence"}
             The law of the impacts of its contacts, as for :class:`~liouville.Lagrangian`.
 
         Returns

@@ -70,7 +70,7 @@ def struck(contacts: Contacts, k: int) -> ca.SX:
     sticks = ca.fabs(stops[1]) <= mu * stops[0]
     normal = ca.if_else(sticks, stops[0], sliding)
     friction = ca.if_else(sticks, stops[1], sign * mu * sliding)
-    if contacts.law == "poisson":
+    if contacts.law != "newton":
         left, most = slip + c * normal + d * friction, mu * e * normal
         friction += ca.fmax(-most, ca.fmin(most, -(left + c * e * normal) / ca.fmax(d, TINY)))
         normal *= 1 + e

@@ -38,6 +38,8 @@ AHEAD = 1e-6
 GAINED = 1e-9
 #: Impacts at one time, after which contacts are said to hit one another without end.
 MOST_AT_ONCE = 200
+#: In a sequence of hits, contacts are equally fast whose rates differ by this part.
+SAME = 1e-9
 
 
 class Switching:
@@ -121,8 +123,10 @@ class Switching:
         sizes: Array,
         closing: dict[int, float | None],
     ) -> Array:
-        """Return z after the impact of all contacts that touch."""
+        """Return z after the impact of all contacts that touch, or of those that are first."""
         own = self.contacts
+        if own.law == "sequence":
+            touching = touching & (at.rate <= (1 - SAME) * at.rate[touching].min())
         restitution = flights.restitution(self, at, touching, closing)
         before, found = self._struck(at, touching, restitution, sizes)
         if found is None:

@@ -24,6 +24,8 @@ from liouville._systems.tracing import trace as _trace
 from liouville._systems.tracing.expressions import Expressions
 from liouville._systems.tracing.sparse import entries, jacobian
 
+#: Laws of impacts.
+LAWS = ("poisson", "newton", "sequence")
 #: Coefficients of laws, among the columns.
 COEFFICIENTS = ("restitution", "friction", "static")
 #: Rows are independent of others where so much of their length is left.
@@ -40,12 +42,12 @@ class Contacts:
     given : mapping of str to Contact
         The contacts by name.
     law : str
-        The law of impacts, "poisson" or "newton".
+        The law of impacts, one of `LAWS`.
     """
 
     def __init__(self, system: Mechanics, given: Mapping[str, Contact], law: str) -> None:
-        if law not in ("poisson", "newton"):
-            raise ValueError(f"impacts must be 'poisson' or 'newton', not {law!r}")
+        if law not in LAWS:
+            raise ValueError(f"impacts must be 'poisson', 'newton' or 'sequence', not {law!r}")
         for name, contact in _trace.mapping("contacts", given).items():
             if not isinstance(contact, Contact):
                 raise TypeError(f"contact '{name}' must be a Contact, not {contact!r}")

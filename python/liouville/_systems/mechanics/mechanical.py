@@ -60,9 +60,10 @@ class Lagrangian(Mechanics):
         short as the first; equal and reversible steps do not see them.
     contacts : mapping of str to Contact, optional
         Unilateral contacts by name, with impacts and dry friction; see :class:`~liouville.Contact`.
-    impacts : {"poisson", "newton"}
+    impacts : {"poisson", "newton", "sequence"}
         The law of their impacts. Newton's may gain energy where several contacts with friction hit
-        at once, which ``solution.message`` says then.
+        at once, which ``solution.message`` says then. In a sequence contacts that touch hit one
+        after another by Poisson's law, those that approach fastest first, as in Newton's cradle.
 
     Raises
     ------
