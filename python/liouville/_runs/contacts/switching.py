@@ -106,6 +106,7 @@ class Switching:
             if low is not None:
                 self.impacts.append((low, np.zeros(0), None))
                 z = flights.held(at, z, low)
+                stopped = stopped & {*at.owner[low[low >= self.c] - self.c].tolist()}
                 continue
             self.modes = self._modes(at, y, z, closed, stopped)
             self._note(before, closing)
