@@ -188,6 +188,11 @@ def test_methods_that_keep_the_norm_refuse_one(method):
         lv.integrate(system, method, t=(0, 1), psi=packet(system.grid))
     with pytest.raises(TypeError, match="a ground state is for a Hermitian H"):
         lv.analysis.ground_state(system)
+    lattice = lv.Schrodinger(lv.Lattice(3), absorber=[0, 1, 1])
+    for of in (lattice, system):
+        psi = np.ones(of.size)
+        with pytest.raises(TypeError, match=r"(?s)a derivative of a run .* absorber\nhint: leave"):
+            lv.vjp(of, "auto", wrt=["psi"], t=(0, 1), psi=psi)
 
 
 RNG = np.random.default_rng(7)

@@ -45,6 +45,8 @@ def plan_run(
             raise TypeError(hinted("psi is missing", hint))
         check_sampled(system.drives, times[0], times[-1])
         return plan_tolerance(system, method, times, psi)
+    if is_differentiated:
+        system.check_plain("a derivative of a run", "leave it out, or take differences of runs")
     is_free = method is AUTO and not is_differentiated
     if is_free and not system.is_plain:
         if system.grid is None or not system.has_diagonal_drive:
