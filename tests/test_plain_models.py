@@ -572,6 +572,14 @@ def test_a_step_longer_than_the_run_is_the_whole_run(method):
 
 
 @pytest.mark.parametrize("method", ALL, ids=repr)
+def test_rods_fall_by_twenty_times_their_length_in_a_single_step(method):
+    for name in ("triangle of rods falls", "rod falls from rest"):
+        fall = MODELS[name]
+        run = lv.integrate(fall.system, method, t=(0, TIME), steps=1, **fall.start)
+        assert run.q[-1] == pytest.approx(fall.end(G), rel=1e-9, abs=1e-9)
+
+
+@pytest.mark.parametrize("method", ALL, ids=repr)
 def test_a_motion_does_not_depend_on_how_a_reaction_is_written(method):
     def end(reaction):
         system = lv.Mechanical(

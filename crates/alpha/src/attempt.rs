@@ -28,12 +28,8 @@ impl Attempts for AlphaAttempt<'_> {
         at.solver.prepare(step);
         if let Start::Continued | Start::Part = start {
             if let Some(kept) = &at.kept_solutions[Slot::Part as usize] {
-                let times = if start == Start::Part {
-                    1.0
-                } else {
-                    h / kept.h
-                };
-                at.solver.start_at_part(step, kept, times);
+                let part = if start == Start::Part { kept.h } else { h };
+                at.solver.start_at_part(step, kept, part);
             }
             return Ok(true);
         }
@@ -133,12 +129,13 @@ impl AlphaSolver {
         self.start_at(step.h);
     }
 
-    /// φ1 such that y1 − y0 is so many times that of a part of the step.
-    fn start_at_part(&mut self, step: AlphaStep, kept: &KeptAlpha, times: f64) {
+    /// φ1 such that y1 is where the acceleration over a part of the step leads in a time of `h`.
+    fn start_at_part(&mut self, step: AlphaStep, kept: &KeptAlpha, h: f64) {
         kept.put_back(self);
-        let moves = step.state.y.iter().zip(&kept.y);
-        for (delta, (y0, y1)) in self.delta.iter_mut().zip(moves) {
-            *delta = y0 + times * (y1 - y0);
+        let (times, state) = (h / kept.h, step.state);
+        for (k, delta) in self.delta[..kept.y.len()].iter_mut().enumerate() {
+            let (y, z) = (state.y[k], state.z[k]);
+            *delta = y + h * z + times * times * (kept.y[k] - y - kept.h * z);
         }
         self.start_at(step.h);
     }
