@@ -31,7 +31,7 @@ ROOT = Path(__file__).resolve().parent.parent
 
 def mechanics(system):
     """Return inputs and outputs of residual and Jacobian, from the system's own expressions."""
-    s, model = system._symbols, system._model
+    s, model = system.symbols, system.model
     residual = ca.vertcat(model.p, model.f + model.r, model.g)
     jacobian = ca.jacobian(residual, ca.vertcat(s.y, s.z, model.lam))
     inputs = {**s.inputs(z=s.z), "lam": model.lam}

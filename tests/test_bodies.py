@@ -673,7 +673,7 @@ def test_a_start_closes_loops_with_what_is_given():
     system = m.system()
     for angle in (0.7, -2.0, 4.0):
         start = m.start(values={"A": angle}, rates={"D": 2.0})
-        g = system._at("node", system.values(None), 0.0, start["q"], np.zeros(23))[:23]
+        g = system.at_point("node", system.values(None), 0.0, start["q"], np.zeros(23))[:23]
         assert off(g, 0) < 1e-14
         found = system.output("values", system.values(None), 0.0, start["q"], start["v"])[0]
         rates = system.output("rates", system.values(None), 0.0, start["q"], start["v"])[0]
@@ -825,7 +825,7 @@ def test_a_chain_of_bodies_has_programs_no_longer_than_one_by_hand(revolute):
         add(f"J{k}", before, f"rod{k}", at=(0, 0, -k * length), **more)
         before = f"rod{k}"
     system, by_hand = m.system(), rigid_chain.build(count, revolute)
-    own, wanted = (sum(map(len, x._tapes.values())) for x in (system, by_hand))
+    own, wanted = (sum(map(len, x.tapes.values())) for x in (system, by_hand))
     assert own < 0.6 * wanted
     start = rigid_chain.start_for(count, revolute)
     runs = [run(x, start, t=0.02, stages=3) for x in (system, by_hand)]

@@ -23,7 +23,7 @@ def built(links):
     system, start = chain.build(links), chain.start_for(links)
     system.consistent(**start)
     projections = [tape for tapes, *_ in system._recorded.values() for tape in tapes]
-    return system, [*system._tapes.values(), system.observer(None, True)[0], *projections]
+    return system, [*system.tapes.values(), system.observer(None, True)[0], *projections]
 
 
 def built_for_all(links):
@@ -122,14 +122,14 @@ def test_the_derivatives_of_forty_beads_are_those_of_differences():
         points = (moved + steps).reshape(4 * n, n)
         fixed = [np.tile(x, (4 * n, 1)) for x in others]
         order = [points, *fixed] if moved is y else [fixed[0], points, *fixed[1:]]
-        values = system._tapes[tape].map(params, [np.zeros((4 * n, 1)), *order])[:, outputs]
+        values = system.tapes[tape].map(params, [np.zeros((4 * n, 1)), *order])[:, outputs]
         near, far = np.diff(values.reshape(2, 2, n, -1), axis=1)[:, 0]
         return -(8 * near - far).T / (12 * h)
 
     def given(tape, names, *args):
-        values = system._tapes[tape].map(params, [np.zeros((1, 1)), *(x[None] for x in args)])[0]
+        values = system.tapes[tape].map(params, [np.zeros((1, 1)), *(x[None] for x in args)])[0]
         for name in names:
-            rows, cols, row, col = system._patterns[name]
+            rows, cols, row, col = system.patterns[name]
             dense = np.zeros((rows, cols))
             dense[row, col], values = values[: row.size], values[row.size :]
             yield dense

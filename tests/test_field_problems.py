@@ -38,7 +38,7 @@ def polynomial(field, name):
     observer = field._observer
     if observer._matrices[observer.names.index(name)][1] is not None:  # of Lorenz's model
         return {(i, i): Fraction(1, 2) for i in range(len(field.coordinates))}
-    expressions, values = observer._expressions, field.values(None)
+    expressions, values = observer.expressions, field.values(None)
     inputs, column = tuple(expressions.symbols.all), expressions.columns[name]
     expansion, (found,) = expand(column, inputs, values, field.coordinates)
     assert expansion.is_exact

@@ -72,7 +72,7 @@ def read(text):
 
 def functions(system):
     """Return mass, bias and slopes of constraints as a function of (t, q, v, params)."""
-    s, m = system._symbols, system._model
+    s, m = system.symbols, system.model
     bias = ca.jtimes(m.p, s.y, s.z) - m.f
     found = [ca.jacobian(m.p, s.z), bias, ca.jacobian(m.g, s.y), m.g]
     return ca.Function("f", [s.t, s.y, s.z, s.params.vector], [ca.densify(x) for x in found])
@@ -80,7 +80,7 @@ def functions(system):
 
 def absolute(reader, system, data):
     """Return q, its slopes by MuJoCo's velocities, and q'' where those do not change."""
-    model, layout = reader.model, system._body_layout
+    model, layout = reader.model, system.body_layout
     nv, nb, n = model.nv, len(system.bodies), len(system.coordinates)
     x, e = np.zeros((3, nb)), np.zeros((4, nb))
     velocity, omega = np.zeros((nb, 3, nv)), np.zeros((nb, 3, nv))

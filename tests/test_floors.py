@@ -313,6 +313,39 @@ def test_a_name_out_of_its_room_is_seen():
     assert "fields.rs does no ['a']" in told({"fields.rs": {"a"}, "b.rs": set()}, "does no")
 
 
+def private_names(text):
+    """Return the private names that a module defines, and those that it reads of other objects."""
+    own, read = set(), set()
+    for node in ast.walk(ast.parse(text)):
+        match node:
+            case ast.FunctionDef(name=name) | ast.AnnAssign(target=ast.Name(id=name)):
+                own.add(name)
+            case ast.Attribute(value=ast.Name(id="self" | "cls"), attr=name):
+                own |= {name} if isinstance(node.ctx, ast.Store) else set()
+            case ast.Attribute(attr=name):
+                read.add(name)
+    return [{name for name in names if re.match("_[^_]", name)} for names in (own, read)]
+
+
+def test_a_room_reads_no_private_name_of_another_room():
+    rooms, read = {}, {}
+    for file, path in python_files().items():
+        own, read[file] = private_names(path.read_text(encoding="utf-8"))
+        for name in own:
+            rooms.setdefault(name, set()).add(module(file))
+    bad = {
+        file: {name for name in names if name in rooms and module(file) not in rooms[name]}
+        for file, names in read.items()
+    }
+    assert len(rooms) > 100
+    assert not any(bad.values()), told(bad, "reads private names of another room:")
+
+
+def test_a_private_name_that_is_read_is_seen():
+    text = "class A:\n    _b: int\n    def _c(self):\n        self._d = x._e + self._f\n"
+    assert private_names(text) == [{"_b", "_c", "_d"}, {"_e"}]
+
+
 TYPE_DEFINITION = re.compile(
     r"^(?:pub(?:\([^)]*\))? )?(?:struct|enum|trait|type|union) (\w+)", re.MULTILINE
 )

@@ -36,7 +36,7 @@ def particles(phi=well, c=None, **more):
 
 def rates(system):
     """Return x' of a system as a function of t and x, from its own formula."""
-    expressions = system._expressions
+    expressions = system.expressions
     function = ca.Function("f", expressions.symbols.all, [expressions.columns["field"]])
     values = system.values(None)
     return lambda t, x: np.array(function(t, x, values)).ravel()

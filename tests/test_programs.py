@@ -60,7 +60,7 @@ SYSTEMS = {
 def test_a_program_read_line_by_line_gives_the_values_of_its_tape(name):
     system = SYSTEMS[name]
     rng, params = np.random.default_rng(3), system.values(None)
-    for tape, core in system._tapes.items():
+    for tape, core in system.tapes.items():
         args = [rng.uniform(0.5, 1.5, (1, size)) for size in core.inputs[:-1]]
         wanted = core.map(params, args)[0]
         program = system.tape(tape)
@@ -71,7 +71,7 @@ def test_a_program_read_line_by_line_gives_the_values_of_its_tape(name):
 
 def test_a_part_has_what_leads_to_it_and_the_same_values():
     system, params = SYSTEMS["chain"], SYSTEMS["chain"].values(None)
-    core = system._tapes["stage"]
+    core = system.tapes["stage"]
     args = [np.random.default_rng(3).uniform(0.5, 1.5, (1, size)) for size in core.inputs[:-1]]
     n = len(system.coordinates)
     force, stage = system.tape("force"), system.tape("stage")

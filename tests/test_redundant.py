@@ -49,7 +49,7 @@ def gradients(system, t, q, params=None):
     found = np.empty((m, n))
     for k in range(n):
         ahead, behind = (
-            system._at("node", system.values(params), t, q + d * np.eye(n)[k], np.zeros(m))[:m]
+            system.at_point("node", system.values(params), t, q + d * np.eye(n)[k], np.zeros(m))[:m]
             for d in (1e-6, -1e-6)
         )
         found[:, k] = (ahead - behind) / 2e-6
@@ -163,7 +163,9 @@ def test_starts_are_moved_onto_redundant_constraints():
     for size in (1e-2, 1e-5, 1e-9):
         near = {"q": q + size * rng.standard_normal(q.size), "v": v}
         moved = hinged_fourbar.system.consistent(**near)
-        g = hinged_fourbar.system._at("node", np.array([9.81]), 0.0, moved["q"], np.zeros(38))[:38]
+        g = hinged_fourbar.system.at_point("node", np.array([9.81]), 0.0, moved["q"], np.zeros(38))[
+            :38
+        ]
         assert abs(g).max() < 1e-14
         assert abs(moved["q"] - near["q"]).max() < 10 * size
         assert abs(gradients(hinged_fourbar.system, 0.0, moved["q"]) @ moved["v"]).max() < 1e-7

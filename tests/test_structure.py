@@ -70,11 +70,11 @@ def lagrangian(stiffness=STIFFNESS, damping=DAMPING, constraint=joints):
 def parts(system):
     """Return all tapes and patterns of a system but that of power, which knows the damping."""
     tapes, patterns, _ = _form.second_order(
-        system._symbols, system._model, system._expressions.columns["power"]
+        system.symbols, system.model, system.expressions.columns["power"]
     )
     tapes.pop("power", None)
     observer, _ = system.observer(None, True)
-    return {**system._tapes, **tapes, "observer": observer}, {**system._patterns, **patterns}
+    return {**system.tapes, **tapes, "observer": observer}, {**system.patterns, **patterns}
 
 
 @pytest.mark.parametrize("kind", [np.asarray, sp.csr_array, sp.csc_matrix, sp.coo_array])
@@ -167,7 +167,7 @@ def test_a_long_list_of_names_is_shortened():
 def test_power_is_that_of_forces_and_of_moving_constraints():
     system = structure()
     tapes, _, power_of_lam = _form.second_order(
-        system._symbols, system._model, system._expressions.columns["power"]
+        system.symbols, system.model, system.expressions.columns["power"]
     )
     t, (q, v), lam = 0.3, np.random.default_rng(4).normal(size=(2, N)), np.array([2.0, 3.0])
     args = [np.array([[t]]), q[None], v[None], lam[None]]
@@ -178,9 +178,7 @@ def test_power_is_that_of_forces_and_of_moving_constraints():
     still = structure(force=None, constraint=None)
     assert (
         "power"
-        not in _form.second_order(
-            still._symbols, still._model, still._expressions.columns["power"]
-        )[0]
+        not in _form.second_order(still.symbols, still.model, still.expressions.columns["power"])[0]
     )
 
 

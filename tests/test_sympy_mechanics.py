@@ -126,7 +126,7 @@ def disc(slides, aux=False):
 
 
 def accelerations(system, y, z):
-    s, m = system._symbols, system._model
+    s, m = system.symbols, system.model
     right = m.f - ca.jtimes(m.p, s.y, m.v)
     found = ca.solve(ca.jacobian(m.p, s.z), right)
     function = ca.Function("a", [s.t, s.y, s.z, s.params.vector], [found])
@@ -162,7 +162,7 @@ def test_constraints_on_speeds_that_are_no_rates_roll_the_disc():
 
 
 def slopes(system, start):
-    s, m = system._symbols, system._model
+    s, m = system.symbols, system.model
     rows = ca.jacobian(m.nonholonomic.k, s.z)
     function = ca.Function("k", [s.t, s.y, s.z, s.params.vector], [rows])
     return np.array(function(0, start["y"], start["z"], system.values(None)))

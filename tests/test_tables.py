@@ -85,7 +85,7 @@ def road(spline):
 def test_a_table_takes_as_many_operations_whatever_its_points():
     few = lv.table(ROUGH.x[::400], ROUGH.y[::400])
     systems = [road(few), road(ROUGH)]
-    lengths = [[len(tape) for tape in system._tapes.values()] for system in systems]
+    lengths = [[len(tape) for tape in system.tapes.values()] for system in systems]
     assert lengths[0] == lengths[1]
     assert len(systems[1].tape("force")) < 40
     assert "search" in str(systems[1].tape("force"))

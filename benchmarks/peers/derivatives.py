@@ -34,7 +34,7 @@ MOST = 1 << 16
 
 def free(system):
     """Return the names of parameters that the constraints do not depend on."""
-    s, g = system._symbols, system._model.g
+    s, g = system.symbols, system.model.g
     names = [
         name for name in system.params if not ca.depends_on(g, getattr(s.params.namespace, name))
     ]
@@ -72,7 +72,7 @@ class Diffrax:
 
     def __init__(self, system, start, span, scales):
         self.values, self.places = jnp.asarray(system.values(None)), places(system)
-        n, symbols = len(system.coordinates), system._symbols.params.vector
+        n, symbols = len(system.coordinates), system.symbols.params.vector
         equation = reduced(system, start, symbols)
 
         def rate(t, x, params):
@@ -108,7 +108,7 @@ class Idas:
         q0, v0 = (np.array(start[name], dtype=float) for name in "qv")
         a0, lam0 = accelerations(system)(span[0], q0, v0)
         self.values, self.places = system.values(None), places(system)
-        s = system._symbols
+        s = system.symbols
         t, q, v, lam, mass, force, reaction, _, hidden = equations(system, s.params.vector)
         a, n = ca.SX.sym("a", q.numel()), q.numel()
         x, motion = ca.vertcat(q, v), ca.mtimes(mass, a) - force - reaction

@@ -147,7 +147,7 @@ def equations(system, params=None):
 
     They are t, q, v, lam, its mass matrix, force, reaction, g and w.
     """
-    s, model = system._symbols, system._model
+    s, model = system.symbols, system.model
     t, q, v = s.t, s.y, s.z
     along = ca.vertcat(t, q), ca.vertcat(1, v)
     mass = ca.jacobian(model.p, v)

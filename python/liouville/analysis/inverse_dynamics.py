@@ -124,7 +124,7 @@ def inverse_dynamics(
     True
     """
     system = mechanical(system, "inverse_dynamics")
-    if "v_z" in system._patterns or not system._is_ideal:
+    if "v_z" in system.patterns or not system.is_ideal:
         raise TypeError(
             hinted(
                 "inverse dynamics takes systems in velocities, with ideal reactions",
@@ -188,7 +188,7 @@ def _solution(
     own = motion.system
     if motion.members is not None:
         raise ValueError(hinted("the motion is an ensemble", "take a member: solution.member(0)"))
-    if not isinstance(own, Mechanics) or "v_z" in own._patterns:
+    if not isinstance(own, Mechanics) or "v_z" in own.patterns:
         raise ValueError(
             hinted(
                 "the solution carries no system in velocities that gives its accelerations",
@@ -327,7 +327,7 @@ def _check(point: Point, a: Array, rate: Array) -> None:
     system = point.system
     if not system.constraints:
         return
-    limits, state = (CONSISTENT, FLOOR, system._kinds), (point.y[None], point.z[None])
+    limits, state = (CONSISTENT, FLOOR, system.kinds), (point.y[None], point.z[None])
     found = _core.violation(system.problem, point.params[None], point.t, state, limits, True)
     if found is not None:
         sentence = system.violated(found, point.t, "").partition("\n")[0]

@@ -198,7 +198,7 @@ def linearized_at(point: Point, independent: Sequence[str] | None = None) -> Lin
 
 def _tested(point: Point, lam: Array, free: Array) -> Array:
     """Return directions that no reaction acts along: the free ones where reactions are ideal."""
-    if point.system._is_ideal and not point.system.nonholonomic:
+    if point.system.is_ideal and not point.system.nonholonomic:
         return free.T
     return Split.of(point.reactions(lam).T, point.units).null.T
 

@@ -104,7 +104,7 @@ class Modes(Suggesting):
         TypeError, ValueError
             The system is not made of bodies, or there is no such body.
         """
-        layout = getattr(self._point.system, "_body_layout", None)
+        layout = getattr(self._point.system, "body_layout", None)
         if layout is None:
             kind = type(self._point.system).__name__
             hint = "its shapes are those of its coordinates"

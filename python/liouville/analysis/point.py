@@ -95,7 +95,7 @@ class Point:
     ) -> None:
         self.system, self.t, self.y, self.z, self.params = system, t, y, z, params
         self._sparse = sparse
-        self.n, self.m = len(y), len(system._holonomic)
+        self.n, self.m = len(y), len(system.holonomic)
 
     @classmethod
     def given(
@@ -133,7 +133,7 @@ class Point:
             There is none near z.
         """
         z = self.z
-        if "v_z" not in self.system._patterns:
+        if "v_z" not in self.system.patterns:
             return Point(self.system, self.t, self.y, np.zeros_like(z), self.params, self._sparse)
         for _ in range(MOST):
             there = Point(self.system, self.t, self.y, z, self.params)
@@ -147,7 +147,7 @@ class Point:
     def check_plain(self, what: str) -> None:
         """Refuse what sparse matrices are not made for."""
         system = self.system
-        if system.nonholonomic or "v_z" in system._patterns or not system._is_ideal:
+        if system.nonholonomic or "v_z" in system.patterns or not system.is_ideal:
             sentence = (
                 f"{what} of {self.n} coordinates are those of holonomic constraints with ideal "
                 "reactions, and velocities of their own"
@@ -179,9 +179,9 @@ class Point:
 
     def _at(self, tape: str, *more: Array) -> Array:
         state = (self.y,) if tape.startswith("node") else (self.y, self.z)
-        found = self.system._at(tape, self.params, self.t, *state, *more)
+        found = self.system.at_point(tape, self.params, self.t, *state, *more)
         if not np.isfinite(found).all():
-            names = [name for part in self.system._layout[tape][1].values() for name in part]
+            names = [name for part in self.system.layout[tape][1].values() for name in part]
             if tape == "acceleration":
                 names[: self.n] = [f"the force on '{name}'" for name in self.system.coordinates]
             self._refuse(names[int(np.argmin(np.isfinite(found)))])
@@ -203,7 +203,7 @@ class Point:
 
     def blocks(self, tape: str, *more: Array) -> dict[str, Any]:
         """Return the derivatives on a tape by name."""
-        values, patterns = self._at(tape, *more), self.system._patterns
+        values, patterns = self._at(tape, *more), self.system.patterns
         return self._named(values, {x: patterns[x] for x in TAPES[tape] if x in patterns})
 
     def linearized(self, u: Array, lam: Array) -> dict[str, Any]:
@@ -223,7 +223,7 @@ class Point:
     @cached_property
     def velocity(self) -> Array:
         """The velocity y', shape (n,)."""
-        if "v_z" not in self.system._patterns:
+        if "v_z" not in self.system.patterns:
             return self.z
         return self._at("stage")[2 * self.n :]
 
@@ -236,7 +236,7 @@ class Point:
     @cached_property
     def roundings(self) -> Array:
         """Possible roundoff of the forces, shape (n,), as of springs that pull."""
-        tape, at = self.system._tapes["acceleration"], [np.array([self.t]), self.y, self.z]
+        tape, at = self.system.tapes["acceleration"], [np.array([self.t]), self.y, self.z]
         found: Array = ROUNDINGS * tape.roundings(self.params, at)[: self.n]
         return found
 
@@ -285,7 +285,7 @@ class Point:
         """Return the derivatives of all constraints by z: of g along the velocity, and of k."""
         blocks = self.blocks("node_blocks", np.zeros(self.m))
         found = blocks["g_y"]
-        if "v_z" in self.system._patterns:
+        if "v_z" in self.system.patterns:
             found = found @ self.blocks("stage_blocks")["v_z"]
         if not self.system.nonholonomic:
             return found
@@ -324,7 +324,7 @@ class Point:
                 self._singular()
             u = own + held.null @ ways
             before, lam = lam, split.inverse.T @ (mass @ u - given)
-            if self.system._is_ideal or np.allclose(lam, before, rtol=1e-13, atol=0.0):
+            if self.system.is_ideal or np.allclose(lam, before, rtol=1e-13, atol=0.0):
                 break
         if not np.isfinite(u).all():
             self._singular()

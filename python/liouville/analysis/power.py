@@ -221,7 +221,7 @@ def _powers(
     system: Mechanics, values: Array, t: Array, states: Mapping[str, Array]
 ) -> dict[str, Array]:
     """Return the powers at some states."""
-    m = len(system._holonomic)
+    m = len(system.holonomic)
     y, z = (states[name] for name in system.states)
     parts = t.reshape(-1, 1), y, z, states["lam"][:, :m], states["lam"][:, m:]
     found = power(system).map(values, [np.ascontiguousarray(x) for x in parts])

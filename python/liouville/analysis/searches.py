@@ -62,7 +62,7 @@ class Search(ABC):
         moving = np.abs(rates / point.row_units)
         if point.m and moving.max() > DRIVEN * self.size:
             k = int(np.argmax(moving))
-            name = point.system._holonomic[k]
+            name = point.system.holonomic[k]
             sentence = (
                 f"constraint '{name}' moves by {rates[k]:.2g} per unit of time: nothing rests"
             )
@@ -124,7 +124,7 @@ class Search(ABC):
         if off > BALANCED * self.size:
             k = int(np.argmax(np.abs(self.missed)))
             sentence += (
-                f", and constraint '{point.system._holonomic[k]}' is off by "
+                f", and constraint '{point.system.holonomic[k]}' is off by "
                 f"{abs(point.missed[k]):.2g}"
             )
         first = point.system.states[0]
@@ -165,7 +165,7 @@ class Dense(Search):
         """Say which constraint cannot be met near the start."""
         k, system = int(np.argmax(np.abs(self.missed))), self.point.system
         sentence = (
-            f"no state on the constraints is found near the start: '{system._holonomic[k]}' is off "
+            f"no state on the constraints is found near the start: '{system.holonomic[k]}' is off "
             f"by {abs(self.point.missed[k]):.2g} at last"
         )
         hint = f"start at another {system.states[0]}, nearer to the constraints"
@@ -185,7 +185,7 @@ class Dense(Search):
         self.force = split.null.T @ given
         self.test = split.null
         # no ideal reaction acts along what it leaves free
-        self.free = split.null if system._is_ideal else self.normal.null
+        self.free = split.null if system.is_ideal else self.normal.null
         self.full = self._stiffness()
         self.stiffness = self.test.T @ self.full @ self.free
         terms = np.abs(self.full) @ np.abs(point.y)
@@ -202,7 +202,7 @@ class Dense(Search):
         if point.system.nonholonomic:
             own = point.blocks("nonholonomic_blocks", self.lam[m:])
             slope, of_z = slope + own["rn_y"], of_z + own["rn_z"]
-        if "v_z" in point.system._patterns:  # z changes with y so that nothing moves
+        if "v_z" in point.system.patterns:  # z changes with y so that nothing moves
             slope = slope - of_z @ np.linalg.solve(
                 point.blocks("stage_blocks")["v_z"], stage["v_y"]
             )

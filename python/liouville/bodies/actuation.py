@@ -28,7 +28,7 @@ class Actuation:
     """
 
     def __init__(self, model: Any, joint: int) -> None:
-        self._model, self._joint = model, joint
+        self.model, self._joint = model, joint
         self._zero = float(model.qpos0[model.jnt_qposadr[joint]])
         self._actuators: list[tuple[int, Signal]] = []
         self.armature = 0.0
@@ -36,12 +36,12 @@ class Actuation:
     def add(self, actuator: int, signal: Signal) -> None:
         """Add an actuator."""
         self._actuators.append((actuator, signal))
-        gear = float(self._model.actuator_gear[actuator, 0])
-        self.armature += gear**2 * float(self._model.actuator_armature[actuator])
+        gear = float(self.model.actuator_gear[actuator, 0])
+        self.armature += gear**2 * float(self.model.actuator_armature[actuator])
 
     def __call__(self, t: Any, value: Any, rate: Any, params: Any) -> Any:
         """Return the torque or force."""
-        model, total = self._model, 0
+        model, total = self.model, 0
         for k, signal in self._actuators:
             control = signal(t, value, rate, params)
             if model.actuator_ctrllimited[k] and not is_off(model, "clamp"):
@@ -58,8 +58,8 @@ class Actuation:
 
     def _affine(self, k: int, which: str, motion: tuple[Any, ...]) -> Any:
         """Return the gain or the bias."""
-        numbers = getattr(self._model, f"actuator_{which}prm")[k, :3].tolist()
-        kind = int(getattr(self._model, f"actuator_{which}type")[k])
+        numbers = getattr(self.model, f"actuator_{which}prm")[k, :3].tolist()
+        kind = int(getattr(self.model, f"actuator_{which}type")[k])
         if kind == 0:  # a constant gain, or no bias
             return numbers[0] if which == "gain" else 0.0
         return sum(x * y for x, y in zip(numbers, motion, strict=True) if x)

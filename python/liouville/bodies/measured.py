@@ -42,7 +42,7 @@ class Measured(Lagrangian):
 
     bodies: tuple[str, ...]
     joints: tuple[str, ...]
-    _body_layout: Layout
+    body_layout: Layout
     _places: dict[str, Place]
     _outputs: Expressions
     _output_tapes: dict[str, _core.Tape]
@@ -115,11 +115,11 @@ class Measured(Lagrangian):
             There is no such body.
         """
         k = self.body(body)
-        own = spot(f"a point of body '{body}'", at, self._body_layout.kinds[k] == "planar")
+        own = spot(f"a point of body '{body}'", at, self.body_layout.kinds[k] == "planar")
 
         def place(t: ca.SX, q: ca.SX, v: ca.SX, *more: Any) -> ca.SX:
             del t, more
-            poses = Poses(self._body_layout, q, v)
+            poses = Poses(self.body_layout, q, v)
             directors = poses.directors  # columns of the rotation, by component
             found: ca.SX = ca.vertcat(*(
                 poses.x[i][k] + sum(directors[j][i][k] * own[j] for j in range(3))
@@ -183,7 +183,7 @@ class Measured(Lagrangian):
     def output(self, name: str, params: NDArray[np.float64], *at: ArrayLike) -> NDArray[np.float64]:
         """Return the value of an output of :meth:`Model.outputs` at (t, q, v)."""
         if name not in self._output_tapes:
-            s = self._symbols
+            s = self.symbols
             self._output_tapes[name] = record(name, s.inputs(z=s.z), self._outputs.columns[name])
         rows = [np.ascontiguousarray(np.reshape(x, (np.size(at[0]), -1)), float) for x in at]
         return self._output_tapes[name].map(params, rows)
@@ -207,7 +207,7 @@ class Measured(Lagrangian):
 
         def measured(t: ca.SX, q: ca.SX, v: ca.SX, *more: Any) -> ca.SX:
             del more  # multipliers, and parameters, which are those of the system
-            s, expression = self._symbols, self._outputs.columns[what][k]
+            s, expression = self.symbols, self._outputs.columns[what][k]
             found: ca.SX = ca.substitute([expression], [s.t, s.y, s.z], [t, q, v])[0]
             return found
 
@@ -221,7 +221,7 @@ class Measured(Lagrangian):
         """Return force and torque in a joint, of shape (k, 6), at (t, q, v, lam)."""
         key = f"wrench of {name} in the {frame}"
         if key not in self._output_tapes:
-            s = self._symbols
+            s = self.symbols
             inputs = s.inputs(z=s.z, lam=self._multipliers)
             self._output_tapes[key] = record(key, inputs, self._wrench(name, frame))
         rows = [np.ascontiguousarray(np.reshape(x, (len(at[0]), -1)), float) for x in at]
@@ -232,7 +232,7 @@ class Measured(Lagrangian):
 
         def measured(t: ca.SX, q: ca.SX, v: ca.SX, lam: ca.SX, *more: Any) -> ca.SX:
             del more  # parameters, which are those of the system
-            s = self._symbols
+            s = self.symbols
             own = [s.t, s.y, s.z, self._multipliers]
             found: ca.SX = ca.substitute([expression], own, [t, q, v, lam])[0]
             return found
@@ -241,14 +241,14 @@ class Measured(Lagrangian):
 
     def _wrench(self, name: str, frame: str) -> ca.SX:
         """Return force and torque on the second body of a joint, about the joint's point there."""
-        place, layout = self.place(name), self._body_layout
+        place, layout = self.place(name), self.body_layout
         if frame not in ("world", "joint"):
             raise ValueError(f"frame must be 'world' or 'joint', not {frame!r}")
-        lam, model = self._multipliers, self._model
+        lam, model = self._multipliers, self.model
         own = ca.SX.zeros(lam.numel())
         for row in map(self.constraints.index, place.rows):
             own[row] = lam[row]
-        q = _row(self._symbols.y)
+        q = _row(self.symbols.y)
         total = model.r + model.nonholonomic.rn if self.nonholonomic else model.r
         reaction = _row(ca.substitute([total], [lam], [own])[0])
         points = ca.reshape(self._outputs.columns["points"], 3, -1)
@@ -277,7 +277,7 @@ class Measured(Lagrangian):
 
     def kind(self, body: int) -> str:
         """Return the kind of a body, the ground last."""
-        return (*self._body_layout.kinds, "ground")[body]
+        return (*self.body_layout.kinds, "ground")[body]
 
 
 def _row(column: ca.SX) -> NDArray[Any]:

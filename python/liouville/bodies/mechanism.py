@@ -68,8 +68,8 @@ class Mechanism(Measured):
         impacts: str,
     ) -> None:
         counted = turns.counted(joints, gears, params or {})
-        self._body_layout = Layout(bodies, joints, counted)
-        model = Model(bodies, joints, elements, gears, touches, gravity, self._body_layout)
+        self.body_layout = Layout(bodies, joints, counted)
+        model = Model(bodies, joints, elements, gears, touches, gravity, self.body_layout)
         contacts = model.contacts()
         self.rubbing = tuple(joint.name for joint in joints if joint.friction)
         if contacts and self.rubbing:
@@ -78,9 +78,9 @@ class Mechanism(Measured):
             raise ValueError(hinted(sentence, hint))
         super().__init__(
             model.lagrangian,
-            model.constraint if joints or self._body_layout.of_kind("spatial") else None,
+            model.constraint if joints or self.body_layout.of_kind("spatial") else None,
             nonholonomic=model.nonholonomic if model.is_nonholonomic else None,
-            q=self._body_layout.coordinates,
+            q=self.body_layout.coordinates,
             params=params,
             force=model.force,
             switches=model.switches,
@@ -88,16 +88,16 @@ class Mechanism(Measured):
             impacts=impacts,
         )
         self._places = {place.name: place for place in model.places()}
-        self.bodies, self.joints = self._body_layout.names, tuple(self._places)
+        self.bodies, self.joints = self.body_layout.names, tuple(self._places)
         self.turned = tuple(
             f"{place.name}.{x}"
             for place in self._places.values()
             for x in place.angles
             if x not in self.counted(place.name)
         )
-        self._springs = model.springs()
+        self.springs = model.springs()
         self.looks, _ = looks(model)
-        self._outputs = Expressions(self._symbols, model.outputs())
+        self._outputs = Expressions(self.symbols, model.outputs())
         self._output_tapes: dict[str, _core.Tape] = {}
         self._varying = tuple(
             k for k, body in enumerate(bodies) if callable(body.mass) or callable(body.inertia)
@@ -128,13 +128,13 @@ class Mechanism(Measured):
             masses, inertias = (
                 self.output(name, found, 0.0, still, still)[0] for name in ("masses", "inertias")
             )
-            kinds, inertias = self._body_layout.kinds, inertias.reshape(-1, 3, 3)
+            kinds, inertias = self.body_layout.kinds, inertias.reshape(-1, 3, 3)
             for k in varying:
                 check_numbers(self.bodies[k], kinds[k], masses[k], inertias[k])
         return found
 
     @property
-    def _kinds(self) -> Sequence[int]:
+    def kinds(self) -> Sequence[int]:
         """Lengths are of one kind, and angles and quaternions of another."""
         # imported here, as it knows this class
         from liouville.bodies.scales import of_coordinates
@@ -149,7 +149,7 @@ class Mechanism(Measured):
         if "turning" not in self._output_tapes:
             at = [self._column(*name.rsplit(".", 1)) for name in self.turned]
             columns = [self._outputs.columns[what][k] for what in ("values", "rates") for k in at]
-            s = self._symbols
+            s = self.symbols
             self._output_tapes["turning"] = record("turning", s.inputs(z=s.z), ca.vertcat(*columns))
         kinds = [self._places[name.rsplit(".", 1)[0]].kind for name in self.turned]
         return self._output_tapes["turning"], turns.periods(kinds)
@@ -284,7 +284,7 @@ class Mechanism(Measured):
 
     def counted(self, name: str) -> tuple[str, ...]:
         """Return the angles of a joint that count turns."""
-        place, layout = self.place(name), self._body_layout
+        place, layout = self.place(name), self.body_layout
         if place.axes or not any(
             layout.kinds[body] != "planar" for body in place.bodies if body < len(layout.kinds)
         ):

@@ -200,7 +200,7 @@ class JointMotion(Suggesting):
 def body_of(solution: Solution, name: str) -> BodyMotion:
     """Return the motion of a body; see :meth:`Solution.body`."""
     system = _mechanism(solution, f"body '{name}'")
-    body, layout = system.body(name), system._body_layout
+    body, layout = system.body(name), system.body_layout
     q, v = solution.q, solution.v
     x, e = layout.pose(q, body)
     parts = (x, e, *layout.twist(q, v, body))
@@ -259,7 +259,7 @@ def _is_loaded_across(system: Mechanism, solution: Solution, place: Place) -> bo
         return False
     q, v = (np.zeros((1, len(system.coordinates))) for _ in range(2))
     gravity = system.output("gravity", system.values(solution.params), 0.0, q, v)[0]
-    return bool(gravity[2]) or set(system._body_layout.kinds) != {"planar"}
+    return bool(gravity[2]) or set(system.body_layout.kinds) != {"planar"}
 
 
 def _is_determined(system: Mechanism, solution: Solution, place: Place) -> bool:

@@ -45,7 +45,7 @@ def length_of(size: float) -> float:
 
 def of_coordinates(system: Mechanism, length: float) -> Array:
     """Return the unit of each coordinate."""
-    layout, units = system._body_layout, []
+    layout, units = system.body_layout, []
     for kind in layout.kinds:
         units += [length if part in ("x", "y", "z") else 1.0 for part in PARTS[kind]]
     for name in layout.own:
@@ -60,12 +60,12 @@ def of_rows(system: Mechanism, length: float, sizes: Array) -> Array:
     change at most by coordinates or moves, each in its unit.
     """
     known = {f"{name}.unit": 1.0 for name in system.bodies}
-    known |= {row_name(*angle): 1.0 for angle in system._body_layout.counted}
+    known |= {row_name(*angle): 1.0 for angle in system.body_layout.counted}
     for name in system.joints:
         for row in system.place(name).rows:
             what = row.removeprefix(f"{name}.")
             if MOTION not in row and what in (*LENGTHS, *ANGLES):
                 known[row] = length if what in LENGTHS else 1.0
     found = 1 / unit(np.where(sizes > ROUNDOFF * sizes.max(initial=0.0), sizes, 0.0))
-    names = system._holonomic
+    names = system.holonomic
     return np.array([known.get(name, x) for name, x in zip(names, found, strict=True)])

@@ -53,7 +53,7 @@ class Starting:
             for name in ("points", "drawn", "pitches", "anchors")
         )
         drawn = drawn.reshape(-1, 3).T
-        layout = system._body_layout
+        layout = system.body_layout
         sizes = points.reshape(-1, 2, 3), pitches, anchors.reshape(-1, 3)
         self.tree = Tree(layout, joints, given, drawn, *sizes)
         self.length = scales.length_of(scales.size_of(system, params))
@@ -72,11 +72,11 @@ class Starting:
         own |= {f"{body}.unit" for body in system.bodies}
         own |= {turns.row_name(*angle) for angle in layout.counted}  # the tree follows them
         #: constraints that moves along the tree do not keep by themselves
-        self.open = [k for k, name in enumerate(system._holonomic) if name not in own]
-        self.is_driven = any(MOTION in name for name in system._holonomic)
+        self.open = [k for k, name in enumerate(system.holonomic) if name not in own]
+        self.is_driven = any(MOTION in name for name in system.holonomic)
         self.is_tree = not (self.open or system.nonholonomic)
         self._check_finite()
-        changes = np.zeros(len(system._holonomic))
+        changes = np.zeros(len(system.holonomic))
         if self.open:
             q, v = self.tree.q(), self.tree.rates()
             slopes = self.slopes(q, v)[0][: len(self.open)] * self.columns
@@ -86,7 +86,7 @@ class Starting:
     def _check_finite(self) -> None:
         """Refuse constraints that have no value or no rate where bodies are drawn."""
         names, q = self.system.constraints, self.tree.q()
-        m = len(self.system._holonomic)
+        m = len(self.system.holonomic)
         moves = np.hstack([self.tree.rates(), self.still[:, None]])
         changing = [*(names[k] for k in self.open), *names[m:]]
         rates = self._hidden(q, moves) if changing else np.empty((0, 1))
@@ -101,8 +101,8 @@ class Starting:
                     raise ValueError(hinted(sentence, hint))
 
     def _missed(self, q: Array) -> Array:
-        m = len(self.system._holonomic)
-        found: Array = self.system._at("node", self.params, self.t, q, np.zeros(m))[:m]
+        m = len(self.system.holonomic)
+        found: Array = self.system.at_point("node", self.params, self.t, q, np.zeros(m))[:m]
         return found
 
     def rows(self, q: Array) -> Array:
@@ -116,12 +116,12 @@ class Starting:
 
     def _hidden(self, q: Array, v: Array) -> Array:
         """Return the rates of holonomic constraints and nonholonomic ones, a column each."""
-        n, m, k = len(q), len(self.system._holonomic), v.shape[1]
+        n, m, k = len(q), len(self.system.holonomic), v.shape[1]
         at = np.full(k, self.t), np.tile(q, (k, 1)), v.T
-        rows = self.system._map("end", self.params, *at)[:, n : n + m][:, self.open]
+        rows = self.system.map_tape("end", self.params, *at)[:, n : n + m][:, self.open]
         if own := len(self.system.nonholonomic):
             nu = np.zeros((k, own))
-            more = self.system._map("nonholonomic", self.params, *at, nu)[:, :own]
+            more = self.system.map_tape("nonholonomic", self.params, *at, nu)[:, :own]
             rows = np.hstack([rows, more])
         return rows.T
 
@@ -208,7 +208,7 @@ class Starting:
     def _refuse(self) -> None:
         """Raise the error of loops that cannot be closed."""
         rows = np.abs(self.rows(self.tree.q()))
-        own = {name: k for k, name in enumerate(self.system._holonomic)}
+        own = {name: k for k, name in enumerate(self.system.holonomic)}
         places = [self.system.place(name) for name in self.system.joints]
         gaps = {
             place.name: max((rows[own[x]] for x in place.rows if x in own), default=0.0)
@@ -251,7 +251,7 @@ class Starting:
             return
         v = self.tree.rates()
         slopes, _ = self.slopes(q, v)
-        rows = [self.system._holonomic[k] for k in self.open]
+        rows = [self.system.holonomic[k] for k in self.open]
         slopes[: len(rows)] /= self.units[self.open, None]
         sizes = np.abs(slopes[len(rows) :] * self.columns).max(axis=1, initial=0.0)
         slopes[len(rows) :] *= unit(sizes)[:, None]
@@ -275,7 +275,7 @@ class Starting:
         """Return moves of bodies that keep all constraints, a column each, in their units."""
         own = np.eye(v.shape[1])
         slopes = slopes * self.columns
-        if set(self.system._body_layout.kinds) != {"spatial"}:  # some moves may be none of theirs
+        if set(self.system.body_layout.kinds) != {"spatial"}:  # some moves may be none of theirs
             scaled = v * self.columns / self.coordinates[:, None]
             _, sizes, basis = np.linalg.svd(scaled, full_matrices=False)
             own = basis[sizes > RANK * sizes.max(initial=0.0)].T

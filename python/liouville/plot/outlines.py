@@ -60,7 +60,7 @@ def outlines_of(system: Mechanism, values: Array, at: tuple[Array, Array, Array]
     points = system.output("outlines", values, *at)[0].reshape(-1, 3)
     radii = system.output("roundings", values, *at)[0]
     ends = np.cumsum([0, *(look.count for look in system.looks)])
-    kinds = [*system._body_layout.kinds, "ground"]
+    kinds = [*system.body_layout.kinds, "ground"]
     is_flat = "spatial" not in kinds
     return [
         Outline(

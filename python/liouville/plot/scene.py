@@ -175,7 +175,7 @@ def _points(system: Mechanism, trace: Trace | None) -> list[tuple[int, Array]]:
     """Return bodies and points on them, their centres where none is given."""
     names: Any = () if trace is None else [trace] if isinstance(trace, str) else trace
     given = names if isinstance(names, Mapping) else dict.fromkeys(names, (0.0, 0.0, 0.0))
-    kinds = system._body_layout.kinds
+    kinds = system.body_layout.kinds
     bodies = {name: system.body(name) for name in given}
     return [
         (k, spot(f"trace of body '{name}'", given[name], kinds[k] == "planar"))

@@ -47,12 +47,12 @@ LEAST = 1e-6
 
 def planar(system: Mechanism) -> bool:
     """Say whether all bodies move in planes across z."""
-    return set(system._body_layout.kinds) == {"planar"}
+    return set(system.body_layout.kinds) == {"planar"}
 
 
 def poses_of(system: Mechanism, q: Array) -> Array:
     """Return places and quaternions of all bodies, shape (k, bodies, 7)."""
-    poses = (system._body_layout.pose(q, k) for k in range(len(system.bodies)))
+    poses = (system.body_layout.pose(q, k) for k in range(len(system.bodies)))
     return np.stack([np.stack([*x, *e], axis=1) for x, e in poses], axis=1)
 
 
@@ -60,7 +60,7 @@ def springs_of(system: Mechanism, values: Array, at: At) -> Springs:
     """Return the ends of springs, and of rods without mass, in the axes of their bodies."""
     ends = system.output("ends", values, *at)[0].reshape(-1, 2, 3)
     points = system.output("points", values, *at)[0].reshape(-1, 2, 3)
-    own = list(zip(system._springs, ends, strict=True))
+    own = list(zip(system.springs, ends, strict=True))
     for name, pair in zip(system.joints, points, strict=True):
         place = system.place(name)
         if place.kind == "distance":
@@ -107,7 +107,7 @@ def _boxes(system: Mechanism, values: Array, at: At) -> Iterable[tuple[int, tupl
     """Yield the axes and edges of the uniform box with the mass and inertia of each body."""
     masses = system.output("masses", values, *at)[0]
     inertias = system.output("inertias", values, *at)[0].reshape(-1, 3, 3)
-    for body, kind in enumerate(system._body_layout.kinds):
+    for body, kind in enumerate(system.body_layout.kinds):
         if kind == "spatial":
             moments, axes = np.linalg.eigh(inertias[body])
             squares = 6 * (moments.sum() - 2 * moments) / masses[body]

@@ -135,7 +135,7 @@ def _hits_tape(contacts: Contacts) -> tuple[_core.Tape, list[int]]:
 
     def recorded() -> tuple[_core.Tape, list[int]]:
         system, columns = contacts.system, contacts.columns
-        s, model = system._symbols, system._model
+        s, model = system.symbols, system.model
         own = model.nonholonomic
         parts = [
             columns["phi"],

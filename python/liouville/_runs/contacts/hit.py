@@ -25,14 +25,14 @@ MOST = 16
 
 def has_closed_form(contacts: Contacts) -> bool:
     """Whether hits of contacts with friction are written down."""
-    model, s = contacts.system._model, contacts.system._symbols
+    model, s = contacts.system.model, contacts.system.symbols
     return s.y.numel() + model.lam.numel() + model.nonholonomic.nu.numel() <= MOST
 
 
 def response(contacts: Contacts, k: int) -> tuple[ca.SX, ca.SX]:
     """Return A of a contact, of shape (2, 2), and how its impulses change z but for constraints."""
     system, columns = contacts.system, contacts.columns
-    s, model = system._symbols, system._model
+    s, model = system.symbols, system.model
     own = model.nonholonomic
     rates = ca.vertcat(columns["rates"][k], columns["slips"][k])
     forces = ca.horzcat(columns["across"][k, :].T, columns["along"][k, :].T)
@@ -74,5 +74,5 @@ def struck(contacts: Contacts, k: int) -> ca.SX:
         left, most = slip + c * normal + d * friction, mu * e * normal
         friction += ca.fmax(-most, ca.fmin(most, -(left + c * e * normal) / ca.fmax(d, TINY)))
         normal *= 1 + e
-    z: ca.SX = contacts.system._symbols.z
+    z: ca.SX = contacts.system.symbols.z
     return z + moves @ ca.vertcat(normal, friction)

@@ -68,12 +68,12 @@ class ModeSystem(Mechanics):
         is_redundant: bool,
     ) -> None:
         base, c, its = contacts.system, len(modes), contacts.columns
-        s, model = base._symbols, base._model
+        s, model = base.symbols, base.model
         self.modes, self.is_redundant = modes, is_redundant
         stuck = sum(modes[k] is Mode.STICK for k in contacts.owner)
         closed = [mode for k, mode in enumerate(modes) if contacts.has_gap(k)]
         self.is_shared = len(rows) < stuck + sum(mode is not Mode.OPEN for mode in closed)
-        self._counts = len(base._holonomic), len(base.nonholonomic)
+        self._counts = len(base.holonomic), len(base.nonholonomic)
         gaps = [k for k in rows if k < c]
         slips = [row - c for row in rows if row >= c]
         m, own = model.lam.numel(), model.nonholonomic
@@ -92,7 +92,7 @@ class ModeSystem(Mechanics):
         first = m + len(gaps)
         self.tangents = {row: first + own.nu.numel() + place for place, row in enumerate(slips)}
         self.own = np.r_[np.arange(m), first + np.arange(own.nu.numel())].astype(int)
-        columns = base._expressions.columns
+        columns = base.expressions.columns
         super().__init__(
             s,
             replace(
@@ -151,7 +151,7 @@ class ModeSystem(Mechanics):
                 tangent = -multipliers[places[0]]
                 found[f"{name}: tear up"] = k, "tear", most - tangent
                 found[f"{name}: tear down"] = k, "tear", most + tangent
-        inputs = self._symbols.inputs(z=self._symbols.z, lam=multipliers)
+        inputs = self.symbols.inputs(z=self.symbols.z, lam=multipliers)
         for name, (k, kind, value) in found.items():
             self.own_events[name] = k, kind
             needs = kind in ("leave", "tear")
@@ -175,7 +175,7 @@ class ModeSystem(Mechanics):
             key = name, round(float(np.log2(h)))
             if key not in self._tapes_of_slowing:
                 own = ca.sumsqr(slip) - (FEW * 2.0 ** key[1]) ** 2 * ca.sumsqr(rate)
-                inputs = self._symbols.inputs(z=self._symbols.z, lam=self._multipliers)
+                inputs = self.symbols.inputs(z=self.symbols.z, lam=self._multipliers)
                 tapes = record(f"event '{name}'", inputs, own), False, None
                 self._tapes_of_slowing[key] = tapes, own
             self._tapes_of_events[name], self._values_of_events[name] = self._tapes_of_slowing[key]
@@ -242,7 +242,7 @@ def _reactions(
     `held` are the contacts and the slips that a mode holds at zero.
     """
     model, its, (gaps, slips), (lam, nu) = (
-        contacts.system._model,
+        contacts.system.model,
         contacts.columns,
         held,
         multipliers,
@@ -268,10 +268,10 @@ def _power(
     braked: ca.SX,
 ) -> ca.SX | None:
     """Return the power of a system in a mode, `braked` that of friction whose size is known."""
-    power = contacts.system._expressions.columns.get("power")
+    power = contacts.system.expressions.columns.get("power")
     if power is None:
         return None
-    own, drives, its = contacts.system._model.lam, contacts.drives, contacts.columns
+    own, drives, its = contacts.system.model.lam, contacts.drives, contacts.columns
     m = own.numel()
     power = (ca.substitute(power, own, lam[:m]) if m else power) + braked
     for place, k in enumerate(gaps):

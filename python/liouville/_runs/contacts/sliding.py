@@ -48,7 +48,7 @@ def frictions(
     if not sliding:
         return found, {}
     normals, z_dot = _accelerated(contacts, ways, (gaps, sticks), found)
-    s, v, rates = contacts.system._symbols, contacts.system._model.v, {}
+    s, v, rates = contacts.system.symbols, contacts.system.model.v, {}
     for k in sliding:
         own = contacts.slips_of(k)
         slip = its["slips"][own]
@@ -67,7 +67,7 @@ def _accelerated(
 ) -> tuple[ca.SX, ca.SX]:
     """Return normal forces of the gaps that are held first, and z', by time and state."""
     system, its, (gaps, sticks) = contacts.system, contacts.columns, held
-    s, model = system._symbols, system._model
+    s, model = system.symbols, system.model
     own = model.nonholonomic
     f = model.f - total_derivative(model.p, s, model.v)
     for row, force in known.items():

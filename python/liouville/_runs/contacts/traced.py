@@ -58,7 +58,7 @@ class Contacts:
         self.bounces = tuple(callable(x.restitution) or x.restitution > 0 for x in given.values())
         self._systems: dict[tuple[tuple[Mode, ...], tuple[int, ...], bool], ModeSystem] = {}
         _check_linear(system)
-        s, model = system._symbols, system._model
+        s, model = system.symbols, system.model
         u = ca.SX.sym("u", s.y.numel())  # in the place of v
         each = [_functions_of(system, name, contact, u) for name, contact in given.items()]
         gaps, loads, slips = zip(*each, strict=True)
@@ -74,7 +74,7 @@ class Contacts:
             "slips": ca.substitute(slip_of_u, u, model.v),
             "rates": total_derivative(phi, s, model.v),
         }
-        self._expressions = Expressions(s, columns)
+        self.expressions = Expressions(s, columns)
         if self.is_spatial.any() and not has_closed_form(self):
             names = quoted([self.names[k] for k in np.flatnonzero(self.is_spatial)])
             sentence = f"friction in space, of contacts {names}, is for systems of up to {MOST}"
@@ -82,7 +82,7 @@ class Contacts:
 
     def _coefficients(self, given: Mapping[str, Contact]) -> dict[str, ca.SX]:
         """Return coefficients as expressions of the parameters."""
-        params = {"params": self.system._symbols.params}
+        params = {"params": self.system.symbols.params}
 
         def of(name: str, what: str, value: Coefficient) -> ca.SX:
             which = f"{what} of contact '{name}'"
@@ -103,12 +103,12 @@ class Contacts:
     @property
     def columns(self) -> dict[str, ca.SX]:
         """Gaps "phi", slips and rates, and their derivatives "across" and "along"."""
-        return self._expressions.columns
+        return self.expressions.columns
 
     @cached_property
     def _tape(self) -> tuple[_core.Tape, list[tuple[slice, tuple[int, int]]]]:
         system, columns = self.system, self.columns
-        s, model = system._symbols, system._model
+        s, model = system.symbols, system.model
         own = model.nonholonomic
         w = total_derivative(model.g, s, model.v)
         bilateral, rates = ca.vertcat(w, own.k), ca.vertcat(columns["rates"], columns["slips"])
@@ -185,7 +185,7 @@ class Contacts:
 
     @cached_property
     def _loads_tape(self) -> _core.Tape:
-        return record("loads of contacts", self.system._symbols.inputs(), self.columns["load"])
+        return record("loads of contacts", self.system.symbols.inputs(), self.columns["load"])
 
     def loads(self, t: Array, y: Array, params: Array) -> Array:
         """Return normal forces that are given at k states, zero of others, shape (k, c)."""
@@ -196,7 +196,7 @@ class Contacts:
 
     @cached_property
     def _laws_tape(self) -> _core.Tape:
-        return record("laws of contacts", self.system._symbols.inputs(), *self._laws)
+        return record("laws of contacts", self.system.symbols.inputs(), *self._laws)
 
     @property
     def _laws(self) -> list[ca.SX]:
@@ -204,7 +204,7 @@ class Contacts:
 
     def laws(self, params: Array) -> Laws:
         """Return the coefficients at some parameters."""
-        y = np.zeros((1, self.system._symbols.y.numel()))
+        y = np.zeros((1, self.system.symbols.y.numel()))
         return Laws(*self._laws_tape.map(params, [np.zeros((1, 1)), y]).reshape(3, -1))
 
     @property
@@ -213,13 +213,13 @@ class Contacts:
 
         With (N, T) they give the power that contacts bring in by their own motion.
         """
-        columns, v = self.columns, self.system._model.v
+        columns, v = self.columns, self.system.model.v
         own = ca.vertcat(columns["across"] @ v, columns["along"] @ v)
         return own - ca.vertcat(columns["rates"], columns["slips"])
 
     @cached_property
     def _powers_tape(self) -> _core.Tape:
-        s = self.system._symbols
+        s = self.system.symbols
         return record("powers of contacts", s.inputs(z=s.z), self.drives, self.columns["slips"])
 
     def powers(
@@ -240,7 +240,7 @@ class Contacts:
 
     @cached_property
     def _approach_tape(self) -> _core.Tape:
-        columns, s = self.columns, self.system._symbols
+        columns, s = self.columns, self.system.symbols
         return record("approach of contacts", s.inputs(z=s.z), columns["phi"], columns["rates"])
 
     def approach(self, t: Array, y: Array, z: Array, params: Array) -> tuple[Array, Array]:
@@ -251,13 +251,13 @@ class Contacts:
 
     @cached_property
     def _records_tape(self) -> tuple[_core.Tape, list[int]]:
-        s, columns = self.system._symbols, self.columns
+        s, columns = self.system.symbols, self.columns
         parts = [
             columns["phi"],
             columns["slips"],
             ca.sum2(ca.fabs(columns["across"])),
             ca.sum2(ca.fabs(jacobian(columns["slips"], s.z))),
-            ca.mmax(ca.fabs(self.system._model.v)),
+            ca.mmax(ca.fabs(self.system.model.v)),
         ]
         dense = [ca.densify(x) for x in parts]
         ends = np.cumsum([x.numel() for x in dense])[:-1].tolist()
@@ -322,7 +322,7 @@ def independent(rows: Array) -> list[bool]:
 
 def _check_linear(system: Mechanics) -> None:
     """Refuse momenta that are not linear in the velocity, and reactions not in multipliers."""
-    s, model = system._symbols, system._model
+    s, model = system.symbols, system.model
     slopes = ca.vertcat(entries(jacobian(model.p, s.z)), entries(jacobian(model.v, s.z)))
     reactions = entries(jacobian(model.r, model.lam))
     if ca.depends_on(slopes, s.z) or ca.depends_on(reactions, model.lam):
@@ -334,7 +334,7 @@ def _functions_of(
     system: Mechanics, name: str, contact: Contact, u: ca.SX
 ) -> tuple[ca.SX, ca.SX, ca.SX]:
     """Return gap, load and slip of a contact, at a velocity u; what it has not is zero."""
-    what, s, first = f"contact '{name}'", system._symbols, system.states[0]
+    what, s, first = f"contact '{name}'", system.symbols, system.states[0]
     if name in system.constraints:
         raise ValueError(f"{what} has the name of a constraint")
     at = {"t": s.t, first: s.y, "params": s.params}

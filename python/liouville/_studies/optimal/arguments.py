@@ -49,7 +49,7 @@ class Controls:
         if isinstance(given, str) or not isinstance(given, Sequence):
             hint = f"write controls=({given!r},)" if isinstance(given, str) else "name parameters"
             raise TypeError(hinted(f"controls must be a sequence of names, not {given!r}", hint))
-        defaults = system._symbols.params.defaults
+        defaults = system.symbols.params.defaults
         names = tuple(given)
         for name in names:
             if name not in defaults:
@@ -68,7 +68,7 @@ class Controls:
     @classmethod
     def among(cls, system: Mechanics, names: tuple[str, ...]) -> Controls:
         """Find these parameters among all."""
-        defaults = system._symbols.params.defaults
+        defaults = system.symbols.params.defaults
         sizes = [max(x.size, 1) for x in defaults.values()]
         firsts = dict(zip(defaults, np.cumsum([0, *sizes]).tolist(), strict=False))
         places = [np.arange(firsts[x], firsts[x] + defaults[x].size) for x in names]
@@ -76,7 +76,7 @@ class Controls:
         return cls(names, shapes, np.concatenate([np.empty(0, dtype=np.int64), *places]))
 
     def _check(self, system: Mechanics) -> None:
-        model = system._model
+        model = system.model
         elsewhere = {
             "the momentum": model.p,
             "the velocity": model.v,
@@ -84,7 +84,7 @@ class Controls:
             "a reaction": ca.vertcat(model.r, model.nonholonomic.rn),
         }
         for name in self.names:
-            own = getattr(system._symbols.params.namespace, name)
+            own = getattr(system.symbols.params.namespace, name)
             for what, expression in elsewhere.items():
                 if ca.depends_on(expression, own):
                     sentence = f"control '{name}' is in {what}, and controls act by forces alone"
@@ -202,7 +202,7 @@ class Free:
         if isinstance(given, str) or not isinstance(given, Sequence):
             hint = f"write free={system.states!r} or one of both in a tuple"
             raise TypeError(hinted(f"free must be a sequence of states, not {given!r}", hint))
-        defaults = system._symbols.params.defaults
+        defaults = system.symbols.params.defaults
         known = [*system.states, *(PARAMS + x for x in defaults if x not in controls.names)]
         for name in given:
             if name not in known:
@@ -212,10 +212,10 @@ class Free:
         states = tuple(system.states.index(x) for x in given if x in system.states)
         names = tuple(x.removeprefix(PARAMS) for x in given if x not in system.states)
         found = cls(states, Controls.among(system, names))
-        model = system._model
+        model = system.model
         on_constraints = ca.vertcat(model.g, model.nonholonomic.k)
         for name in names:
-            if ca.depends_on(on_constraints, getattr(system._symbols.params.namespace, name)):
+            if ca.depends_on(on_constraints, getattr(system.symbols.params.namespace, name)):
                 sentence = f"free parameter '{name}' is in a constraint, which the start is on"
                 raise ValueError(hinted(sentence, "make it a coordinate, which bounds may hold"))
         return found

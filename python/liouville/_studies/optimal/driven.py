@@ -15,7 +15,7 @@ from liouville._systems.mechanics.traced import INVARIANT
 from liouville._systems.tracing.expressions import Expressions
 
 #: Expressions of a system, made again at their first use.
-KEPT = ("_model", "second_order", "separable", "_states_tape")
+KEPT = ("model", "second_order", "separable", "_states_tape")
 
 
 def polynomials(t: ca.SX, start: float, h: float, stages: Array, c: Array) -> ca.SX:
@@ -38,12 +38,12 @@ def polynomials(t: ca.SX, start: float, h: float, stages: Array, c: Array) -> ca
 
 def driven(system: Mechanics, controls: Controls, values: ca.SX) -> Mechanics:
     """Return the system with expressions of time in the place of its controls."""
-    s = system._symbols
+    s = system.symbols
     old = s.params.vector[controls.places.tolist()]
     other = copy(system)
     for name in KEPT:
         other.__dict__.pop(name, None)
-    columns, model = _replaced(system._expressions, old, values), system._model
+    columns, model = _replaced(system.expressions, old, values), system.model
     own = Nonholonomic(columns["k"], columns["rn"], model.nonholonomic.nu)
     v, p, f, r, g = (columns[name] for name in "vpfrg")
     Mechanics.__init__(

@@ -70,7 +70,7 @@ class Final:
             parts = {"final": given}
         whole: dict[int, Array] = {}
         rows, labels, places, values = [ca.SX(0, 1)], [], [], []
-        s = system._symbols
+        s = system.symbols
         for name, value in _trace.mapping("final", parts).items():
             if name in system.states and not isinstance(value, Mapping):
                 place = system.states.index(name)
@@ -186,7 +186,7 @@ class Final:
         """Name the first condition that repeats what constraints and others before it fix."""
         if not self.labels:
             return None
-        s, model, n = system._symbols, system._model, len(system.coordinates)
+        s, model, n = system.symbols, system.model, len(system.coordinates)
         w = total_derivative(model.g, s, model.v)
         both = ca.vertcat(s.y, s.z, s.params.vector[[*self.free]])
         unit = ca.SX.eye(both.numel())
@@ -204,7 +204,7 @@ class Final:
         near: tuple[Array, Array], params: Array,
     ) -> str | None:  # fmt: skip
         """Name a condition whose gradient at a state is nothing beside that at another one."""
-        s = system._symbols
+        s = system.symbols
         rows = jacobian(self.rows, ca.vertcat(s.y, s.z))
         slopes = ca.Function("slopes", s.all, [ca.densify(rows)])
         here, there = (np.array(slopes(t, *x, params)) for x in (state, near))
@@ -221,7 +221,7 @@ class Final:
         The system is that without redundant constraints, `guess` and `end` are those of the
         parameters and of t.
         """
-        s, model = system._symbols, system._model
+        s, model = system.symbols, system.model
         w = total_derivative(model.g, s, model.v)
         slopes = [jacobian(model.g, s.y), jacobian(w, s.z)]
         matrices = ca.Function("slopes", s.all, [*slopes, self.rows])
@@ -242,7 +242,7 @@ class Final:
 
     def _limits(self, system: Mechanics, end: float, wanted: Array, params: Array) -> Array:
         """Return how large the distances along the gradients of constraints may become."""
-        s, model = system._symbols, system._model
+        s, model = system.symbols, system.model
         slopes = ca.Function("slopes", [s.t, s.y, s.params.vector], [jacobian(model.g, s.y)])
         lengths = np.abs(np.array(ca.DM(slopes(end, wanted, params)))).max(axis=1, initial=0.0)
         found: Array = NEAR * (np.abs(wanted).max() or 1.0) / np.where(lengths > 0, lengths, 1.0)
@@ -272,7 +272,7 @@ def _function(
         hint = f"it takes {first}=, {second}=, and functions of (t, {first}, {second}, params)"
         raise ValueError(hinted(sentence, hint))
     what = "final" if name == "final" else f"final condition '{name}'"
-    names, expression = _trace.named(what, function, system._symbols.args)
+    names, expression = _trace.named(what, function, system.symbols.args)
     check_free(what, expression, system, controls)
     if len(names) == 1:
         return [what], expression
@@ -282,7 +282,7 @@ def _function(
 def check_free(what: str, expression: ca.SX, system: Mechanics, controls: Controls) -> None:
     """Refuse an expression at the final time that depends on controls."""
     for name in controls.names:
-        if ca.depends_on(expression, getattr(system._symbols.params.namespace, name)):
+        if ca.depends_on(expression, getattr(system.symbols.params.namespace, name)):
             sentence = f"{what} depends on control '{name}', which acts before the final time"
             raise ValueError(hinted(sentence, "bound it, or put it into the cost"))
 
@@ -302,4 +302,4 @@ def near_constraints(
 
 def is_own_velocity(system: Mechanics) -> bool:
     """Return whether the second state is the velocity itself."""
-    return not differ(system._model.v, system._symbols.z)
+    return not differ(system.model.v, system.symbols.z)

@@ -107,7 +107,7 @@ def _walked(problem: Problem, start: Array, end: Array, first: int) -> Array | N
     the end is not reached.
     """
     system, params, t = problem.system, problem.params, problem.times.end
-    s, model = problem.reduced._symbols, problem.reduced._model
+    s, model = problem.reduced.symbols, problem.reduced.model
     slopes = ca.Function("g_y", [s.t, s.y, s.params.vector], [jacobian(model.g, s.y)])
     stride = np.linalg.norm(end - start) / FEWEST
     aside = np.random.default_rng(0).standard_normal(start.size)

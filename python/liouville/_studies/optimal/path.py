@@ -52,7 +52,7 @@ class PathConstraints:
                 sentence = f"path '{name}' must be a function and two limits, not {value!r}"
                 raise TypeError(hinted(sentence, "write (lambda t, q, v, params: ..., 0.0, None)"))
             what = f"path '{name}'"
-            names, expression = _trace.named(what, value[0], system._symbols.args)
+            names, expression = _trace.named(what, value[0], system.symbols.args)
             count = expression.numel()
             pair = _trace.pair(what, value[1:], (count,))
             rows.append(expression)
@@ -61,7 +61,7 @@ class PathConstraints:
             sides.append(np.stack(pair, axis=1))
         found = ca.vertcat(*rows)
         low, high = np.concatenate(sides).T
-        own = system._symbols.params.vector[controls.places.tolist()]
+        own = system.symbols.params.vector[controls.places.tolist()]
         pattern = ca.jacobian(found, own).sparsity()
         sees = np.bincount(pattern.row(), minlength=found.numel()) > 0
         for label in np.array(labels)[~sees & (low == high)]:
@@ -81,7 +81,7 @@ class PathConstraints:
         ValueError
             A function is beyond one there.
         """
-        s = system._symbols
+        s = system.symbols
         own = [(s.y, s.z)[place] for place in free.states]
         moves = ca.vertcat(*own, s.params.vector[free.params.places.tolist()])
         held = [k for k in self.of_states if not ca.depends_on(self.rows[k], moves)]

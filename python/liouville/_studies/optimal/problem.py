@@ -90,7 +90,7 @@ class Problem:
     def _costs(self, cost: Any, final_cost: Any) -> dict[str, ca.SX]:
         given = {"cost": cost, "final_cost": final_cost}
         found = {
-            name: _trace.scalar(name, function, self.system._symbols.args)
+            name: _trace.scalar(name, function, self.system.symbols.args)
             for name, function in given.items()
             if function is not None
         }
@@ -102,10 +102,10 @@ class Problem:
         return found
 
     def _check_used(self) -> None:
-        model = self.system._model
+        model = self.system.model
         places = [model.p, model.v, model.f, model.r, self.final.rows, *self._functions.values()]
         for name in self.free.params.names:
-            own = getattr(self.system._symbols.params.namespace, name)
+            own = getattr(self.system.symbols.params.namespace, name)
             if not any(ca.depends_on(x, own) for x in places):
                 sentence = f"nothing depends on the free parameter '{name}'"
                 raise ValueError(hinted(sentence, "leave it out, or use it in force or cost"))
@@ -129,7 +129,7 @@ class Problem:
         transcription, program = self.transcription, self.transcription.program
         path = path_of(guess, self)
         if isinstance(guess, OptimalControl | Solution):
-            given = named_values(self.system._symbols.params.defaults, self.params)
+            given = named_values(self.system.symbols.params.defaults, self.params)
             given |= {x: guess.params[x] for x in self.free.params.names if x in guess.params}
             self.params[:] = self.system.values(given)
         limits = transcription.bounds(self.start)
@@ -164,7 +164,7 @@ class Problem:
         lam = self._multipliers(t, y, z, nodal)
         states = system.states_at(t, np.hstack([y, z, lam]), self.params)
         table, names = self.transcription.table, self.controls.names
-        every = system._symbols.params.defaults
+        every = system.symbols.params.defaults
         return OptimalControl(
             t=t,
             states=states,
@@ -208,14 +208,14 @@ class Problem:
         stages = rows[0, own : own + self.method.stages * n].reshape(-1, n)
         first = pi[0] - stages.sum(axis=0)
         slope = program.slope(found["x"], found["lam_g"])[layout.y[0]]
-        s, model = self.reduced._symbols, self.reduced._model
+        s, model = self.reduced.symbols, self.reduced.model
         p_y = ca.Function("p_y", s.all, [ca.jacobian(model.p, s.y)])
         moved = np.array(ca.DM(p_y(self.times.start, *self.start, self.params)))
         return np.vstack([slope - moved.T @ first, lam]), np.vstack([first, pi])
 
     def _along(self, t: Array, y: Array, costate: Array) -> Array:
         """Return the part of costates of the position that is along the constraints."""
-        s, model = self.reduced._symbols, self.reduced._model
+        s, model = self.reduced.symbols, self.reduced.model
         if not self.equations.m:
             return costate
         slopes = ca.Function("g_y", [s.t, s.y, s.params.vector], [ca.jacobian(model.g, s.y)])

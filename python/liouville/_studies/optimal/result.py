@@ -115,7 +115,7 @@ class OptimalControl:
         _, controls = self._how
         steps, s = self.stage_t.shape
         stages = [x.reshape(steps, s, -1) for x in self.stage_controls.values()]
-        t, c = self.system._symbols.t, (self.stage_t[0] - self.t[0]) / self.h
+        t, c = self.system.symbols.t, (self.stage_t[0] - self.t[0]) / self.h
         values = polynomials(t, self.t[0], self.h, np.concatenate(stages, axis=2), c)
         return driven(self.system, controls, values)
 

@@ -42,9 +42,9 @@ class Equations:
         self, system: Mechanics, controls: Controls, params: Array, costs: dict[str, ca.SX],
         free: Controls,
     ) -> None:  # fmt: skip
-        s, model, linear = system._symbols, system._model, system._linear
+        s, model, linear = system.symbols, system.model, system._linear
         self.n, self.m, self.size = s.y.numel(), model.g.numel(), controls.size
-        self.is_own_velocity, self.is_ideal = is_own_velocity(system), system._is_ideal
+        self.is_own_velocity, self.is_ideal = is_own_velocity(system), system.is_ideal
         p = model.p + _times(linear.mass, s.z)
         f = model.f - _times(linear.damping, s.z) - _times(linear.stiffness, s.y)
         w = total_derivative(model.g, s, model.v)
@@ -221,10 +221,10 @@ class Transcription:
         rows, labels, limits = [ca.SX(0, 1)], list[str](), [np.empty((2, 0))]
         if self._free and equations.m:
             rows.append(equations.at("end", t, y, z)[1])
-            labels += [f"hidden constraint '{x}' of the start" for x in self.system._holonomic]
+            labels += [f"hidden constraint '{x}' of the start" for x in self.system.holonomic]
         if 0 in self._free and equations.m:
             rows.append(equations.at("node", t, y, ca.SX(equations.m, 1))[0])
-            labels += [f"constraint '{x}' of the start" for x in self.system._holonomic]
+            labels += [f"constraint '{x}' of the start" for x in self.system.holonomic]
         limits.append(np.zeros((2, len(labels))))
         if path is not None and (self._free or equations.free.numel()) and path.of_states:
             rows.append(equations.at("path", t, y, z)[path.of_states])
@@ -301,7 +301,7 @@ class Transcription:
         names, s = self.system.coordinates, self.stages
         of_velocity = [f"the velocity of '{x}'" for _ in range(s) for x in names] * has_z
         momenta = [f"the momentum of '{x}'" for x in names]
-        holonomic = [f"constraint '{x}'" for x in self.system._holonomic]
+        holonomic = [f"constraint '{x}'" for x in self.system.holonomic]
         positions = [f"the position of '{x}'" for x in names]
         hidden = [f"hidden {x}" for x in holonomic]
         return (*of_velocity, *(momenta * s), *(holonomic * s), *positions, *momenta, *hidden)

@@ -29,7 +29,7 @@ def alpha_slopes(system: Mechanics, method: Any) -> AlphaSlopes:
     TypeError
         The system has matrices of its own, which are not among the expressions.
     """
-    if system._model.linear != Linear():
+    if system.model.linear != Linear():
         sentence = "tangents by the alpha family must be those of expressions, not of matrices"
         raise TypeError(hinted(sentence, "take Spark"))
     return kept(system, f"slopes of {method!r}", lambda: _alpha_slopes(system, method))
@@ -43,7 +43,7 @@ def alpha_transposed(system: Mechanics, method: Any) -> AlphaTransposed:
 
 
 def _transposed(system: Mechanics, method: Any) -> tuple[_core.Tape, _core.Tape, _core.Tape]:
-    s, n = system._symbols, system._symbols.y.numel()
+    s, n = system.symbols, system.symbols.y.numel()
     h, scale = ca.SX.sym("h"), ca.SX.sym("scale")
     a, phi = ca.SX.sym("a", n), ca.SX.sym("phi", n)
     unknowns, end, equations = _step(system, method, (h, scale, a, phi))
@@ -68,7 +68,7 @@ def _transposed(system: Mechanics, method: Any) -> tuple[_core.Tape, _core.Tape,
 
 
 def _alpha_slopes(system: Mechanics, method: Any) -> AlphaSlopes:
-    s, n = system._symbols, system._symbols.y.numel()
+    s, n = system.symbols, system.symbols.y.numel()
     h, scale = ca.SX.sym("h"), ca.SX.sym("scale")
     a, phi = ca.SX.sym("a", n), ca.SX.sym("phi", n)
     unknowns, end, equations = _step(system, method, (h, scale, a, phi))
@@ -99,7 +99,7 @@ def _alpha_slopes(system: Mechanics, method: Any) -> AlphaSlopes:
 
 def _second_order(system: Mechanics) -> tuple[ca.SX, ca.SX]:
     """Return M and F of M z' = F + r."""
-    s, model = system._symbols, system._model
+    s, model = system.symbols, system.model
     return jacobian(model.p, s.z), model.f - total_derivative(model.p, s, s.z)
 
 
@@ -107,7 +107,7 @@ def _step(
     system: Mechanics, method: Any, symbols: tuple[ca.SX, ca.SX, ca.SX, ca.SX]
 ) -> tuple[ca.SX, ca.SX, ca.SX]:
     """Return the unknowns of a step, its end (y1, z1, a1), and its equations."""
-    s, model = system._symbols, system._model
+    s, model = system.symbols, system.model
     n, m = s.y.numel(), model.lam.numel()
     alpha_m, alpha_f, gamma, beta = method.coefficients
     h, scale, a0, phi0 = symbols

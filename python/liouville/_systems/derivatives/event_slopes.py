@@ -29,7 +29,7 @@ def event_slopes(system: Mechanics | SemiExplicit, name: str, event: Event) -> S
 
 def switch_slopes(system: Mechanics, name: str) -> Slopes:
     """Record the derivatives of a switch."""
-    value = system._expressions.columns[SWITCH + name]
+    value = system.expressions.columns[SWITCH + name]
     return _slopes(system, f"switch '{name}'", value, [], False)
 
 
@@ -43,7 +43,7 @@ def _slopes(
     TypeError
         The mass matrix of what an impact moves is not among the expressions.
     """
-    s = system._symbols
+    s = system.symbols
     x = ca.vertcat(s.t, s.y, s.z, _multipliers(system), s.params.vector)
     gradient = record(f"slopes of {what}", _inputs(system), ca.densify(ca.gradient(value, x)))
     reset = moves = impulse = None
@@ -59,14 +59,14 @@ def _slopes(
 
 def _moves(system: Mechanics | SemiExplicit, what: str, x: ca.SX) -> Pair | None:
     """Record the derivatives of a correction that moves coordinates to the constraints, if any."""
-    s = system._symbols
+    s = system.symbols
     if not isinstance(system, Mechanics):
-        field, k = (system._expressions.columns[name] for name in ("field", "constraint"))
+        field, k = (system.expressions.columns[name] for name in ("field", "constraint"))
         held = ca.SX.sym("held", k.numel())
         change = -ca.jtimes(field, s.z, held)
         found = ca.vertcat(-ca.jtimes(k, s.y, change) - k, change)
         return _pair(f"moves of {what}", system, x, found, {"move": ca.SX(0, 1), "held": held})
-    model, own = system._model, system._model.nonholonomic
+    model, own = system.model, system.model.nonholonomic
     if not model.g.numel():
         return None
     move, held = ca.SX.sym("move", s.z.numel()), ca.SX.sym("held", model.g.numel() + own.k.numel())
@@ -83,7 +83,7 @@ def _impulses(
     system: Mechanics, what: str, value: ca.SX, x: ca.SX, restitution: list[ca.SX]
 ) -> Pair | None:
     """Record the derivatives of what changes momenta at a reset, if anything does."""
-    s, model = system._symbols, system._model
+    s, model = system.symbols, system.model
     own, held = model.nonholonomic, model.lam.numel() + model.nonholonomic.nu.numel()
     is_impact = bool(restitution)
     if not (is_impact or held):
@@ -105,7 +105,7 @@ def _balance(
     system: Mechanics, unknowns: tuple[ca.SX, ca.SX], value: ca.SX, restitution: list[ca.SX]
 ) -> ca.SX:
     """Return the equations of impulses: momenta, constraints on z, the rate of an impact."""
-    s, model = system._symbols, system._model
+    s, model = system.symbols, system.model
     (after, held), own = unknowns, model.nonholonomic
     hidden = ca.vertcat(total_derivative(model.g, s, model.v), own.k)
     ends = ca.vertcat(model.p, hidden, model.v)
@@ -125,7 +125,7 @@ def _balance(
 
 def _reactions(system: Mechanics, held: ca.SX) -> ca.SX:
     """Return the reactions to small multipliers, in which they are linear."""
-    model, own = system._model, system._model.nonholonomic
+    model, own = system.model, system.model.nonholonomic
     lam = ca.vertcat(model.lam, own.nu)
     reactions = model.r + own.rn if own.nu.numel() else model.r
     return ca.substitute(ca.jtimes(reactions, lam, held), lam, ca.SX.zeros(held.numel(), 1))
@@ -138,7 +138,7 @@ def _multipliers(system: Mechanics | SemiExplicit) -> ca.SX:
 
 def _inputs(system: Mechanics | SemiExplicit, **more: ca.SX) -> dict[str, ca.SX]:
     """Return the inputs of an event, and more before the parameters."""
-    s = system._symbols
+    s = system.symbols
     inputs = s.inputs(z=s.z, lam=_multipliers(system))
     params = inputs.pop("params")
     return {**inputs, **more, "params": params}

@@ -43,7 +43,7 @@ def pulled_invariants(
 
 def _transposed(system: Mechanics | SemiExplicit) -> _core.Tape:
     """Record the transposed derivative of the invariants."""
-    s, columns = system._symbols, system._expressions.columns
+    s, columns = system.symbols, system.expressions.columns
     all_of_them = ca.vertcat(*(columns[INVARIANT + name] for name in system.invariants))
     inputs, back = s.inputs(z=s.z), ca.SX.sym("back", all_of_them.numel())
     params, point = inputs.pop("params"), ca.vertcat(s.t, s.y, s.z, s.params.vector)

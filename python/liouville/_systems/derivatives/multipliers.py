@@ -31,7 +31,7 @@ At = tuple[float, np.ndarray, np.ndarray]
 
 def are_shared(stepped: Mechanics) -> bool:
     """Say whether multipliers are shared, by a mass whose derivatives are traced."""
-    model = stepped._model
+    model = stepped.model
     return model.redundant is not None and model.linear.mass is None
 
 
@@ -51,7 +51,7 @@ class SharedMultipliers:
     """
 
     def __init__(self, stepped: Mechanics, at: At, lam: np.ndarray, params: np.ndarray) -> None:
-        redundant = stepped._model.redundant
+        redundant = stepped.model.redundant
         assert redundant is not None
         self._system, self._params = stepped, params
         t, y, z = at
@@ -119,14 +119,14 @@ class SharedMultipliers:
 
 def _reactions(system: Mechanics) -> _core.Tape:
     """Record reactions to multipliers of one, p_z and v_z at (t, y, z), column by column."""
-    s, model = system._symbols, system._model
+    s, model = system.symbols, system.model
     parts = [_full(model.redundant), jacobian(model.p, s.z), jacobian(model.v, s.z)]
     return record("reactions", s.inputs(z=s.z), *(ca.vec(ca.densify(x)) for x in parts))
 
 
 def _moving(system: Mechanics) -> tuple[dict[str, ca.SX], ca.SX, ca.SX]:
     """Return inputs, what moves, and reactions with their squares, of which forces are held."""
-    s, model = system._symbols, system._model
+    s, model = system.symbols, system.model
     reactions = _full(model.redundant)
     n, m = reactions.shape
     held = ca.SX.sym("held", 2 * n * m)

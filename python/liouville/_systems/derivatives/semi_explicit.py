@@ -27,7 +27,7 @@ def sensitivity(system: SemiExplicit) -> _core.SemiExplicitSensitivity:
 
 
 def _sensitivity(system: SemiExplicit) -> _core.SemiExplicitSensitivity:
-    s, columns = system._symbols, system._expressions.columns
+    s, columns = system.symbols, system.expressions.columns
     tau, point = ca.vertcat(s.t, s.params.vector), s.inputs(z=s.z)
     field = {"f_tau": Block(jacobian(columns["field"], tau))}
     constraint = {"k_tau": Block(jacobian(columns["constraint"], tau))}
@@ -75,15 +75,15 @@ def pulled_start(
 
 def gradients(system: SemiExplicit, t: float, y: np.ndarray, params: np.ndarray) -> np.ndarray:
     """Return the gradients of the constraints at a point, k_y, shape (l, n)."""
-    rows, columns, row, column = system._patterns["k_y"]
+    rows, columns, row, column = system.patterns["k_y"]
     found = np.zeros((rows, columns))
     args = [np.array([[t]]), y[None, :]]
-    found[row, column] = system._tapes["constraint_jacobian"].map(params, args)[0]
+    found[row, column] = system.tapes["constraint_jacobian"].map(params, args)[0]
     return found
 
 
 def _corrections(system: SemiExplicit, t: float, y: np.ndarray, params: np.ndarray) -> Corrections:
-    s, k = system._symbols, system._expressions.columns["constraint"]
+    s, k = system.symbols, system.expressions.columns["constraint"]
 
     def equations() -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
         return s.y, ca.SX(0, 1), k, ca.SX.eye(s.y.numel())

@@ -46,7 +46,7 @@ def sensitivity(system: Mechanics) -> _core.Sensitivity:
 
 
 def _sensitivity(system: Mechanics) -> _core.Sensitivity:
-    s, model = system._symbols, system._model
+    s, model = system.symbols, system.model
     tau, linear = ca.vertcat(s.t, s.params.vector), model.linear
     u, residual, held, rate = equations(system)
     own, m = model.nonholonomic, model.g.numel()
@@ -64,7 +64,7 @@ def _sensitivity(system: Mechanics) -> _core.Sensitivity:
         "rate_z": Block(jacobian(rate, s.z)),
         "rate_tau": Block(jacobian(rate, tau)),
     }
-    if "v_z" in system._patterns:
+    if "v_z" in system.patterns:
         stage["v_tau"] = Block(jacobian(model.v, tau))
     rolling: dict[str, Block] = {}
     if own.nu.numel():
@@ -136,7 +136,7 @@ def pulled_start(
 
 
 def _projection(system: Mechanics, what: str) -> Moving:
-    s, model = system._symbols, system._model
+    s, model = system.symbols, system.model
 
     def equations() -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
         # constants in the metric do not move
@@ -185,7 +185,7 @@ class Corrections:
         params: np.ndarray,
     ) -> None:
         self._moving, self._t, self._params = moving, t, params
-        self._tapes, self._patterns, self._names = moving.recorded
+        self.tapes, self.patterns, self._names = moving.recorded
         self.end, other = at
         self._held = np.append(other, t)
         self._steps: list[tuple[np.ndarray, np.ndarray]] = []
@@ -194,7 +194,7 @@ class Corrections:
             x, last = self.end, size
             if len(self._steps) == MOST_CORRECTIONS:
                 raise ValueError("no consistent start is near the one given")
-            c = self._tapes[0].map(params, [x[None], self._held[None]])[0]
+            c = self.tapes[0].map(params, [x[None], self._held[None]])[0]
             if np.array_equal(c, before):
                 break  # constraints round more coarsely than x does, near 0
             before = c
@@ -232,7 +232,7 @@ class Corrections:
     def _solved(self, x: np.ndarray, rows: np.ndarray, is_transposed: bool) -> np.ndarray:
         """Solve with the matrix of a correction at x, or with its transpose."""
         found = _core.project_linear(
-            self._tapes, self._patterns, x, self._held, self._params, rows, is_transposed
+            self.tapes, self.patterns, x, self._held, self._params, rows, is_transposed
         )
         if isinstance(found, dict):
             if found["kind"] == "not finite":
@@ -264,7 +264,7 @@ def _transposed(moving: Moving) -> _core.Tape:
 
 def _correction(moving: Moving) -> tuple[dict[str, ca.SX], ca.SX, ca.SX]:
     """Return inputs, what moves, and F of a projection."""
-    s = moving.system._symbols
+    s = moving.system.symbols
     x, held, c, metric = moving.equations()
     step = ca.SX.sym("step", x.numel() + c.numel())
     delta, mu = ca.vertsplit(step, [0, x.numel(), step.numel()])

@@ -25,7 +25,7 @@ class Field(Parametrised, ABC):
     constraints: tuple[str, ...] = ()
     coordinates: tuple[str, ...]
     is_driven: bool
-    _symbols: Symbols
+    symbols: Symbols
     _observer: Observer
     #: Parameters that are variables at rest, by number, with their names.
     held: Mapping[int, str] = {}
@@ -35,7 +35,7 @@ class Field(Parametrised, ABC):
     _recorded: dict[str, Any]
 
     @property
-    def _expressions(self) -> Expressions | None:
+    def expressions(self) -> Expressions | None:
         """The field as expressions, None where it is known by terms or samples."""
         return None
 

@@ -44,7 +44,7 @@ class Observer:
             name: invariant(name, value, symbols)
             for name, value in _trace.mapping("invariants", invariants).items()
         }
-        self._expressions = Expressions(symbols, {name: x for name, (x, _, _) in read.items()})
+        self.expressions = Expressions(symbols, {name: x for name, (x, _, _) in read.items()})
         self._matrices = [(row, matrix) for _, row, matrix in read.values()]
         self.names = tuple(read)
 
@@ -62,7 +62,7 @@ class Observer:
 
     def event(self, what: str, function: Callable[..., Any]) -> _core.Tape:
         """Return the tape of one function of t, x and params."""
-        s, value = self._expressions.symbols, self._event_value(what, function)
+        s, value = self.expressions.symbols, self._event_value(what, function)
         return record(what, s.inputs(), value)
 
     def event_slopes(self, what: str, function: Callable[..., Any]) -> _core.Tape:
@@ -71,13 +71,13 @@ class Observer:
 
     def slopes_of(self, function: Callable[..., Any]) -> tuple[_core.Tape, int]:
         """Return the Jacobian of a function by (t, x, params), column by column, and its width."""
-        s = self._expressions.symbols
+        s = self.expressions.symbols
         value = _trace.column("the function", function, s.args)
         return self._slopes(value), value.numel()
 
     def measured(self, functions: Mapping[str, Any]) -> tuple[_core.Tape, dict[str, int]]:
         """Record functions and their derivatives, as a mechanical system does for fits."""
-        s = self._expressions.symbols
+        s = self.expressions.symbols
         columns = {
             name: _trace.column(f"observed '{name}'", function, s.args)
             for name, function in _trace.mapping("observe", functions).items()
@@ -92,15 +92,15 @@ class Observer:
         if any(part is not None for part in self._matrices[self.names.index(name)]):
             sentence = f"invariant '{name}' is a matrix, whose derivative is not recorded"
             raise TypeError(hinted(sentence, "give it as a function of t, x and params"))
-        return self._slopes(self._expressions.columns[name])
+        return self._slopes(self.expressions.columns[name])
 
     def _slopes(self, value: ca.SX) -> _core.Tape:
-        s = self._expressions.symbols
+        s = self.expressions.symbols
         by = ca.vertcat(s.t, s.x, s.params.vector)
         return record("slopes", s.inputs(), ca.densify(ca.jacobian(value, by)))
 
     def _event_value(self, what: str, function: Callable[..., Any]) -> ca.SX:
-        s = self._expressions.symbols
+        s = self.expressions.symbols
         value = _trace.scalar(what, function, s.args)
         if not ca.depends_on(value, ca.vertcat(s.t, s.x)):
             sentence = f"{what} is the same for all states"
@@ -110,11 +110,11 @@ class Observer:
 
     def portable(self, observe: Mapping[str, Any] | None) -> dict[str, Any]:
         """Return functions to observe in a form that can be pickled."""
-        args = self._expressions.symbols.args
+        args = self.expressions.symbols.args
         return recorded(observe, lambda _: args)
 
     def _record(self, observe: Mapping[str, Any]) -> tuple[_core.Tape, dict[str, int]]:
-        s, columns = self._expressions.symbols, self._expressions.columns
+        s, columns = self.expressions.symbols, self.expressions.columns
         parts = {f"invariant {name}": x for name, x in columns.items()}
         for name, function in observe.items():
             parts[f"observed {name}"] = _trace.column(f"observed '{name}'", function, s.args)

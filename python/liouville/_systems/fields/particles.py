@@ -155,8 +155,8 @@ class ChargedParticles(PolynomialField):
     def _expanded(self, values: np.ndarray) -> Terms:
         """Return the field as terms: it has no divergence, whatever B and E are."""
         for name in (MASS, LIGHT)[: 1 + self.is_relativistic]:
-            own = self._symbols.params.values(None) if values is None else values
-            number = own[[*self._symbols.params.defaults].index(name)]
+            own = self.symbols.params.values(None) if values is None else values
+            number = own[[*self.symbols.params.defaults].index(name)]
             if not number > 0:
                 what = "the mass" if name == MASS else "the speed of light c"
                 raise ValueError(f"{what} must be positive, not {number:g}")

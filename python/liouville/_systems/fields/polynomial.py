@@ -132,7 +132,7 @@ class PolynomialField(Field):
     ) -> Self:
         self.coordinates = names
         self.is_driven = is_driven
-        self._symbols = symbols
+        self.symbols = symbols
         self._source = source
         self._observer, self._recorded = Observer(symbols, invariants), {}
         self._values = self.values(None)
@@ -159,11 +159,11 @@ class PolynomialField(Field):
         """The components as expressions, of a field with parameters."""
         if isinstance(self._source, Source):
             return self._source
-        given, s = self._sympy, self._symbols
+        given, s = self._sympy, self.symbols
         return self.kept("traced", lambda: Source(given.column(s), s, given.names, self.is_driven))
 
     @property
-    def _expressions(self) -> Expressions | None:
+    def expressions(self) -> Expressions | None:
         """The components as expressions, None where the field is known by terms."""
         return self._source.expressions if isinstance(self._source, Source) else None
 
@@ -348,7 +348,7 @@ class PolynomialField(Field):
         if np.array_equal(values, self._values):
             return self
         other = copy(self)
-        other._symbols = self._symbols.with_params(self._symbols.params.replaced(values))
+        other.symbols = self.symbols.with_params(self.symbols.params.replaced(values))
         other._values = values
         other.terms, other._kept = other._expanded(values), {}
         return other

@@ -140,7 +140,7 @@ class PotentialField(PlaneField):
             column = _trace.placed("potential", potential, symbols.args, names)
         self.coordinates = names
         self.is_driven = bool(ca.depends_on(column, symbols.t))
-        self._symbols, self._observer = symbols, Observer(symbols, invariants)
+        self.symbols, self._observer = symbols, Observer(symbols, invariants)
         self._potential, self._recorded = Expressions(symbols, {"potential": column}), {}
         self._values = self.values(None)
         found = (_recorded(column, number, symbols) for number in range(column.numel()))
@@ -165,7 +165,7 @@ class PotentialField(PlaneField):
         return dict(self.__dict__) | {"_made": None}
 
     @property
-    def _expressions(self) -> Expressions:
+    def expressions(self) -> Expressions:
         """The velocity, as expressions."""
         symbols, column = self._potential.symbols, self._potential.columns["potential"]
         variables = _variables(symbols)
@@ -239,7 +239,7 @@ class PotentialField(PlaneField):
         if np.array_equal(values, self._values):
             return self
         other = copy(self)
-        other._symbols = self._symbols.with_params(self._symbols.params.replaced(values))
+        other.symbols = self.symbols.with_params(self.symbols.params.replaced(values))
         other._values, other._made = values, None
         return other
 

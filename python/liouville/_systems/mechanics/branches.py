@@ -100,7 +100,7 @@ class Branches:
 
 def branches(system: Mechanics | SemiExplicit | Field | DriveSensitivity) -> Branches | None:
     """Return the functions by cases of a system, None where it has none."""
-    return kept(system, "branches", lambda: _branches(system._expressions))
+    return kept(system, "branches", lambda: _branches(system.expressions))
 
 
 def _branches(expressions: Expressions | None) -> Branches | None:

@@ -51,8 +51,8 @@ def project(
 def recorded(system: Mechanics, what: str) -> Projection:
     """Return the projection of a system, recorded when it is first wanted."""
     if what not in system._recorded:
-        named = system._holonomic, system.nonholonomic
-        system._recorded[what] = projection(what, system._symbols, system._model, *named)
+        named = system.holonomic, system.nonholonomic
+        system._recorded[what] = projection(what, system.symbols, system.model, *named)
     found: Projection = system._recorded[what]
     return found
 

@@ -65,8 +65,8 @@ class Mechanics(TracedSystem):
         Names of the n coordinates.
     constraints : tuple of str
         Names of the m holonomic constraints, then of the l nonholonomic ones.
-    nonholonomic : tuple of str
-        Names of the l nonholonomic constraints alone.
+    holonomic, nonholonomic : tuple of str
+        The same apart.
     states : tuple of str
         What its coordinates and their partner are called: ("q", "v"), ("q", "p") or ("y", "z").
     invariants : tuple of str
@@ -78,6 +78,8 @@ class Mechanics(TracedSystem):
         Whether something does, of a system whose energy is recorded.
     may_only_lose : bool
         Whether that is nothing but forces of the state, which may be damping.
+    model, symbols, expressions, tapes, patterns
+        Expressions of CasADi, what they are of, and their programs, for the rest of the library.
     """
 
     problem: _core.Mechanical
@@ -101,9 +103,9 @@ class Mechanics(TracedSystem):
         self.coordinates = coordinates
         self.constraints = constraints
         m = model.g.numel()
-        self._holonomic, self.nonholonomic = constraints[:m], constraints[m:]
+        self.holonomic, self.nonholonomic = constraints[:m], constraints[m:]
         self.states = states
-        self._model, self._linear, self._is_ideal = model, model.linear, model.is_ideal
+        self.model, self._linear, self.is_ideal = model, model.linear, model.is_ideal
         own, columns = model.nonholonomic, {name: getattr(model, name) for name in "vpfrg"}
         columns |= {"k": own.k, "rn": own.rn, **({} if power is None else {"power": power})}
         columns |= {SWITCH + name: x for name, x in (switches or {}).items()}
@@ -114,7 +116,7 @@ class Mechanics(TracedSystem):
         at = symbols.inputs(z=symbols.z, lam=self._multipliers)
         found = (switches or {}).items()
         self.switch_tapes = {name: record(f"switch '{name}'", at, x) for name, x in found}
-        self._tapes, self._patterns, self.problem = compiled(symbols, model)
+        self.tapes, self.patterns, self.problem = compiled(symbols, model)
 
     def check_smooth(
         self, what: str, hint: str = "lv.integrate, lv.ensemble, lv.vjp and lv.fit take them"
@@ -134,17 +136,17 @@ class Mechanics(TracedSystem):
             self.contacts = Contacts(self, contacts, impacts)
 
     @cached_property
-    def _model(self) -> Model:
-        columns, more = self._expressions.columns, self._expressions.more
+    def model(self) -> Model:
+        columns, more = self.expressions.columns, self.expressions.more
         own = Nonholonomic(columns["k"], columns["rn"], more["nu"])
         v, p, f, r, g = (columns[name] for name in "vpfrg")
-        return Model(v, p, f, r, g, more["lam"], own, self._linear, self._is_ideal)
+        return Model(v, p, f, r, g, more["lam"], own, self._linear, self.is_ideal)
 
     def _state(self) -> dict[str, Any]:
         self.observer(None)  # every run needs it
         if "energy" in self.invariants and (self.is_conservative or self.may_only_lose):
             _motion.energies(self)
-        return {name: x for name, x in self.__dict__.items() if name != "_model"}
+        return {name: x for name, x in self.__dict__.items() if name != "model"}
 
     def _restore(self, state: dict[str, Any]) -> None:
         super()._restore(state)
@@ -153,8 +155,8 @@ class Mechanics(TracedSystem):
 
     def __repr__(self) -> str:
         """Name the kind of system and its coordinates."""
-        counts = [amount(len(self._holonomic), "constraint")] * bool(
-            self._holonomic or not self.nonholonomic
+        counts = [amount(len(self.holonomic), "constraint")] * bool(
+            self.holonomic or not self.nonholonomic
         )
         counts += [f"{len(self.nonholonomic)} nonholonomic"] * bool(self.nonholonomic)
         return f"{type(self).__name__}({shown(self.coordinates)}; {', '.join(counts)})"
@@ -205,18 +207,18 @@ class Mechanics(TracedSystem):
         """
         if not self.constraints:
             return None
-        limits = (TOLERANCE, FLOOR, self._kinds)
+        limits = (TOLERANCE, FLOOR, self.kinds)
         return _core.violation(self.problem, params, t, (y, z), limits, hidden)
 
     @property
-    def _kinds(self) -> Sequence[int]:
+    def kinds(self) -> Sequence[int]:
         """The kind of each coordinate, those of one kind having one unit; empty where all have."""
         return ()
 
     def violated(self, violation: Violation, t: float, hint: str) -> str:
         """Return the fault of a start, in the user's names."""
         _, kind, index, value, limit = violation
-        (first, second), own = self.states, self._holonomic
+        (first, second), own = self.states, self.holonomic
         what, symbol, names = {
             "constraint": ("constraint", f"g({first})", own),
             "hidden": ("hidden constraint", f"g_t + g_{first} v", own),
@@ -226,9 +228,9 @@ class Mechanics(TracedSystem):
 
     def nearly_dependent(self, t: float, y: np.ndarray, params: np.ndarray) -> tuple[str, ...]:
         """Name the holonomic constraints whose gradients are nearly dependent at a point."""
-        values = self._at("node_blocks", params, t, y, np.zeros(len(self._holonomic)))
-        pattern = self._patterns["g_y"]
-        return nearly_dependent(pattern, values[: len(pattern[2])], self._holonomic)
+        values = self.at_point("node_blocks", params, t, y, np.zeros(len(self.holonomic)))
+        pattern = self.patterns["g_y"]
+        return nearly_dependent(pattern, values[: len(pattern[2])], self.holonomic)
 
     def consistent(
         self,
@@ -293,8 +295,8 @@ class Mechanics(TracedSystem):
     @cached_property
     def is_autonomous(self) -> bool:
         """Whether time has no part in its functions."""
-        columns = self._expressions.columns.values()
-        return not any(ca.depends_on(x, self._symbols.t) for x in columns)
+        columns = self.expressions.columns.values()
+        return not any(ca.depends_on(x, self.symbols.t) for x in columns)
 
     @cached_property
     def second_order(self) -> _core.SecondOrder:
@@ -307,15 +309,15 @@ class Mechanics(TracedSystem):
         """
         return _core.SecondOrder(
             self.problem,
-            *second_order(self._symbols, self._model, self._expressions.columns.get("power")),
+            *second_order(self.symbols, self.model, self.expressions.columns.get("power")),
         )
 
     @cached_property
     def separable(self) -> _core.Separable | None:
         """The system for RATTLE, where v and p depend on z only and f on (t, y) only; else None."""
-        if not is_separable(self._symbols, self._model):
+        if not is_separable(self.symbols, self.model):
             return None
-        return _core.Separable(self.problem, separable(self._symbols, self._model))
+        return _core.Separable(self.problem, separable(self.symbols, self.model))
 
     def reaction(
         self,
@@ -354,22 +356,22 @@ class Mechanics(TracedSystem):
         ValueError
             There is no such parameter.
         """
-        values, m, own = self.values(params), len(self._holonomic), len(self.nonholonomic)
+        values, m, own = self.values(params), len(self.holonomic), len(self.nonholonomic)
         lam = np.reshape(lam, (np.size(t), m + own))
-        forces = self._map("node", values, t, y, lam[:, :m])[:, m:]
+        forces = self.map_tape("node", values, t, y, lam[:, :m])[:, m:]
         if own:
             if z is None:
                 raise TypeError("reactions of nonholonomic constraints depend on z: give z=")
-            forces = forces + self._map("nonholonomic", values, t, y, z, lam[:, m:])[:, own:]
+            forces = forces + self.map_tape("nonholonomic", values, t, y, z, lam[:, m:])[:, own:]
         return forces
 
-    def _map(self, name: str, params: np.ndarray, *args: ArrayLike) -> np.ndarray:
+    def map_tape(self, name: str, params: np.ndarray, *args: ArrayLike) -> np.ndarray:
         k = np.size(args[0])
         rows = [np.ascontiguousarray(np.reshape(x, (k, -1)), dtype=float) for x in args]
-        return self._tapes[name].map(params, rows)
+        return self.tapes[name].map(params, rows)
 
-    def _at(self, name: str, params: np.ndarray, *args: ArrayLike) -> np.ndarray:
-        values: np.ndarray = self._map(name, params, *args)[0]
+    def at_point(self, name: str, params: np.ndarray, *args: ArrayLike) -> np.ndarray:
+        values: np.ndarray = self.map_tape(name, params, *args)[0]
         return values
 
     def stepped(self, t: float, y: np.ndarray, z: np.ndarray, params: np.ndarray) -> Mechanics:
@@ -395,7 +397,7 @@ class Mechanics(TracedSystem):
     @cached_property
     def _states_tape(self) -> tuple[_core.Tape, dict[str, int]]:
         """The tape of what (y, z) are not called, p and v, with the width of each."""
-        s, model = self._symbols, self._model
+        s, model = self.symbols, self.model
         parts = {"p": model.p, "v": model.v}
         parts = {name: x for name, x in parts.items() if name != self.states[1]}
         tape = record("states", s.inputs(z=s.z), *parts.values())
@@ -409,26 +411,26 @@ class Mechanics(TracedSystem):
         return {first: self.coordinates, second: self.coordinates, "lam": self.constraints}
 
     @property
-    def _layout(self) -> Layout:
+    def layout(self) -> Layout:
         return of_mechanics(self)
 
     @property
     def _vectors(self) -> dict[str, list[str]]:
         (first, second), n = self.states, len(self.coordinates)
-        lam, m = elements("lam", len(self.constraints)), len(self._holonomic)
+        lam, m = elements("lam", len(self.constraints)), len(self.holonomic)
         states = {"y": elements(first, n), "z": elements(second, n)}
         return {"t": ["t"], **states, "lam": lam[:m], "nu": lam[m:]}
 
     @property
     def _velocity(self) -> ca.SX:
-        return self._model.v
+        return self.model.v
 
     @property
     def _multipliers(self) -> ca.SX:
-        return ca.vertcat(self._model.lam, self._model.nonholonomic.nu)
+        return ca.vertcat(self.model.lam, self.model.nonholonomic.nu)
 
     def _parts(self, states: bool) -> dict[str, ca.SX]:
-        s, model = self._symbols, self._model
+        s, model = self.symbols, self.model
         parts: dict[str, ca.SX] = {}
         if states:
             parts |= {"p": model.p} if self.states[1] != "p" else {}

@@ -66,7 +66,7 @@ def energies(system: Mechanics) -> _core.Tape:
 
 def rows_of(system: Mechanics, which: tuple[int, ...]) -> _core.Tape:
     """Record some of the constraints, by their numbers, at (t, y, z)."""
-    s, model = system._symbols, system._model
+    s, model = system.symbols, system.model
 
     def recorded() -> _core.Tape:
         rows = ca.vertcat(model.g, model.nonholonomic.k)
@@ -83,7 +83,7 @@ def rates(system: Mechanics, functions: Mapping[str, Callable[..., Any]]) -> Slo
     TypeError, ValueError
         A function returns no expression, or one that does not depend on z or not linearly.
     """
-    s, found = system._symbols, []
+    s, found = system.symbols, []
     for name, function in functions.items():
         what = f"actuator '{name}'"
         row = jacobian(_trace.scalar(what, function, s.args), s.z)
@@ -109,7 +109,7 @@ def kept(
 
 def equations(system: Mechanics) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
     r"""Return symbols of z', the residual R, the constraints c on z, and their rate."""
-    s, model = system._symbols, system._model
+    s, model = system.symbols, system.model
     own, u = model.nonholonomic, ca.SX.sym("u", s.z.numel())
 
     def along(x: ca.SX) -> ca.SX:
@@ -123,7 +123,7 @@ def equations(system: Mechanics) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
 
 
 def _linearized(system: Mechanics) -> Slopes:
-    s, model = system._symbols, system._model
+    s, model = system.symbols, system.model
     u, residual, held, moved = equations(system)
     linear = model.linear
     blocks = {
@@ -141,8 +141,8 @@ def _linearized(system: Mechanics) -> Slopes:
 
 
 def _energies(system: Mechanics) -> _core.Tape:
-    s, model, linear = system._symbols, system._model, system._model.linear
-    columns = system._expressions.columns
+    s, model, linear = system.symbols, system.model, system.model.linear
+    columns = system.expressions.columns
     parts = [columns["invariant energy"], ca.dot(model.p, model.v) / 2]
     forms = linear.terms(0, mass=(2, 0.5), stiffness=(1, 0.5)) + linear.terms(1, mass=(2, 0.5))
     if system.may_only_lose:
@@ -153,11 +153,11 @@ def _energies(system: Mechanics) -> _core.Tape:
 
 
 def _power(system: Mechanics) -> _core.Tape:
-    s, columns = system._symbols, system._expressions.columns
+    s, columns = system.symbols, system.expressions.columns
     if "power" not in columns:
         sentence = f"the energy of a {type(system).__name__} system is not known to the library"
         raise TypeError(hinted(sentence, "write it as a Lagrangian, Hamiltonian or Structure"))
-    total, model = columns["power"], system._model
+    total, model = columns["power"], system.model
     own, moving = model.nonholonomic, ca.jtimes(total, model.lam, model.lam)
     if own.nu.numel():
         moving += ca.dot(own.rn, model.v) + ca.dot(own.nu, own.k)

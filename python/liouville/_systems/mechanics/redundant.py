@@ -74,7 +74,7 @@ def redundant(
     kept, _, _ = _core.independent_rows(gradients * units, CLEARLY)
     if len(kept) == rows or not np.abs(gradients).max(axis=1).all():
         return ()
-    nearby = _Nearby(system, t, z, params, y, [k for k in kept if k < len(system._holonomic)])
+    nearby = _Nearby(system, t, z, params, y, [k for k in kept if k < len(system.holonomic)])
     found = nearby.moved(np.zeros(n))
     if found is None:  # they contradict each other, for which a run has the better sentence
         return ()
@@ -153,13 +153,13 @@ def sizes(
 
 
 def _without(system: Mechanics, left: tuple[int, ...]) -> Mechanics:
-    s, model, own = system._symbols, system._model, system._model.nonholonomic
+    s, model, own = system.symbols, system.model, system.model.nonholonomic
     m, names = model.g.numel(), system.constraints
     held = [k for k in range(m) if k not in left]
     rolling = [k - m for k in range(m, len(names)) if k not in left]
     lam, all_lam = _part("lam", m, held)
     nu, all_nu = _part("nu", len(names) - m, rolling)
-    power = system._expressions.columns.get("power")
+    power = system.expressions.columns.get("power")
     if power is not None:
         power = ca.substitute(power, model.lam, all_lam)
     return Mechanics(
@@ -202,16 +202,16 @@ def _gradients(
     system: Mechanics, t: float, y: np.ndarray, z: np.ndarray, params: np.ndarray
 ) -> np.ndarray:
     """Return the gradients of all constraints by velocities, or by z, one a row."""
-    lam, nu = np.zeros(len(system._holonomic)), np.zeros(len(system.nonholonomic))
-    found = dense(system._patterns["g_y"], system._at("node_blocks", params, t, y, lam))
+    lam, nu = np.zeros(len(system.holonomic)), np.zeros(len(system.nonholonomic))
+    found = dense(system.patterns["g_y"], system.at_point("node_blocks", params, t, y, lam))
     if not nu.size:
         return found
-    if "v_z" in system._patterns:
-        blocks = system._at("stage_blocks", params, t, y, z)
-        found = found @ dense(system._patterns["v_z"], blocks[len(system._patterns["p_z"][2]) :])
-    blocks = system._at("nonholonomic_blocks", params, t, y, z, nu)
+    if "v_z" in system.patterns:
+        blocks = system.at_point("stage_blocks", params, t, y, z)
+        found = found @ dense(system.patterns["v_z"], blocks[len(system.patterns["p_z"][2]) :])
+    blocks = system.at_point("nonholonomic_blocks", params, t, y, z, nu)
     return np.vstack(
-        [found, dense(system._patterns["k_z"], blocks[len(system._patterns["k_y"][2]) :])]
+        [found, dense(system.patterns["k_z"], blocks[len(system.patterns["k_y"][2]) :])]
     )
 
 
@@ -256,9 +256,9 @@ class _Nearby:
         kept: list[int],
     ) -> None:
         self.system, self.t, self.z, self.params, self.y, self.kept = system, t, z, params, y, kept
-        self._none = np.zeros(len(system._holonomic))
-        blocks = system._at("node_blocks", params, t, y, self._none)
-        gradients = dense(system._patterns["g_y"], blocks)
+        self._none = np.zeros(len(system.holonomic))
+        blocks = system.at_point("node_blocks", params, t, y, self._none)
+        gradients = dense(system.patterns["g_y"], blocks)
         slopes = np.abs(gradients).sum(axis=1) * (np.abs(y).max(initial=0.0) or 1.0)
         self._limits = MISSED * np.where(slopes > 0, slopes, 1.0)
         self.roundoff = float(np.finfo(float).eps) * (np.abs(gradients) @ np.abs(y))
@@ -290,13 +290,13 @@ class _Nearby:
         return found
 
     def _missed(self, y: np.ndarray) -> np.ndarray:
-        found: np.ndarray = self.system._at("node", self.params, self.t, y, self._none)
+        found: np.ndarray = self.system.at_point("node", self.params, self.t, y, self._none)
         return found[: self._none.size]
 
     def asides(self) -> list[np.ndarray]:
         """Return two small moves that keep the constraints nearly: along the velocity, another."""
         n, m = len(self.y), self._none.size
-        end = self.system._at("end", self.params, self.t, self.y, self.z)
+        end = self.system.at_point("end", self.params, self.t, self.y, self.z)
         velocity = end[n + m :] if end.size > n + m else self.z
         other = np.random.default_rng(0).standard_normal(n)
         other = self._columns * other
@@ -329,16 +329,16 @@ def _are_alike(
     left: tuple[int, ...],
 ) -> bool:
     """Return whether reactions are linear, and those left out are combinations of the others."""
-    m, own = len(system._holonomic), len(system.nonholonomic)
+    m, own = len(system.holonomic), len(system.nonholonomic)
     found = []
     for value in (0.0, 1.0):
         lam, nu = np.full(m, value), np.full(own, value)
-        blocks = system._at("node_blocks", params, t, y, lam)
-        columns = dense(system._patterns["r_lam"], blocks[len(system._patterns["g_y"][2]) :])
+        blocks = system.at_point("node_blocks", params, t, y, lam)
+        columns = dense(system.patterns["r_lam"], blocks[len(system.patterns["g_y"][2]) :])
         if own:
-            blocks = system._at("nonholonomic_blocks", params, t, y, z, nu)
-            of_nu = len(system._patterns["rn_nu"][2])
-            columns = np.hstack([columns, dense(system._patterns["rn_nu"], blocks[-of_nu:])])
+            blocks = system.at_point("nonholonomic_blocks", params, t, y, z, nu)
+            of_nu = len(system.patterns["rn_nu"][2])
+            columns = np.hstack([columns, dense(system.patterns["rn_nu"], blocks[-of_nu:])])
         found.append(columns)
     first, second = found
     is_linear = np.array_equal(first, second)
@@ -348,5 +348,5 @@ def _are_alike(
 
 def _is_driven(system: Mechanics) -> bool:
     """Return whether a constraint depends on time."""
-    model = system._model
-    return bool(ca.depends_on(ca.vertcat(model.g, model.nonholonomic.k), system._symbols.t))
+    model = system.model
+    return bool(ca.depends_on(ca.vertcat(model.g, model.nonholonomic.k), system.symbols.t))

@@ -185,7 +185,7 @@ class SemiExplicit(TracedSystem):
 
     def _compiled(self) -> _core.SemiExplicit:
         """Differentiate and record."""
-        s, columns = self._symbols, self._expressions.columns
+        s, columns = self.symbols, self.expressions.columns
         f, k, w = columns["field"], columns["constraint"], columns["hidden"]
         point, place = s.inputs(z=s.z), s.inputs()
         jac = {
@@ -203,10 +203,10 @@ class SemiExplicit(TracedSystem):
             "hidden_jacobian": record_blocks("hidden", point, [jac["w_z"], jac["f_z"]]),
             "rates": record("rates", point, *(total_derivative(x, s, f) for x in (w, f))),
         }
-        self._tapes = tapes
+        self.tapes = tapes
         is_linear = not ca.depends_on(entries(jacobian(f, s.z)), s.z)
         patterns = {name: block.pattern for name, block in jac.items()}
-        self._patterns = patterns
+        self.patterns = patterns
         return _core.SemiExplicit(
             len(self.coordinates), len(self.unknowns), is_linear, tapes, patterns
         )
@@ -250,13 +250,13 @@ class SemiExplicit(TracedSystem):
         """Refuse a start that violates a constraint; the hidden one is what z is solved from."""
         del z, hidden
         args = [np.array([[t]]), y[None, :]]
-        k = self._tapes["constraint"].map(params, args)[0]
-        slope = self._tapes["constraint_jacobian"].map(params, args)[0]
-        size = np.bincount(self._patterns["k_y"][2], np.abs(slope), len(k))
+        k = self.tapes["constraint"].map(params, args)[0]
+        slope = self.tapes["constraint_jacobian"].map(params, args)[0]
+        size = np.bincount(self.patterns["k_y"][2], np.abs(slope), len(k))
         largest = np.abs(y).max()
         limit = size * (FLOOR if largest <= FLOOR else TOLERANCE * largest)
         if (np.abs(k) > limit).any():
-            tape = self._tapes["constraint"]
+            tape = self.tapes["constraint"]
             limit = limit + ROUNDINGS * tape.roundings(params, [np.array([t]), y])
         check_residual("constraint", "k(y)", self.constraints, k, limit, t, hint)
 
@@ -340,7 +340,7 @@ class SemiExplicit(TracedSystem):
     @cached_property
     def _projection(self) -> tuple[Any, Any]:
         """Tapes (y, t, params) of k, k_y and the metric, and the patterns of the last two."""
-        s, k = self._symbols, self._expressions.columns["constraint"]
+        s, k = self.symbols, self.expressions.columns["constraint"]
         inputs = {"y": s.y, "t": s.t, "params": s.params.vector}
         slope, weight = Block(jacobian(k, s.y)), Block(ca.SX.eye(len(self.coordinates)))
         tapes = (
@@ -357,10 +357,10 @@ class SemiExplicit(TracedSystem):
 
     @property
     def _replaceable(self) -> dict[str, ca.SX]:
-        return {"y": self._symbols.y}  # z follows
+        return {"y": self.symbols.y}  # z follows
 
     @property
-    def _layout(self) -> Layout:
+    def layout(self) -> Layout:
         return of_semi_explicit(self)
 
     @property
@@ -370,8 +370,8 @@ class SemiExplicit(TracedSystem):
 
     @property
     def _velocity(self) -> ca.SX:
-        return self._expressions.columns["field"]
+        return self.expressions.columns["field"]
 
     def _parts(self, states: bool) -> dict[str, ca.SX]:
         del states  # y and z are no expressions
-        return {name: self._expressions.columns[name] for name in ("constraint", "hidden")}
+        return {name: self.expressions.columns[name] for name in ("constraint", "hidden")}

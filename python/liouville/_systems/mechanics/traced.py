@@ -66,19 +66,19 @@ class TracedSystem(Parametrised, ABC):
     checks_values = False
 
     problem: _core.Mechanical | _core.SemiExplicit
-    _tapes: dict[str, _core.Tape]
+    tapes: dict[str, _core.Tape]
 
     def _keep(self, expressions: Expressions, invariants: Mapping[str, ca.SX]) -> None:
         """Keep expressions, and the invariants among them."""
         symbols, columns = expressions.symbols, expressions.columns
         columns = columns | {INVARIANT + name: x for name, x in invariants.items()}
         self.invariants = tuple(invariants)
-        self._expressions = Expressions(symbols, columns, **expressions.more)
+        self.expressions = Expressions(symbols, columns, **expressions.more)
         self._observers: dict[bool, tuple[_core.Tape, dict[str, int]]] = {}
 
     @property
-    def _symbols(self) -> Symbols:  # type: ignore[override]
-        return self._expressions.symbols
+    def symbols(self) -> Symbols:  # type: ignore[override]
+        return self.expressions.symbols
 
     @property
     def turning(self) -> Turning | None:
@@ -117,7 +117,7 @@ class TracedSystem(Parametrised, ABC):
 
     @property
     @abstractmethod
-    def _layout(self) -> Layout:
+    def layout(self) -> Layout:
         """The tapes by name, but for that of the records."""
 
     @property
@@ -160,7 +160,7 @@ class TracedSystem(Parametrised, ABC):
         recorder, widths = self.observer(None)
         kept = {part.removeprefix(INVARIANT): width for part, width in widths.items() if width}
         named = {x: [x] if x in self.invariants else elements(x, k) for x, k in kept.items()}
-        layout = {**self._layout, "observer": (POINT, named)}
+        layout = {**self.layout, "observer": (POINT, named)}
         place = next((tape for tape, (_, parts) in layout.items() if name in (tape, *parts)), None)
         if place is None:
             known = dict.fromkeys(part for _, parts in layout.values() for part in parts)
@@ -168,9 +168,9 @@ class TracedSystem(Parametrised, ABC):
             raise ValueError(hinted(sentence, f"or name a part of one: {', '.join(known)}"))
         (vectors, parts), first = layout[place], 0
         inputs = [x for vector in vectors for x in self._vectors[vector]]
-        inputs += parameters(self._symbols.params.defaults)
+        inputs += parameters(self.symbols.params.defaults)
         outputs = [x for names in parts.values() for x in names]
-        tape = recorder if place == "observer" else self._tapes[place]
+        tape = recorder if place == "observer" else self.tapes[place]
         if name == place:
             return Program(name, tape, inputs, outputs)
         for part, names in parts.items():
@@ -193,8 +193,8 @@ class TracedSystem(Parametrised, ABC):
     def _observer(
         self, observe: Mapping[str, Function], states: bool
     ) -> tuple[_core.Tape, dict[str, int]]:
-        s, parts = self._symbols, self._parts(states)
-        columns = self._expressions.columns
+        s, parts = self.symbols, self._parts(states)
+        columns = self.expressions.columns
         parts |= {name: columns[name] for name in (INVARIANT + each for each in self.invariants)}
         own = self._expressions_of(observe)
         parts |= {f"observed {name}": x for name, x in own.items()}
@@ -238,12 +238,12 @@ class TracedSystem(Parametrised, ABC):
     def _args_of(self, function: Function) -> Mapping[str, Any]:
         """Return the arguments of a function of the states, and of multipliers where it has lam."""
         has_lam = takes_multipliers(function) and self._multipliers is not None
-        return self._args_of_events if has_lam else self._symbols.args
+        return self._args_of_events if has_lam else self.symbols.args
 
     @property
     def _inputs_of_functions(self) -> dict[str, ca.SX]:
         lam = ca.SX(0, 1) if self._multipliers is None else self._multipliers
-        return self._symbols.inputs(z=self._symbols.z, lam=lam)
+        return self.symbols.inputs(z=self.symbols.z, lam=lam)
 
     @abstractmethod
     def _parts(self, states: bool) -> dict[str, ca.SX]:
@@ -256,18 +256,18 @@ class TracedSystem(Parametrised, ABC):
     @property
     def _args_of_events(self) -> dict[str, Any]:
         """The arguments of an event's functions."""
-        *point, params = self._symbols.args.items()
+        *point, params = self.symbols.args.items()
         lam = self._multipliers
         return dict([*point, *([] if lam is None else [("lam", lam)]), params])
 
     @property
     def _replaceable(self) -> dict[str, ca.SX]:
         """The states that a reset replaces, the last by default."""
-        return dict(zip(self.states, (self._symbols.y, self._symbols.z), strict=True))
+        return dict(zip(self.states, (self.symbols.y, self.symbols.z), strict=True))
 
     def event(self, name: str, event: Event) -> EventTapes:
         """Record the functions of an event, and return whether it uses the multipliers."""
-        s, what = self._symbols, f"event '{name}'"
+        s, what = self.symbols, f"event '{name}'"
         value, law = self.event_expressions(name, event)
         lam = ca.SX(0, 1) if self._multipliers is None else self._multipliers
         needs_lam = lam.numel() > 0 and ca.depends_on(value, lam)
@@ -283,7 +283,7 @@ class TracedSystem(Parametrised, ABC):
 
     def event_expressions(self, name: str, event: Event) -> tuple[ca.SX, list[ca.SX]]:
         """Return the function of an event, and its reset: of an impact restitution and gradient."""
-        s, what, lam = self._symbols, f"event '{name}'", self._multipliers
+        s, what, lam = self.symbols, f"event '{name}'", self._multipliers
         value = _trace.scalar(what, event.function, self._args_of_events)
         lam = ca.SX(0, 1) if lam is None else lam
         if not ca.depends_on(value, ca.vertcat(s.t, s.y, s.z, lam)):
@@ -309,7 +309,7 @@ class TracedSystem(Parametrised, ABC):
         if second == "z" and first == "y" and "lam" not in self._args_of_events:
             hint = "give a function of (t, y, z, params) that returns the y after it"
             raise TypeError(hinted(f"{what} has an Impact, and its system has no masses", hint))
-        if not has_rate or not ca.depends_on(value, self._symbols.y):
+        if not has_rate or not ca.depends_on(value, self.symbols.y):
             sentence = f"{what} has an Impact, whose gradient is that of a function of (t, {first})"
             hint = f"return what vanishes at contact, a function of {first}"
             raise ValueError(hinted(sentence, hint))
@@ -319,11 +319,11 @@ class TracedSystem(Parametrised, ABC):
             restitution = _trace.scalar(which, given, self._args_of_events)
         else:
             restitution = ca.SX(float(given))
-        return [restitution, ca.densify(ca.gradient(value, self._symbols.y))]
+        return [restitution, ca.densify(ca.gradient(value, self.symbols.y))]
 
     def monitor(self, function: Function) -> tuple[_core.Tape, bool]:
         """Record a function of (t, y, z) and its rate along the motion, and whether z' is in it."""
-        return traced(self._symbols, self._velocity, function)
+        return traced(self.symbols, self._velocity, function)
 
     def stepped(self, t: float, y: np.ndarray, z: np.ndarray, params: np.ndarray) -> Self:
         """Return the system as a run from this state steps it."""

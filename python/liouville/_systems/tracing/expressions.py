@@ -65,12 +65,12 @@ class Pickled:
 class Parametrised(Pickled):
     """A base of systems of expressions, whose parameters are among the symbols of these."""
 
-    _symbols: Symbols
+    symbols: Symbols
 
     @property
     def params(self) -> dict[str, Any]:
         """The parameters' default values, read-only; a run takes others by its ``params=``."""
-        return read_only(self._symbols.params.defaults)
+        return read_only(self.symbols.params.defaults)
 
     def values(self, params: Mapping[str, ArrayLike] | None) -> np.ndarray:
         """Return the parameters as one vector, shape (w,), in the order of their declaration.
@@ -85,7 +85,7 @@ class Parametrised(Pickled):
         TypeError, ValueError
             params is no mapping, or a value has no parameter, another shape or is not finite.
         """
-        return self._symbols.params.values(params)
+        return self.symbols.params.values(params)
 
 
 def loaded(kind: type[Pickled], state: bytes) -> Pickled:

@@ -22,9 +22,9 @@ POINT = ("t", "y", "z")
 
 def of_mechanics(system: Mechanics) -> Layout:
     """Lay out the tapes of `problem::mechanical` in the core, in the order of their outputs."""
-    n, m, own = len(system.coordinates), len(system._holonomic), len(system.nonholonomic)
+    n, m, own = len(system.coordinates), len(system.holonomic), len(system.nonholonomic)
     names = dict(zip("yz", system.states, strict=True))
-    has_velocity = "v_z" in system._patterns
+    has_velocity = "v_z" in system.patterns
 
     def vectors(**sizes: int) -> Parts:
         if has_velocity and "momentum" in sizes:
@@ -34,10 +34,10 @@ def of_mechanics(system: Mechanics) -> Layout:
     def slopes(*keys: str) -> Parts:
         found = {}
         for key in keys:
-            if key in system._patterns:
+            if key in system.patterns:
                 of, _, by = key.partition("_")
                 label = f"{of}_{names.get(by, by)}"
-                _, _, row, column = system._patterns[key]
+                _, _, row, column = system.patterns[key]
                 found[label] = [f"{label}[{i},{j}]" for i, j in zip(row, column, strict=True)]
         return found
 
@@ -58,7 +58,7 @@ def of_mechanics(system: Mechanics) -> Layout:
         "nonholonomic_hidden": (POINT, slopes("w_y")),
         "reactions": (POINT, slopes("reactions")),
     }
-    return {name: found[name] for name in found if name in system._tapes}
+    return {name: found[name] for name in found if name in system.tapes}
 
 
 def of_semi_explicit(system: SemiExplicit) -> Layout:
@@ -66,7 +66,7 @@ def of_semi_explicit(system: SemiExplicit) -> Layout:
     n, count = len(system.coordinates), len(system.unknowns)
 
     def slopes(*keys: str) -> Parts:
-        places = {key: system._patterns[key][2:] for key in keys}
+        places = {key: system.patterns[key][2:] for key in keys}
         return {
             key: [f"{key}[{i},{j}]" for i, j in zip(*place, strict=True)]
             for key, place in places.items()

@@ -46,17 +46,17 @@ class Parameters:
         self.defaults = {name: _parameter(name, value) for name, value in given.items()}
         self._initial = np.concatenate([np.empty(0), *(x.ravel() for x in self.defaults.values())])
 
-        self._symbols = _Symbols({name: max(x.size, 1) for name, x in self.defaults.items()})
+        self.symbols = _Symbols({name: max(x.size, 1) for name, x in self.defaults.items()})
 
     @property
     def namespace(self) -> Namespace:
         """The symbols by name."""
-        return self._symbols.namespace
+        return self.symbols.namespace
 
     @property
     def vector(self) -> ca.SX:
         """The symbols, one after another."""
-        return self._symbols.vector
+        return self.symbols.vector
 
     def values(self, changes: Mapping[str, ArrayLike] | None) -> np.ndarray:
         """Return the defaults with changes, one after another."""
@@ -82,7 +82,7 @@ class Parameters:
     def replaced(self, values: np.ndarray) -> Parameters:
         """Return the same parameters with other defaults, one after another."""
         other, places = Parameters(None), np.cumsum([x.size for x in self.defaults.values()])[:-1]
-        other._symbols, other._initial = self._symbols, values.copy()
+        other.symbols, other._initial = self.symbols, values.copy()
         parts = zip(self.defaults.items(), np.split(values, places), strict=True)
         other.defaults = {name: part.reshape(x.shape) for (name, x), part in parts}
         return other

@@ -78,7 +78,7 @@ class _Walk:
 
     def __init__(self, what: str, inputs: dict[str, ca.SX], expression: ca.SX, kind: int) -> None:
         self.taken: dict[int, list[tuple[ca.SX, ca.SX]]] = {TIME: [], PLACE: []}
-        self._symbols: dict[int, ca.SX] = {}
+        self.symbols: dict[int, ca.SX] = {}
         groups = [*inputs.values()]
         kinds = (TIME, kind, NOTHING)
         slots: dict[int, tuple[int, ca.SX]] = {}
@@ -103,7 +103,7 @@ class _Walk:
         if kind in (NOTHING, BOTH):
             return value
         key = id(value)
-        if key not in self._symbols:
-            self._symbols[key] = ca.SX.sym("gu"[kind - TIME])
-            self.taken[kind].append((value, self._symbols[key]))
-        return self._symbols[key]
+        if key not in self.symbols:
+            self.symbols[key] = ca.SX.sym("gu"[kind - TIME])
+            self.taken[kind].append((value, self.symbols[key]))
+        return self.symbols[key]

@@ -87,7 +87,7 @@ class DriveSensitivity:
         given = enumerate(function for function, _ in system.drives)
         self.samples = {f"drive[{k}]": k for k, f in given if isinstance(f, Samples)}
         self._tables = {k: system.drives[k][0].table for k in self.samples.values()}
-        self._tapes = _DriveTapes(self._functions, self._params)
+        self.tapes = _DriveTapes(self._functions, self._params)
         self._potential, self._recorded = system._potential, dict[str, Any]()
 
     def with_params(self, params: Parameters) -> DriveSensitivity:
@@ -97,7 +97,7 @@ class DriveSensitivity:
         return other
 
     @property
-    def _expressions(self) -> Expressions:
+    def expressions(self) -> Expressions:
         """The functions, but for splines of samples, and the potential of a grid."""
         potential = self._potential
         s = Symbols(self._params, {} if potential is None else potential.sizes)
@@ -113,13 +113,13 @@ class DriveSensitivity:
 
     def slopes(self, t: Array) -> Array:
         """Return the functions' derivatives by all parameters at times, shape (k, P, count)."""
-        flat = self._tapes.slope.map(self._values, [t[:, None]])
+        flat = self.tapes.slope.map(self._values, [t[:, None]])
         return np.asarray(flat).reshape(t.size, -1, self.count)
 
     def pulled(self, t: Array, cotangents: Array) -> Array:
         """Return cotangents of all parameters from those of the functions, shape (k, count)."""
         args = [t[:, None], np.ascontiguousarray(cotangents)]
-        found: Array = self._tapes.pull.map(self._values, args).sum(axis=0)
+        found: Array = self.tapes.pull.map(self._values, args).sum(axis=0)
         return found
 
     def times(self, name: str) -> Array:
@@ -209,7 +209,7 @@ class PotentialSensitivity:
         self._values = self._params.values(None)
         self._points = np.ascontiguousarray(system.grid.points)
         self._repeats, scale = 1 + system.frame.is_doubled, 1 / system.hbar
-        self._tapes = _PotentialTapes(function, self._params, scale)
+        self.tapes = _PotentialTapes(function, self._params, scale)
 
     def with_params(self, params: Parameters) -> PotentialSensitivity:
         """Return the same with other values of the parameters."""
@@ -238,17 +238,17 @@ class PotentialSensitivity:
 
     def values(self, t: Array, params: Array) -> Array:
         """Return it at times, shape (k, rows), with these values of all parameters."""
-        return self._of_rows(t, self._tapes.value.map(params, self._at(t, self._points)))
+        return self._of_rows(t, self.tapes.value.map(params, self._at(t, self._points)))
 
     def pushed(self, t: Array, direction: Array) -> Array:
         """Return its derivatives at times, shape (k, rows), in a direction of all parameters."""
         both = np.concatenate([self._values, direction])
-        found = self._tapes.push.map(both, self._at(t, self._points))
+        found = self.tapes.push.map(both, self._at(t, self._points))
         return self._of_rows(t, self._finite(t, found))
 
     def slopes(self, t: Array, places: list[int]) -> Array:
         """Return its derivatives by these parameters at times, and at points that are looked at."""
-        found = self._tapes.slope.map(self._values, self._at(t, self.looked))[:, places]
+        found = self.tapes.slope.map(self._values, self._at(t, self.looked))[:, places]
         return np.asarray(self._finite(t, found)).reshape(t.size, -1)
 
     def pulled(self, t: Array, cotangents: Array) -> Array:
@@ -260,7 +260,7 @@ class PotentialSensitivity:
         # one time after another: of each point there are as many derivatives as parameters
         for k, own in enumerate(cotangents):
             at = t[k : k + 1]
-            slopes = self._tapes.slope.map(self._values, self._at(at, self._points))
+            slopes = self.tapes.slope.map(self._values, self._at(at, self._points))
             yield own @ self._finite(at, slopes)
 
     def _finite(self, t: Array, found: Array) -> Array:

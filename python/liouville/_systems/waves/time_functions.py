@@ -53,9 +53,9 @@ class TimeFunction:
         vector: str = "x",
     ) -> None:
         self.what, self._axes, self._vector = what, axes, vector
-        self._expressions = self._traced(function, params)
+        self.expressions = self._traced(function, params)
         self.is_driven = ca.depends_on(self.expression, self.t)
-        self._tapes: dict[float, _core.Tape] = {}  # of all values of the parameters
+        self.tapes: dict[float, _core.Tape] = {}  # of all values of the parameters
         self._parted: dict[float, Parted] = {}
 
     def _traced(self, function: Callable[..., Any], params: _trace.Parameters) -> Expressions:
@@ -63,59 +63,59 @@ class TimeFunction:
         return Expressions(s, {self.what: _trace.scalar(self.what, function, s.args)})
 
     @cached_property
-    def _expressions(self) -> Expressions:
+    def expressions(self) -> Expressions:
         return self._traced(*self._untraced)
 
     def replaced(self, samples: Callable[..., Any], params: _trace.Parameters) -> TimeFunction:
         """Return a function of other samples at the same times, which is traced when needed."""
         other = copy(self)
-        other._untraced, other._tapes, other._parted = (samples, params), {}, {}
-        other.__dict__.pop("_expressions", None)
+        other._untraced, other.tapes, other._parted = (samples, params), {}, {}
+        other.__dict__.pop("expressions", None)
         return other
 
     @property
     def expression(self) -> ca.SX:
         """The value of the function."""
-        return self._expressions.columns[self.what]
+        return self.expressions.columns[self.what]
 
     @property
     def sizes(self) -> Mapping[str, int]:
         """The vectors that it takes, the coordinates of a point if there are points."""
-        return self._expressions.symbols.sizes
+        return self.expressions.symbols.sizes
 
     @property
     def t(self) -> ca.SX:
         """The symbol of the time."""
-        return self._expressions.symbols.t
+        return self.expressions.symbols.t
 
     def with_params(self, params: _trace.Parameters) -> TimeFunction:
         """Return the same function of the same parameters with other values."""
-        other, symbols = copy(self), self._expressions.symbols.with_params(params)
-        other._expressions = Expressions(symbols, {self.what: self.expression})
+        other, symbols = copy(self), self.expressions.symbols.with_params(params)
+        other.expressions = Expressions(symbols, {self.what: self.expression})
         return other
 
     @property
     def inputs(self) -> dict[str, ca.SX]:
         """The symbols of the time, of a point if there are points, and of the parameters."""
-        return self._expressions.symbols.inputs()
+        return self.expressions.symbols.inputs()
 
     def depends_on(self, name: str) -> bool:
         """Whether it depends on a parameter."""
-        symbol = getattr(self._expressions.symbols.params.namespace, name)
+        symbol = getattr(self.expressions.symbols.params.namespace, name)
         return bool(ca.depends_on(self.expression, symbol))
 
     def __call__(self, t: ca.SX, *args: Any) -> ca.SX:
         """Apply the function to other symbols: t, those of a point if there are points, params."""
         *x, params = args
-        own = [getattr(self._expressions.symbols, name) for name in self._expressions.symbols.sizes]
-        return self._expressions.of(t, *(x or own), _trace.vector_of(params))[0]
+        own = [getattr(self.expressions.symbols, name) for name in self.expressions.symbols.sizes]
+        return self.expressions.of(t, *(x or own), _trace.vector_of(params))[0]
 
     def tape(self, factor: float) -> _core.Tape:
         """Return its tape, times a number: t, x if there are points, and parameters in."""
-        if factor not in self._tapes:
+        if factor not in self.tapes:
             expression = self.expression if factor == 1.0 else factor * self.expression
-            self._tapes[factor] = record(self.what, self.inputs, expression)
-        return self._tapes[factor]
+            self.tapes[factor] = record(self.what, self.inputs, expression)
+        return self.tapes[factor]
 
     def parted(self, factor: float) -> Parted:
         """Return it times a number, as a function of such of the time and such of the place."""
@@ -128,7 +128,7 @@ class TimeFunction:
         """Return values at a time, one for each point; ValueError names one that is not finite."""
         times = np.full(len(points), float(t))
         args = [times[:, None], np.ascontiguousarray(points)]
-        found = self.tape(1.0).map(self._expressions.symbols.params.values(None), args)
+        found = self.tape(1.0).map(self.expressions.symbols.params.values(None), args)
         values = np.array(found[:, 0])
         self.check(times, values, points)
         return values

@@ -196,7 +196,7 @@ class GriddedField(OfDataSets, PlaneField):
         self.coordinates = self._kind.names(named)
         self.is_driven = time is not None
         symbols = Symbols(_trace.Parameters(None), {"x": n})
-        self._symbols, self._observer = symbols, Observer(symbols, invariants)
+        self.symbols, self._observer = symbols, Observer(symbols, invariants)
         self._recorded = {}
 
     def _finish(self, found: Potential, land: Any, most: float) -> None:
