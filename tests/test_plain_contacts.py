@@ -6,6 +6,7 @@ import pytest
 from scipy.optimize import brentq
 
 import liouville as lv
+from liouville._runs.contacts.streak import Streak, refuse_endless
 
 G = 9.81
 METHODS = [lv.Spark(2), lv.LobattoPair(3)]
@@ -174,6 +175,23 @@ def test_a_ball_between_walls_that_close_in_ends_by_their_names(restitution, ste
     assert 0.998 < error.t < 1
     assert float(str(error).split("t = ")[2].split("\n")[0]) == pytest.approx(1, abs=1e-4)
     assert error.solution.contacts["low"].gap.min() > -1e-12
+
+
+@pytest.mark.parametrize("mass", [1e4, 1e6, 1e8])
+def test_blocks_that_hit_pi_times_go_on_and_bounces_that_accumulate_end(mass):
+    """Hits of blocks on a wall are at equal angles on a line, floor(pi / angle) in all."""
+    angle, n = np.arctan(mass**-0.5), np.arange(1, 1000.0)
+    blocks = np.arange(angle / 2, np.pi, 2 * angle)
+    streak = Streak()
+    for t, impulse in zip(-1 / np.tan(blocks), np.sin(blocks), strict=True):
+        streak.hit(t, impulse)
+        refuse_endless([streak], 0, ["wall"])
+    for way in (1 / (n + 0.3), 1 / n**2, 0.9**n):
+        streak = Streak()
+        with pytest.raises(lv.IntegrationError, match="without end until t = 1"):  # noqa: PT012
+            for t, impulse in zip(1 - way, n, strict=True):
+                streak.hit(t, impulse)
+                refuse_endless([streak], 0, ["wall"])
 
 
 def test_a_ball_that_walls_squeeze_and_release_goes_on():
