@@ -130,6 +130,23 @@ def test_a_brick_falls_on_another_and_both_stay():
     np.testing.assert_allclose(tops, [0.2525, 0.7575], atol=1e-13)
 
 
+def test_bricks_slide_from_beside_one_another_and_are_refused_corner_on_corner():
+    for off in (0.0, 1e-6):
+        m = Assembly(gravity=(G * np.sin(0.29), -G * np.cos(0.29), 0))
+        brick = m.planar_body("brick", mass=1.0, inertia=0.01, at=(off, 0.05))
+        m.free("flight", brick)
+        corners = np.array([(-0.1, 0.001), (0.1, 0.001), (0.1, 0.099), (-0.1, 0.099)])
+        own = Polygon(brick, corners + np.array([off, 0]), radius=0.001)
+        bed = Polygon("ground", corners - np.array([0, 0.1]), radius=0.001)
+        m.contact("pair", bed, own, friction=0.25)
+        if not off:
+            with pytest.raises(lv.IntegrationError, match=r"penetrates .*\n.*begin beside"):
+                thrown(m, 0.2, {}, h=0.02)
+    speed = 0.2 * G * (np.sin(0.29) - 0.25 * np.cos(0.29))
+    run = thrown(m, 0.2, {}, h=0.02)
+    np.testing.assert_allclose(run.body("brick").velocity[-1], [speed, 0, 0], atol=1e-12)
+
+
 def test_bodies_that_touch_fall_freely_together():
     """Nothing presses them: forces are zero to roundoff, and no mode gives way for that."""
     m = Assembly(gravity=(0, -G, 0))

@@ -114,6 +114,9 @@ def check(
         k, which = through[0]
         name = contacts.names[which]
         sentence = f"contact '{name}' penetrates by {-gap[k, which]:.2g} at t = {t[k]:g}"
+        if system.modes[which] is not Mode.OPEN and which not in system.normals:
+            hint = "it shares a load, and gaps part where they bend, as corners exactly on corners"
+            sentence = hinted(sentence, f"{hint} do: begin beside that")
         return IntegrationError(sentence, t=float(t[k]), quantity=name)
     loads = contacts.loads(t, y, switching.params)
     lifted = np.argwhere(loads < 0)
