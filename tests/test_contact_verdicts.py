@@ -6,8 +6,9 @@ import pytest
 from scipy import optimize
 
 import liouville as lv
-from liouville._runs.contacts import law, margin
+from liouville._runs.contacts import Mode, law, margin
 from liouville._runs.contacts import run as _run
+from liouville._runs.contacts.switching import Switching
 from liouville.bodies import Assembly, Polygon
 
 G = 9.81
@@ -221,3 +222,27 @@ def test_forces_of_one_unknown_have_the_margin_of_the_linear_program():
         best = optimize.linprog([0, -1], rows, a, bounds=[(None, None), (None, margin.LARGEST)])
         assert found == pytest.approx(-best.fun, abs=1e-12)
         assert (a + slopes * w).min() >= found - 1e-12
+
+
+def test_a_slip_that_stops_as_a_low_flight_ends_goes_on_as_that_moves_it():
+    """A box pushed by F > mu m g stops sliding back, on one corner; the other flies 1e-16 high."""
+    corners = {
+        name: lv.Contact(
+            lambda t, q, params, side=side: q[1] + side / 2 * ca.sin(q[2]) - ca.cos(q[2]) / 4,
+            friction=0.3,
+            slip=lambda t, q, v, params: v[0] + v[2] / 4,
+        )
+        for name, side in (("back", -1), ("front", 1))
+    }
+    box = lv.Lagrangian(
+        lambda t, q, v, params: (ca.sumsqr(v[:2]) + 0.1 * v[2] ** 2) / 2 - G * q[1] + 20 * q[0],
+        q=("x", "y", "angle"),
+        contacts=corners,
+    )
+    now = Switching(box.contacts, 0.0, 0.02, box.values(None))
+    now.modes = Mode.SLIP_DOWN, Mode.OPEN
+    turns = 1e-7
+    y, z = np.array([0, 0.25, 0]), np.array([-turns / 4, turns / 2, turns])
+    y, z = now.settle(y, z, {0})
+    np.testing.assert_allclose(now.at(0.0, y, z).slip, -turns / 4, rtol=1e-9)
+    assert now.modes == (Mode.SLIP_DOWN, Mode.SLIP_DOWN)
