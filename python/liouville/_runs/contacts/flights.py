@@ -70,7 +70,10 @@ def closed(
             closing[int(k)] = float(now.t - 2 * at.rate[k] / fall / (1 - restitution))
         own = others | (np.arange(now.c) == k)
         slip = now.ways(at, own, stopped)
-        found = now.forces(at, own, slip)
+        try:
+            found = now.forces(at, own, slip)
+        except IntegrationError:  # friction jams with it: it flies, and a hit may stop the slips
+            continue
         most = (1 - HOLDS) * at.laws.static * found.normal
         sticks = own & (of_contacts(slip, at.owner) == 0)
         sticks &= of_contacts(found.friction, at.owner) < most
