@@ -219,6 +219,28 @@ def test_a_sequence_of_hits_is_that_of_balls_that_are_a_bit_apart(e):
     assert e or np.abs(v - 1 / 3).max() < 1e-13
 
 
+@pytest.mark.parametrize("e", [0.0, 0.3])
+def test_a_sequence_of_hits_without_end_ends_where_its_rates_die_down(e):
+    """A light ball between heavy ones, which hit it in turn."""
+    masses = 100.0, 1.0, 1000.0
+    gaps = {
+        f"{k}": lv.Contact(lambda t, q, params, k=k: q[k + 1] - q[k] - 1, restitution=e)
+        for k in range(2)
+    }
+    kinetic = lambda t, q, v, params: sum(m * v[k] ** 2 / 2 for k, m in enumerate(masses))  # noqa: E731
+    row = lv.Lagrangian(kinetic, q=3, contacts=gaps, impacts="sequence")
+    run = lv.integrate(row, lv.Spark(2), t=(0, 2), h=0.1, q=[-1, 1, 2], v=[1, 0, 0])
+    v = np.array([1.0, 0, 0])
+    while (nears := v[:-1] - v[1:]).max() > 1e-14:
+        k = nears.argmax()
+        share = np.array([-masses[k + 1], masses[k]]) / (masses[k] + masses[k + 1])
+        v[k : k + 2] += (1 + e) * nears[k] * share
+    np.testing.assert_allclose(run.v[-1], v, rtol=0, atol=1e-12)
+    assert np.ptp(v) < 1e-12
+    said = "100 hits of '0' and '1' in turn at t = 1 were ended by one without restitution"
+    assert run.message == (said if e else "")
+
+
 def test_a_law_of_impacts_that_there_is_not_is_refused():
     with pytest.raises(ValueError, match="impacts must be 'poisson', 'newton' or 'sequence', not"):
         cradle(2, impacts="moreau")

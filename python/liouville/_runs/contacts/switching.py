@@ -38,8 +38,10 @@ AHEAD = 1e-6
 GAINED = 1e-9
 #: Impacts at one time, after which contacts are said to hit one another without end.
 MOST_AT_ONCE = 200
-#: In a sequence of hits, contacts are equally fast whose rates differ by this part.
+#: In a sequence of hits, contacts are equally fast whose rates differ by this part, ...
 SAME = 1e-9
+#: ... and after so many hits at one time those with losses die down.
+DIE_DOWN = 100
 
 
 class Switching:
@@ -92,14 +94,15 @@ class Switching:
         before = self.modes
         self.impacts = []
         closing: dict[int, float | None] = {}
-        for _ in range(MOST_AT_ONCE):
+        for count in range(MOST_AT_ONCE):
             at = self.at(self.t, y, z)
             sizes = at.sizes
             still = at.still
             touching = at.gap <= CLOSED * at.size + ROUNDINGS * EPS * np.abs(at.rate) * abs(self.t)
             touching &= ~at.is_pressed
             if (touching & (at.rate < -still)).any():
-                z, stopped = self._hit(at, z, touching, sizes, closing), set()
+                first = self._first(at, touching, count)
+                z, stopped = self._hit(at, z, first, sizes, closing), set()
                 continue
             closed = at.is_pressed | (touching & (at.rate <= still))
             low = flights.closed(self, at, (touching & ~closed, closed, stopped), closing)
@@ -116,19 +119,34 @@ class Switching:
         hit = tuple(self.contacts.names[k] for k in np.flatnonzero(touching))
         raise IntegrationError(f"{sentence}: {quoted(hit)}", t=self.t)
 
+    def _first(self, at: Matrices, touching: Array, count: int) -> tuple[Array, bool]:
+        """Return which contacts hit next, after so many hits, and whether they hit without rebound.
+
+        A sequence of hits with losses may have no end. Then all rates between its contacts come to
+        zero by impulses that press, which is what one impact of all without restitution does.
+        """
+        if self.contacts.law != "sequence":
+            return touching, False
+        if count >= DIE_DOWN and (at.laws.restitution[touching] < 1).any():
+            if at.laws.restitution[touching].any():
+                names = quoted([self.contacts.names[k] for k in np.flatnonzero(touching)])
+                sentence = f"{DIE_DOWN} hits of {names} in turn at t = {self.t:g}"
+                self.messages.append(f"{sentence} were ended by one without restitution")
+            return touching, True
+        return touching & (at.rate <= (1 - SAME) * at.rate[touching].min()), False
+
     def _hit(
         self,
         at: Matrices,
         z: Array,
-        touching: Array,
+        first: tuple[Array, bool],
         sizes: Array,
         closing: dict[int, float | None],
     ) -> Array:
         """Return z after the impact of all contacts that touch, or of those that are first."""
         own = self.contacts
-        if own.law == "sequence":
-            touching = touching & (at.rate <= (1 - SAME) * at.rate[touching].min())
-        restitution = flights.restitution(self, at, touching, closing)
+        touching, is_last = first
+        restitution = flights.restitution(self, at, touching, closing) * (not is_last)
         before, found = self._struck(at, touching, restitution, sizes)
         if found is None:
             restitution = 0 * at.laws.restitution
