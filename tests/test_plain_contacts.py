@@ -364,3 +364,26 @@ def test_a_disc_that_passes_an_edge_fast_leaves_where_it_passes(method, steps):
         assert leave.t == pytest.approx(0.3 / speed, abs=1e-8)
         height, _ = falls(0.1, 0.0, 0.5 - 0.3 / speed)
         np.testing.assert_allclose(run.q[-1], [speed * 0.5 - 0.3, height], atol=1e-8)
+
+
+@pytest.mark.parametrize("steps", STEPS[::2])
+def test_a_disc_that_rolls_past_an_edge_fast_leaves_where_it_passes(steps):
+    """Friction and load jump there at once."""
+    table = lv.Contact(
+        lambda t, q, params: ca.if_else(q[0] < 0, q[1], ca.hypot(q[0], q[1])) - 0.1,
+        friction=0.5,
+        slip=lambda t, q, v, params: v[0] + 0.1 * v[2],
+    )
+    disc = lv.Lagrangian(
+        lambda t, q, v, params: (v[0] ** 2 + v[1] ** 2 + 0.005 * v[2] ** 2) / 2 - G * q[1],
+        q=("x", "y", "turn"),
+        contacts={"table": table},
+    )
+    for speed in (1.0, 1.04, 2.0):
+        start = {"q": [-0.3, 0.1, 0], "v": [speed, 0, -10 * speed]}
+        run = lv.integrate(disc, lv.Spark(2), t=(0, 0.5), **start, **steps)
+        leave = run.contacts["table"].changes[-1]
+        assert leave.kind == "leave"
+        assert leave.t == pytest.approx(0.3 / speed, abs=1e-8)
+        height, _ = falls(0.1, 0.0, 0.5 - 0.3 / speed)
+        np.testing.assert_allclose(run.q[-1, :2], [speed * 0.5 - 0.3, height], atol=1e-7)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -21,6 +21,7 @@ from liouville._systems.tape import record
 
 if TYPE_CHECKING:
     from liouville._runs.contacts.traced import Contacts
+    from liouville._solution.solution import Solution
 
 #: A slip in space slows down where it changes within so many steps by itself.
 FEW = 4.0
@@ -200,6 +201,11 @@ class ModeSystem(Mechanics):
                 after = struck(contacts, k)
                 law = lambda *_, after=after: after  # noqa: E731
             self._resets[name] = Event(lambda *_, gap=gap: gap, "down", reset=law)
+
+    def ended(self, run: Solution, t: float, kinds: Collection[str]) -> set[int]:
+        """Return the contacts of which an event of these kinds was met at this time of a run."""
+        own = ((name, *what) for name, what in self.own_events.items() if name in run.events)
+        return {k for name, k, kind in own if kind in kinds and t in run.events[name].t}
 
     def resets(self) -> dict[str, Event]:
         """Return the events of hits that the core answers by itself."""

@@ -295,10 +295,8 @@ class Course(Asking):
             self.met[name] += met
             if event.terminal and met and self.met[name] >= event.terminal and is_whole:
                 self.ending = run.message
-        own = system.own_events.items()
-        ended = [x for name, x in own if name in run.events and now.t in run.events[name].t]
-        now.gave_way = {k for k, kind in ended if kind in ("leave", "tear")}
-        return {k for k, kind in ended if kind == "stop"}
+        now.gave_way = system.ended(run, now.t, ("leave", "tear"))
+        return system.ended(run, now.t, ("stop",))
 
     def _keep(self, whole: Part, asked: Any) -> None:
         """Keep a stretch; where times are given, it is made again with records at these."""

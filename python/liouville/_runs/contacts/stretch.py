@@ -147,9 +147,8 @@ def _pull(
     if system.is_shared or not run.states["lam"].size:
         return None
     for which, place in system.normals.items():
-        # where a contact leaves, a force that jumps may be that behind the jump
-        left = f"{switching.contacts.names[which]}: leave"
-        is_behind = left in run.events and run.t[count - 1] in run.events[left].t
+        # where a contact gives way, a force that jumps may be that behind the jump
+        is_behind = which in system.ended(run, float(run.t[count - 1]), ("leave", "tear"))
         lam = run.states["lam"][: count - is_behind, place]
         k = int(lam.argmax()) if lam.size else 0
         force = float(lam[k]) if lam.size else 0.0
