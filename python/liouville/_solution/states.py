@@ -208,7 +208,7 @@ class States:
 
     @property
     def psi_on_grid(self) -> Array:
-        """Wave functions in the shape of their grid or lattice, (k, *shape) or (k, P, *shape).
+        """Waves in the shape of their grid or lattice, ``(k, *shape)`` or ``(k, P, *shape)``.
 
         A view of ``psi``. ValueError after :func:`liouville.load`, where no grid is known.
         """
