@@ -44,7 +44,8 @@ def test_a_walker_has_the_published_cycle_and_law_of_small_slopes(page):
         v=[-np.cos(angle) * v, -np.sin(angle) * v, v, np.cos(2 * angle) * v],
         params={"slope": root**3, "step": 2 * np.sin(angle), "m": 1e-6},
     )
-    lands = [x.t for x in run.contacts["left"].changes if x.kind == "hit"]
+    # a foot of a millionth of the hip may hit once more at the same time, by roundoff
+    lands = np.unique([x.t for x in run.contacts["left"].changes if x.kind == "hit"])
     assert run(lands[-1]).q[2] / root == pytest.approx(0.970956, abs=0.2 * root**2)
     period = 3.812092 + 1.579129 * root**2
     assert np.diff(lands)[-1] / 2 == pytest.approx(period, abs=2 * root**4)
