@@ -9,12 +9,11 @@ Times are minima of repeats taken in turn, on one thread, without set-up. Run as
 has a wheel: ``pip install drake``.
 """
 
-import sys
 import time
 from functools import partial
 
 import numpy as np
-from peers import touching
+from peers import installed, touching
 from report import publish
 
 import liouville as lv
@@ -61,27 +60,12 @@ class Here:
         return seconds, q.reshape(len(q), -1, 3)
 
 
-def peers(scene):
-    """Yield name, step and what runs each of the other codes."""
-    for module, name in (
-        ("mujoco_touching", "MuJoCo"),
-        ("drake_touching", "Drake"),
-        ("exudyn_touching", "Exudyn"),
-    ):
-        try:
-            found = __import__(f"peers.{module}", fromlist=["runs"])
-        except ImportError as trouble:
-            print(f"{name} is left out: {trouble}", file=sys.stderr)
-            continue
-        yield from found.runs(scene, RECORDS)
-
-
 def rows_of(name, scene):
     """Return the rows of a scene."""
     here = Here(scene)
     _, exact = here.run(*EXACT)
     prepared = [(f"Spark({m.stages})", h, partial(here.run, m, h)) for m, h in OWN]
-    prepared += list(peers(scene))
+    prepared += list(installed("touching", scene, RECORDS))
     seconds, found, rows = {}, {}, []
     for _ in range(REPEATS):
         for k, (_, _, run) in enumerate(prepared):

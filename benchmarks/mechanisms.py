@@ -8,11 +8,10 @@ in turn, on one thread, without set-up. Run as ``python benchmarks/mechanisms.py
 ``pip install --group bench``, and Drake where it has a wheel: ``pip install drake``.
 """
 
-import sys
 from functools import partial
 
 import numpy as np
-from peers import loops
+from peers import installed, loops
 from report import publish, show
 
 import liouville as lv
@@ -54,28 +53,13 @@ def motion(found, model):
     return x, np.stack(turns, axis=1), v, omega
 
 
-def peers(model, begin):
-    """Yield name, settings and what runs each of the other codes."""
-    for module, name in (
-        ("mujoco_loops", "MuJoCo"),
-        ("exudyn_loops", "Exudyn"),
-        ("drake_loops", "Drake"),
-    ):
-        try:
-            found = __import__(f"peers.{module}", fromlist=["runs"])
-        except ImportError as trouble:
-            print(f"{name} is left out: {trouble}", file=sys.stderr)
-            continue
-        yield from found.runs(model, begin, RECORDS)
-
-
 def rows_of(name, model):
     """Return the rows of a mechanism."""
     gauge, here = loops.Gauge(model), Here(model)
     _, exact = here.run(*EXACT)
     begin = [part[0] for part in exact]
     prepared = [(f"Spark({m.stages})", h, partial(here.run, m, h)) for m, h in OWN]
-    prepared += list(peers(model, begin))
+    prepared += list(installed("loops", model, begin, RECORDS))
     seconds, motions, rows = {}, {}, []
     for _ in range(REPEATS):
         for k, (_, _, run) in enumerate(prepared):

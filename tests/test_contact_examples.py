@@ -14,7 +14,7 @@ EXAMPLES = Path(__file__).resolve().parent.parent / "examples"
 
 @pytest.fixture
 def page(monkeypatch):
-    """Return what runs a page of the gallery, for all that it has defined at its end."""
+    """Return a function that runs a page of the gallery, and returns the names that it defines."""
     plt = pytest.importorskip("matplotlib.pyplot")
     monkeypatch.setattr(plt, "show", lambda: plt.close("all"))
 

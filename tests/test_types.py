@@ -37,7 +37,7 @@ WRONG = "import liouville as lv\n\nlv.Spark(stags=3)\n"
 
 @pytest.fixture(scope="module")
 def said(tmp_path_factory):
-    """Return what mypy says of all programs, in one run, by the file that it speaks of."""
+    """Run mypy once on all programs, and return its messages by the name of the program."""
     api = pytest.importorskip("mypy.api")
     folder = tmp_path_factory.mktemp("programs")
     texts = {"ground": GROUND, "wrong": WRONG}

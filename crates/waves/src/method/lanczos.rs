@@ -249,13 +249,9 @@ impl Stepper for Lanczos {
     type State = Wave<f64>;
 
     fn step(&mut self, t: f64, h: f64, state: &mut Wave<f64>) -> Result<(), StepError> {
-        self.before.clear();
-        self.before.extend(state.q.iter().chain(&state.p));
-        self.walk(t, h, state).inspect_err(|_| {
-            let (q, p) = self.before.split_at(state.q.len());
-            state.q.copy_from_slice(q);
-            state.p.copy_from_slice(p);
-        })
+        state.keep(&mut self.before);
+        self.walk(t, h, state)
+            .inspect_err(|_| state.put_back(&self.before))
     }
 
     fn stats(&self) -> Stats {

@@ -74,6 +74,19 @@ impl<S: Scalar> Wave<S> {
         }
     }
 
+    /// Copies the real parts, then the imaginary ones, for [`Wave::put_back`] where a step fails.
+    pub(super) fn keep(&self, before: &mut Vec<S>) {
+        before.clear();
+        before.extend(self.q.iter().chain(&self.p));
+    }
+
+    /// Takes the parts from before a step that failed.
+    pub(super) fn put_back(&mut self, before: &[S]) {
+        let (q, p) = before.split_at(self.q.len());
+        self.q.copy_from_slice(q);
+        self.p.copy_from_slice(p);
+    }
+
     /// Adds to the phase to be removed.
     pub fn add_phase(&mut self, angle: f64) {
         self.phase = (self.phase + angle) % TAU;

@@ -252,7 +252,7 @@ class Switching:
         """Return the directions of slips, 0 of what does not slip."""
         speed, sizes = (of_contacts(x, at.owner) for x in (at.slip, at.sizes[self.c :]))
         slides = np.array([mode is Mode.SLIDE for mode in self.modes])
-        # what slides in space does so until it is said to have stopped
+        # a contact that slides in space slides until an event says that its slip has stopped
         moves = (speed > AT_REST * sizes) | (slides & (speed > 0))
         moves &= closed & (at.laws.static > 0)
         moves[list(stopped)] = False
