@@ -143,6 +143,12 @@ def test_an_end_state_is_compared_with_the_reference_where_there_is_one(liouvill
     assert "reference" not in other
 
 
+def test_a_run_with_contacts_tells_how_often_they_changed(liouville):
+    lines = liouville("run rocking_block --until 1").stdout.splitlines()
+    told = [line.strip().split(maxsplit=2)[1:] for line in lines if line.startswith("contact ")]
+    assert told == [["'left'", "1 hit, 1 stop"], ["'right'", "1 closing, 1 departure, 1 stop"]]
+
+
 def test_a_model_file_runs_with_its_start_and_parameters_changed(liouville, tmp_path, model):
     words = f"run {model} --h 0.01 --until 1 --param k=4 --start q=2 --out run.nc"
     ran = liouville(words)

@@ -189,8 +189,9 @@ OWN = {
     "own index 2": index2,
 }
 MECHANICS = (*problems.MECHANICAL, *problems.REDUNDANT, *problems.NONHOLONOMIC, *list(OWN)[:3])
-# Assemblies are Lagrangians as the others, and take longer.
-NAMES = (*(name for name in problems.names() if name not in problems.ASSEMBLED), *OWN)
+# Assemblies are Lagrangians as the others, and take longer; contacts are stretches of them.
+LEFT_OUT = (*problems.ASSEMBLED, *problems.CONTACTS)
+NAMES = (*(name for name in problems.names() if name not in LEFT_OUT), *OWN)
 
 
 @cache

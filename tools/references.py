@@ -14,6 +14,9 @@ the package (closed form, quadrature, or minimal coordinates), and printed with 
     rolling_disk           its two angles, integrated likewise
     chaplygin_sleigh       speed and angle in closed form, the path by quadrature
     rolling_ball           the centre in closed form, the attitude integrated likewise
+    belt                   closed form
+    ladder                 its angle, on the wall and beside it, integrated likewise
+    rocking_block          its angle, from one corner to the other, integrated likewise
 
 Each is computed twice, with another tolerance or another partition of the quadrature, and the
 difference is printed with it. Needs only mpmath: ``python tools/references.py`` (two minutes).
@@ -413,6 +416,96 @@ def rolling_ball(times: Sequence[mpf] = (mpf(5), mpf(10))) -> None:
         show("rolling_ball", mp.nstr(t, 3), {"q": q, "v": (v.real, v.imag, *field(state)[1:])})
 
 
+def until(f: Field, x: State, guess: mpf) -> tuple[mpf, State]:
+    """Return the time near a guess at which the first entry of x' = f(x) is zero, and x there."""
+
+    def at(t: mpf) -> State:
+        return extrapolate(f, x, [t], mpf(10) ** -34)[0]
+
+    t = guess
+    for _ in range(8):
+        now = at(t)
+        t -= now[0] / f(now)[0]
+    return t, at(t)
+
+
+def belt(times: Sequence[mpf] = (mpf(5), mpf(10))) -> None:
+    """Along with the belt from x = 0, then a cosine until the block is as fast as the belt."""
+    w, speed, mu, static = mpf(5), mpf("0.5"), mpf("0.2"), mpf("0.3")
+    middle, d = mu * G / w**2, (static - mu) * G / w**2
+    first = static * G / w**2 / speed
+    slips = 2 * (mp.pi - mp.atan(d * w / speed)) / w
+    for t in times:
+        into = (t - first) % (2 * d / speed + slips) if t > first else t - first
+        if 0 <= into < slips:
+            c, s = mp.cos(w * into), mp.sin(w * into)
+            x, v = middle + d * c + speed / w * s, speed * c - d * w * s
+        else:
+            x, v = middle + d + speed * (into if into < 0 else into - slips - 2 * d / speed), speed
+        show("belt", mp.nstr(t, 3), {"q": (x, 0), "v": (v, 0)})
+
+
+def ladder(times: Sequence[mpf] = (mpf("0.4"), mpf("0.6"))) -> None:
+    """Angle a to the wall: a'' = 3 g / 2 sin a on it; beside it the centre's x goes on."""
+    first = mpf("0.3")
+    leaves = mp.acos(2 * mp.cos(first) / 3)
+
+    def on(x: State) -> State:
+        return [x[1], 3 * G / 2 * mp.sin(x[0] + leaves)]
+
+    def beside(x: State) -> State:
+        a, rate = x
+        s, c = mp.sin(a), mp.cos(a)
+        return [rate, (6 * G * s - 3 * s * c * rate**2) / (1 + 3 * s**2)]
+
+    def energy(x: State) -> mpf:
+        return (1 + 3 * mp.sin(x[0]) ** 2) * x[1] ** 2 / 24 + G * mp.cos(x[0]) / 2
+
+    left, (_, rate) = until(on, [first - leaves, mpf(0)], mpf("0.65"))
+    speed = mp.cos(leaves) / 2 * rate
+    print(f"ladder: leaves the wall at t = {mp.nstr(left, 20)}")
+    for t in times:
+        if t < left:
+            a, w = extrapolate(on, [first - leaves, mpf(0)], [t], mpf(10) ** -34)[0]
+            a, x, dx = a + leaves, mp.sin(a + leaves) / 2, mp.cos(a + leaves) / 2 * w
+        else:
+            ((a, w),) = checked("ladder", beside, energy, [leaves, rate], [t - left])
+            x, dx = mp.sin(leaves) / 2 + speed * (t - left), speed
+        q, v = (x, mp.cos(a) / 2, a), (dx, -mp.sin(a) / 2 * w, w)
+        show("ladder", mp.nstr(t, 3), {"q": q, "v": v})
+
+
+def rocking_block(times: Sequence[mpf] = (mpf(2), mpf(4))) -> None:
+    """Tilt f from a corner: f'' = -3 g / (4 R) sin(alpha - f), the rate cut where f = 0."""
+    b, h = mpf("0.5"), mpf(2)
+    size, alpha = mp.sqrt(b**2 + h**2), mp.atan(b / h)
+    kept = 1 - 3 * mp.sin(alpha) ** 2 / 2
+
+    def field(x: State) -> State:
+        return [x[1], -3 * G / (4 * size) * mp.sin(alpha - x[0])]
+
+    def energy(x: State) -> mpf:
+        return 2 * size * x[1] ** 2 / 3 + G * mp.cos(alpha - x[0])
+
+    t, x, side, p = mpf(0), [mpf("0.1"), mpf(0)], -1, mp.sqrt(3 * G / (4 * size))
+    for end in times:
+        while True:
+            # the time of the linear equation f'' = p^2 (f - alpha) is the guess
+            u, rate = x[0] - alpha, x[1] / p
+            root = mp.sqrt(alpha**2 - u**2 + rate**2)
+            landing, there = until(field, x, mp.log((alpha + root) / -(u + rate)) / p)
+            if t + landing > end:
+                break
+            t, x, side = t + landing, [mpf(0), -kept * there[1]], -side
+            print(f"rocking_block: lands at t = {mp.nstr(t, 20)}")
+        ((f, rate),) = checked("rocking_block", field, energy, x, [end - t])
+        a, w = side * f, side * rate
+        c, s, pivot = mp.cos(a), mp.sin(a), mpf(0) if side < 0 else -2 * b
+        q = (pivot + side * c * b - s * h, side * s * b + c * h, a)
+        v = ((-side * s * b - c * h) * w, (side * c * b - s * h) * w, w)
+        show("rocking_block", mp.nstr(end, 3), {"q": q, "v": v})
+
+
 if __name__ == "__main__":
     pendulum()
     slider_crank()
@@ -425,3 +518,6 @@ if __name__ == "__main__":
     chaplygin_sleigh()
     rolling_ball()
     chain()
+    belt()
+    ladder()
+    rocking_block()

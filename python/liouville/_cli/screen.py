@@ -15,6 +15,7 @@ from rich.table import Table
 from rich.text import Text
 
 import liouville as lv
+from liouville._solution.contacts import counts_of
 from liouville.analysis import convergence
 
 #: As many coordinates of the end state are printed; the others are in the file.
@@ -67,6 +68,7 @@ def kept(
     if solution.members is not None:
         return rows
     rows += [(name, f"{values[-1]:.6g}") for name, values in solution.balance.items()]
+    rows += counts_of(solution.contacts)
     for name, values in reference.items():
         if name in solution.states:
             error = convergence.distance(solution.states[name][-1], values)

@@ -118,14 +118,14 @@ class ContactRecord(Suggesting):
         return _counted([self])
 
 
-def lines_of(contacts: Mapping[str, ContactRecord]) -> list[str]:
-    """Return lines that say how often contacts changed, by name as far as they are few."""
+def counts_of(contacts: Mapping[str, ContactRecord]) -> list[tuple[str, str]]:
+    """Return contacts, by name as far as they are few, and how often they changed."""
     shown = [name for name, record in contacts.items() if any(record.each)][:SHOWN]
-    found = [f"contact '{name}': {contacts[name].counted}" for name in shown]
+    found = [(f"contact '{name}'", contacts[name].counted) for name in shown]
     rest = [record for name, record in contacts.items() if name not in shown]
     if rest:
         what = f"{len(rest)} {'other ' if shown else ''}contact{'s' if len(rest) > 1 else ''}"
-        found.append(f"{what}: {_counted(rest)}")
+        found.append((what, _counted(rest)))
     return found
 
 

@@ -13,7 +13,7 @@ from liouville._basics import html
 from liouville._basics.arguments import Named, amount
 from liouville._solution import parts
 from liouville._solution.computed import Computed
-from liouville._solution.contacts import ContactRecord, lines_of
+from liouville._solution.contacts import ContactRecord, counts_of
 from liouville._solution.drifts import Drifts, worst
 from liouville._solution.exports import Exports
 from liouville._solution.failure import Failure
@@ -241,7 +241,7 @@ class Solution(States, Drifts, Computed, Exports, Motions):
         kept = [*worst("worst residual", residuals), *worst("worst drift", drifts)]
         kept += worst("largest change", changes)
         kept = [", ".join(kept)] if kept else []
-        kept += lines_of(self.contacts)
+        kept += [": ".join(pair) for pair in counts_of(self.contacts)]
         lines = [f"<Solution {self.headline}", *kept, *message]
         return "\n ".join(lines) + ">"
 

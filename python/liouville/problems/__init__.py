@@ -73,6 +73,9 @@ REDUNDANT = ("doubled_rod", "hinged_fourbar", "bricard")
 #: Those with nonholonomic constraints.
 NONHOLONOMIC = ("knife_edge", "rolling_disk", "chaplygin_sleigh", "rolling_ball")
 
+#: Those with contacts.
+CONTACTS = ("belt", "ladder", "rocking_block")
+
 #: The polynomial fields without divergence.
 FIELDS = (
     "euler_top",
@@ -99,7 +102,7 @@ QUANTUM = (
     "lattice3d",
 )
 
-NAMES = (*MECHANICAL, *ASSEMBLED, *REDUNDANT, *NONHOLONOMIC, *FIELDS, *QUANTUM)
+NAMES = (*MECHANICAL, *ASSEMBLED, *REDUNDANT, *NONHOLONOMIC, *CONTACTS, *FIELDS, *QUANTUM)
 
 
 class Parameters(Protocol):
