@@ -215,7 +215,43 @@ def test_what_has_no_pullback_is_refused():
     for more, words in (
         ({"wrt": ["t1"], "h": 0.1}, "go without 't0' and 't1'"),
         ({"wrt": ["q"], "rtol": 1e-6}, "want equal steps"),
-        ({"wrt": ["q"], "h": 0.1, "q": np.zeros((2, 2))}, "pullbacks of ensembles are not"),
     ):
         with pytest.raises(TypeError, match=words):
             lv.vjp(system, lv.Spark(2), t=(0, 1), **(THROWN | more))
+
+
+#: Two that bounce, one that slides to its rest, and one that an event ends.
+MANY = {"q": [[0, 1], [0, 0.3], [0, 0], [0, 2]], "v": [[3, 0], [1, 0], [2, 0], [5, 0]]}
+FAR = {"far": lv.Event(lambda t, q, v, lam, params: q[0] - 3.1, terminal=True)}
+
+
+@pytest.mark.parametrize("more", [{}, {"t_eval": [0.3, 0.9]}, {"events": FAR}])
+def test_members_have_the_tangents_and_pullbacks_of_runs_alone(more):
+    system, call = rough(given, rubbing), {"t": (0, 1), "h": 0.05, **more}
+    moves = {"params.e": 1.0, "v": np.eye(2)}
+    many = lv.ensemble(system, lv.Spark(3), tangents=moves, **call, **MANY)
+    solution, pullback = lv.vjp(system, lv.Spark(3), wrt=[*moves], **call, **MANY)
+    assert solution.q.tobytes() == many.q.tobytes()
+    assert len(solution.endings) == ("events" in more)
+    rng = np.random.default_rng(4)
+    there = {x: np.isfinite(solution.states[x]) for x in pullback.states}
+    cotangents = {x: rng.standard_normal(ok.shape) * ok for x, ok in there.items()}
+    gradients = pullback(**cotangents)
+    for k in range(4):
+        start = {name: x[k] for name, x in MANY.items()}
+        own = call | {"t_eval": solution.member(k).t}
+        one = lv.integrate(system, lv.Spark(3), tangents=moves, **own, **start)
+        for name, tangent in many.member(k).tangents.items():
+            for state, x in tangent.states.items():
+                assert np.array_equal(x, one.tangents[name].states[state])
+        run, back = lv.vjp(system, lv.Spark(3), wrt=[*moves], **own, **start)
+        found = back(**{x: y[: len(run.t), k] for x, y in cotangents.items()})
+        assert all(np.array_equal(gradients[name][k], x) for name, x in found.items())
+
+
+def test_gradients_of_members_are_those_of_differences():
+    system, wrt = rough(given, rubbing), ["params.e", "params.mu"]
+    call = {"t": (0, 1), "h": 0.05, "t_eval": [0.7, 1.0]}
+    found = lv.analysis.check_gradient(system, lv.Spark(3), wrt=wrt, **call, **MANY)
+    assert found.dot < 1e-11
+    assert found.differences < 1e-10

@@ -132,8 +132,6 @@ def test_what_ensembles_with_contacts_go_without_is_said():
     system = block()
     with pytest.raises(ValueError, match="has a row for each member"):
         lv.ensemble(system, lv.Spark(2), q=[0.0, 1.0], v=[0.0, 0.0], **CALL)
-    with pytest.raises(TypeError, match="tangents= is not for ensembles with contacts"):
-        lv.ensemble(system, lv.Spark(2), tangents={"q": np.eye(2)}, **STARTS, **CALL)
     with pytest.raises(ValueError, match=r"^member 1: contact 'floor' penetrates by 0.5 at the"):
         lv.ensemble(system, lv.Spark(2), q=[[0, 1], [0, -0.5]], v=np.zeros((2, 2)), **CALL)
     with pytest.raises(lv.IntegrationError, match="contradict") as caught:
@@ -146,3 +144,11 @@ def test_what_ensembles_with_contacts_go_without_is_said():
             **CALL,
         )
     assert caught.value.t == 0
+
+
+def test_a_member_that_fails_is_named_where_a_pullback_is_asked_for():
+    params = {"height": [5.0, 0.0], "down": [0.0, 1.0]}
+    rest = {"q": np.zeros((2, 2)), "v": np.zeros((2, 2))}
+    with pytest.raises(lv.IntegrationError, match=r"1 of 2 members failed.* member 1") as caught:
+        lv.vjp(block(), lv.Spark(2), wrt=["v"], params=params, **rest, **CALL)
+    assert caught.value.solution.members == 2

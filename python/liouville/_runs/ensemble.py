@@ -145,9 +145,8 @@ def ensemble(
         if executor is None:
             return released.released(system, method, request, release, progress)
     if isinstance(system, Mechanics) and system.contacts is not None:
-        if executor is not None or tangents is not None:
-            what = "tangents" if executor is None else "executor"
-            raise TypeError(f"{what}= is not for ensembles with contacts")
+        if executor is not None:
+            raise TypeError("executor= is not for ensembles with contacts")
         # imported here: few systems have contacts
         from liouville._runs import contacts
 

@@ -200,7 +200,8 @@ def vjp(
     -------
     solution : Solution
         That of :func:`integrate` or :func:`ensemble`, bit for bit, by
-        ``LobattoPair(2)`` to roundoff; of an H that is differentiated by parameters or samples to
+        ``LobattoPair(2)`` to roundoff, through hits of contacts, where steps begin anew, to the
+        error of a step; of an H that is differentiated by parameters or samples to
         the tolerance, as its series then have the terms, and its windows the ends, that derivatives
         need.
     pullback : Pullback

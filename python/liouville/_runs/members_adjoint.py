@@ -118,7 +118,7 @@ class MembersAdjoint(Adjoint):
                 own = finished(execute(adjoint.runner, checkpoints=checkpoints))
             if own.status != "done":
                 raise IntegrationError(own.message, solution=own)
-            return adjoint.pulled(own, _of_member(solution, own, member, cotangents))
+            return adjoint.pulled(own, part_of(solution, own, member, cotangents))
         except IntegrationError as error:
             sentence = f"member {member}: {error}"
             raise IntegrationError(
@@ -138,7 +138,7 @@ class MembersAdjoint(Adjoint):
         return {name: np.stack([states[name] for states in each], axis=1) for name in each[0]}
 
 
-def _of_member(
+def part_of(
     solution: Solution, own: Solution, member: int, cotangents: Mapping[str, np.ndarray]
 ) -> dict[str, np.ndarray]:
     """Return the cotangents of a member's own run, which may end before others."""

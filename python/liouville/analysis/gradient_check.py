@@ -200,7 +200,8 @@ def _moving(system: Any, method: Method | str, request: Request, progress: Any) 
         # imported here: few systems have contacts
         from liouville._runs import contacts
 
-        return contacts.integrate(system, method, request, progress)
+        run = contacts.ensemble if request.is_ensemble else contacts.integrate
+        return run(system, method, request, progress)
     return execute(runner_of(system, method, request), progress)
 
 

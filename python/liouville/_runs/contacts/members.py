@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, cast
 
@@ -29,11 +29,20 @@ if TYPE_CHECKING:
     from liouville._runs.runner import Request
     from liouville._solution.solution import Solution
     from liouville._solution.states import Stats
+    from liouville._solution.tangents import Tangent
     from liouville._systems import Mechanics
 
 
+#: What makes the run of a member, as :func:`integrate` does.
+Make = Callable[["Mechanics", "Method | Plan | str", "Request", Progress], "Solution"]
+
+
 def ensemble(
-    system: Mechanics, method: Method | Plan | str, request: Request, progress: Progress
+    system: Mechanics,
+    method: Method | Plan | str,
+    request: Request,
+    progress: Progress,
+    make: Make = integrate,
 ) -> Solution:
     """Integrate members one after another, with records at the same times."""
     starts = members.starts(system, request.start)
@@ -63,7 +72,7 @@ def ensemble(
                 request, start=start, params=params, t_eval=times, every=1, is_ensemble=False
             )
             try:
-                runs.append(integrate(system, method, more, None))
+                runs.append(make(system, method, more, None))
             except Penetrates as error:
                 raise Penetrates(f"member {k}: {error}") from None
             except IntegrationError as error:
@@ -101,6 +110,7 @@ def _joined(
         }
         for group in GROUPS
     }
+    tangents = {name: _tangent(name, runs, shape) for name in first.tangents}
     contacts = {
         name: _record([None if x is None else x.contacts[name] for x in runs], shape)
         for name in first.contacts
@@ -122,6 +132,7 @@ def _joined(
         **arrays,
         t=times,
         initial=initial,
+        tangents=tangents,
         contacts=contacts,
         events=_events(runs),
         stats=cast("Stats", _stats(runs)),
@@ -146,6 +157,17 @@ def _rows(parts: Sequence[Array | None], shape: tuple[int, int]) -> Array:
         if x is not None:
             found[: len(x), k] = x
     return found
+
+
+def _tangent(name: str, runs: Sequence[Solution | None], shape: tuple[int, int]) -> Tangent:
+    """Return the tangent of all members in a direction; of a run that failed there may be none."""
+    own = [None if run is None else run.tangents.get(name) for run in runs]
+    like = next(x for x in own if x is not None)
+    states = {
+        state: _rows([None if x is None else x.states[state] for x in own], shape)
+        for state in like.states
+    }
+    return replace(like, states=states)
 
 
 def _record(own: Sequence[ContactRecord | None], shape: tuple[int, int]) -> ContactRecord:

@@ -8,22 +8,24 @@ differences, as :mod:`~liouville._runs.contacts.tangent` takes it forwards.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from liouville._basics.errors import hinted, quoted
+from liouville._basics.errors import IntegrationError, hinted, quoted
 from liouville._basics.progress import Progress
 from liouville._methods.control import CONTROLS, LEAST_TOLERANCE, Takes
 from liouville._runs.adjoint import EVENTS, INVARIANTS, Adjoint, Gradients
 from liouville._runs.contacts.complementarity import Array
 from liouville._runs.contacts.joined import used
+from liouville._runs.contacts.members import ensemble
 from liouville._runs.contacts.run import Course
 from liouville._runs.contacts.single import course
 from liouville._runs.contacts.stretch import Penetrates
 from liouville._runs.execute import finished
+from liouville._runs.members_adjoint import part_of
 from liouville._runs.tangents import ENDS, PARAMS, check_wrt, gradients_of, shapes_of
 from liouville._solution.solution import Solution
 from liouville._systems.mechanics.contact import Mode
@@ -41,10 +43,16 @@ def vjp(
     system: Mechanics, method: Method | Plan | str, request: Request, wrt: Any, progress: Progress
 ) -> tuple[Solution, Adjoint]:
     """Integrate a system with contacts, and return the transposed derivative of its run."""
-    if request.is_ensemble:
-        raise TypeError("pullbacks of ensembles are not for systems with contacts: give one start")
-    adjoint = ContactsAdjoint(system, method, request, wrt)
-    return adjoint.run(progress), adjoint
+    of_members: list[ContactsAdjoint] = []
+
+    def make(system: Any, method: Any, request: Request, progress: Progress) -> Solution:
+        of_members.append(ContactsAdjoint(system, method, request, wrt))
+        return of_members[-1].run(progress)
+
+    if not request.is_ensemble:
+        return make(system, method, request, progress), of_members[0]
+    solution = ensemble(system, method, request, progress, make)
+    return solution, ContactsMembersAdjoint(of_members)
 
 
 def check_inputs(system: Mechanics, wrt: Any, steps: Steps) -> tuple[str, ...]:
@@ -203,6 +211,39 @@ class ContactsAdjoint(Adjoint):
         )
         hint = "start above it, or give wrt= what does not move a start across it"
         raise ValueError(hinted(sentence, hint))
+
+
+class ContactsMembersAdjoint(Adjoint):
+    """The transposed derivatives of the runs of members, each in modes of its own."""
+
+    def __init__(self, each: Sequence[ContactsAdjoint]) -> None:
+        self._each = each
+        own = each[0].directions.items()
+        self.directions = {x: ((len(each), *shape), kind) for x, (shape, kind) in own}
+
+    def shapes(self, solution: Solution) -> dict[str, tuple[int, ...]]:
+        """Return the shapes of what has cotangents in the runs of all members."""
+        each = [adjoint.shapes(solution) for adjoint in self._each]
+        return {x: shape for x, shape in each[0].items() if all(x in own for own in each)}
+
+    def pulled(self, solution: Solution, cotangents: Mapping[str, Array]) -> Gradients:
+        """Return gradients of each member, along their first axis; see :class:`Adjoint`."""
+        found = []
+        for k, adjoint in enumerate(self._each):
+            own = solution.member(k)
+            try:
+                found.append(adjoint.pulled(own, part_of(solution, own, k, cotangents)))
+            except IntegrationError as error:
+                raise IntegrationError(f"member {k}: {error}", t=error.t, member=k) from error
+        return {name: np.array([each[name] for each in found]) for name in self.wrt}
+
+    def moved(self, directions: Mapping[str, Array], size: float) -> Mapping[str, Array]:
+        """Return the states of all runs, each moved by so much of its own directions."""
+        each = [
+            adjoint.moved({name: x[k] for name, x in directions.items()}, size)
+            for k, adjoint in enumerate(self._each)
+        ]
+        return {name: np.stack([own[name] for own in each], axis=1) for name in each[0]}
 
 
 def _fill(into: Array, rows: Array, values: Array, columns: Array | None) -> None:
