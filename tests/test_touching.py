@@ -196,6 +196,62 @@ def test_friction_of_bodies_in_space_that_move_in_a_plane():
     np.testing.assert_allclose(rest, [1 / (2 * 0.2 * G), 0, 0.1], atol=1e-12)
 
 
+def rod(m, at, half=1.0, radius=0.1):
+    """Add a capsule that flies in the plane."""
+    body = m.planar_body("rod", mass=3.0, inertia=0.9, at=at)
+    m.free("flight", body)
+    return Capsule(body, np.add(at, [(-half, 0), (half, 0)]), radius)
+
+
+@pytest.mark.parametrize("is_first", [True, False])
+def test_a_rod_that_falls_on_the_end_of_another_turns_about_it(is_first):
+    """It falls with v and is hit d beside its centre: by (1 + e) m v / (1 + m d^2 / I)."""
+    m = Assembly()
+    own, post = rod(m, (0.4, 1)), Capsule("ground", [(0, -1), (0, 0)], 0.2)
+    m.contact("pair", *((own, post) if is_first else (post, own)), restitution=0.5)
+    run = thrown(m, 0.5, {"flight": (None, -2, None, None, None, None)})
+    (hit,) = [x for record in run.contacts.values() for x in record.changes]
+    assert hit.t == pytest.approx(0.7 / 2, abs=1e-14)
+    impulse = 1.5 * 3 * 2 / (1 + 3 * 0.4**2 / 0.9)
+    assert hit.normal == pytest.approx(impulse, rel=1e-13)
+    np.testing.assert_allclose(run.v[-1], [0, impulse / 3 - 2, -0.4 * impulse / 0.9], atol=1e-12)
+
+
+def test_a_rod_rests_on_a_table_and_on_its_edge_by_the_lever():
+    """From x = -1 to 1 it bears on its left end and, at x = 0.5, on the corner of the table."""
+    m = Assembly(gravity=(0, -G, 0))
+    table = Polygon("ground", [(-2, -1), (0.5, -1), (0.5, 0), (-2, 0)])
+    m.contact("table", rod(m, (0, 0.1)), table, friction=0.4)
+    run = thrown(m, 0.5, {"flight": (-1.0, None, None, None, None, None)})
+    bears = {name: record.normal[0] for name, record in run.contacts.items() if record.normal[0]}
+    assert {*bears} == {"table.0 of a", "table.2 of b"}
+    # slid by friction, too, which acts 0.1 below the centre
+    left, corner = bears.values()
+    assert left + corner == pytest.approx(3 * G, rel=1e-12)
+    assert left - 0.5 * corner == pytest.approx(0.1 * 0.4 * 3 * G, rel=1e-11)
+    assert run.body("rod").position[-1, 0] == pytest.approx(-1 / (2 * 0.4 * G), rel=1e-12)
+
+
+def test_capsules_in_a_plane_are_as_far_apart_as_by_mujoco():
+    mujoco = pytest.importorskip("mujoco")
+    rng = np.random.default_rng(5)
+    for _ in range(30):
+        ends = np.zeros((2, 2, 3))
+        ends[..., :2] = rng.normal(size=(2, 2, 2))
+        ends[1, :, 0] += 5
+        geoms = "".join(
+            f'<body><joint/><geom type="capsule" size="0.1" fromto="{a} {b}"/></body>'
+            for a, b in ends
+        )
+        text = f"<mujoco><worldbody>{geoms}</worldbody></mujoco>"
+        text = text.replace("[", "").replace("]", "")
+        model = mujoco.MjModel.from_xml_string(text)
+        data = mujoco.MjData(model)
+        mujoco.mj_forward(model, data)
+        wanted = mujoco.mj_geomDistance(model, data, 0, 1, 10.0, None)
+        assert gap(lv.bodies.from_mjcf(text)).min() == pytest.approx(wanted, abs=1e-6)
+
+
 def gap(m, params=None):
     system, start = m.system(params=params), m.start()
     at = system.contacts.at(0.0, start["q"], start["v"], system.values(None), 0.1)
@@ -285,8 +341,11 @@ REFUSED = {
     "of two planes, which meet in no point": lambda: touching(Plane("p"), Plane("ground")),
     "of two points, which do not meet": lambda: touching(Sphere("p"), Sphere("q")),
     "of a box and a box": lambda: touching(Box("p", (1, 1, 1)), Box("q", (1, 1, 1))),
-    "of a box and a capsule": lambda: touching(
+    "of a box and a capsule, whose edges may touch along a line": lambda: touching(
         Box("p", (1, 1, 1)), Capsule("q", np.eye(3)[:2], 0.1)
+    ),
+    "of a capsule and a capsule, whose edges may touch along a line": lambda: touching(
+        Capsule("p", np.eye(3)[:2], 0.1), Capsule("q", np.eye(3)[:2], 0.1), across=(0, 1, 0)
     ),
     "of a corner on a corner": lambda: touching(
         Polygon("p", CORNERS), Polygon("q", CORNERS), False

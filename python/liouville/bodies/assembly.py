@@ -103,10 +103,11 @@ class Assembly(Acting):
     ) -> Touch:
         """Let shapes of two bodies touch: a contact that hits, slides, sticks and lets go.
 
-        Spheres touch all shapes, all shapes touch planes, and polygons each other. Pairs with one
-        point of contact have the name given; corners, and ends of capsules, are counted behind it,
-        ``"table.0"``. A slip is the velocity of the body of `a` against that of `b`, or of what
-        touches a plane against it, to the right of its normal where `across` comes forwards.
+        Spheres touch all shapes, all shapes touch planes, and in a plane polygons and capsules
+        touch one another. Pairs with one point of contact have the name given; corners, and ends
+        of capsules, are counted behind it, ``"table.0"``. A slip is the velocity of the body of `a`
+        against that of `b`, or of what touches a plane against it, to the right of its normal where
+        `across` comes forwards.
 
         Parameters
         ----------
@@ -118,8 +119,8 @@ class Assembly(Acting):
             As for :class:`~liouville.Contact`. Friction is for bodies that move in a plane, and in
             space for a sphere on a plane.
         across : array_like, shape (3,), optional
-            The normal of the plane that bodies in space move in, for friction; planar bodies move
-            across z.
+            The normal of the plane that bodies in space move in, for friction and for capsules
+            that lie in it; planar bodies move across z.
 
         Returns
         -------

@@ -35,8 +35,8 @@ def from_mjcf(
     The file is drawn at its reference pose, so a value of a joint is that of MuJoCo less its
     ``ref``. Armature, damping and springs of joints, equality constraints (connect, weld and joint,
     here exact), actuators, and limits and friction loss of hinges and slides come along; friction
-    sticks, as :class:`~liouville.bodies.Dry`. So do contacts of spheres,
-    capsules and boxes with planes, and of spheres with all of these; limits and contacts are rigid,
+    sticks, as :class:`~liouville.bodies.Dry`. So do contacts of spheres, capsules and boxes with
+    planes, of spheres with all of these, and in a plane of capsules; limits and contacts are rigid,
     without softness and margins. Friction of contacts is that of mechanisms whose hinges are
     parallel, which move in a plane, and in space of spheres on planes. What an assembly has not is
     refused by name. Other files that it names are read too; one of more than 100,000 elements is

@@ -61,6 +61,9 @@ def pairs_of(model: Any, data: Any, without: Sequence[str]) -> list[Pair]:
             raise ValueError(hinted(sentence, "leave them out: without=('contact',)"))
         kinds = sorted(int(model.geom_type[k]) for k in (a, b))
         is_modelled = tuple(kinds) in MODELLED
+        if kinds == [CAPSULE, CAPSULE] and across is not None:  # and both lie in that plane
+            axes = [data.geom_xmat[k].reshape(3, 3)[:, 2] for k in (a, b)]
+            is_modelled = all(abs(axis @ across) < ALIKE for axis in axes)
         if not is_modelled and "contact shapes" in without:
             continue
         one, other = (b, a) if model.geom_type[a] == PLANE else (a, b)

@@ -16,7 +16,7 @@ from liouville.bodies import rotations as rot
 from liouville.bodies.body import Body, Value, column, unit
 from liouville.bodies.joints import Joint
 from liouville.bodies.poses import drawn
-from liouville.bodies.shapes import TINY, Plane, Polygon, Shape, Sphere
+from liouville.bodies.shapes import TINY, Capsule, Plane, Polygon, Shape, Sphere
 
 if TYPE_CHECKING:
     from liouville.bodies.model import Model
@@ -74,7 +74,7 @@ class Touch:
         """Yield the contacts of single points, each with its name."""
         (a, b), (first, second) = (self.a, self.b), self.shapes
         ways = [(a, first, b, second)]
-        if isinstance(second, Polygon) and not isinstance(first, Sphere):
+        if _have_corners(first, second):
             ways.append((b, second, a, first))
         for side, (own, shape, other, its) in zip("ab", ways, strict=False):
             points = len(shape.points(own))
@@ -228,16 +228,18 @@ def touch_of(
     if isinstance(first, Plane):
         raise ValueError(f"{of} is of two planes, which meet in no point")
     has_law = isinstance(first, Sphere) or isinstance(second, Plane)
-    if not has_law and kinds != ("polygon", "polygon"):
-        hint = "spheres touch all shapes, and all shapes touch planes: make one of them of spheres"
-        raise ValueError(hinted(f"{of} is of a {kinds[0]} and a {kinds[1]}", hint))
     is_flat = {a.kind, b.kind} <= {"planar", "ground"}
     if "polygon" in kinds and not is_flat:
         raise ValueError(f"{of} has a polygon, which planar bodies have")
+    lies = is_flat or (across is not None and _lie_across((first, second), across))
+    if not has_law and not (lies and _have_corners(first, second)):
+        sentence = f"{of} is of a {kinds[0]} and a {kinds[1]}, whose edges may touch along a line"
+        hint = "spheres touch all shapes, all shapes planes, and capsules others in a plane"
+        raise ValueError(hinted(sentence, hint))
     if not is_flat and (first.is_flat or second.is_flat):
         sentence = f"{of} is of bodies in space, and a place of its shapes has two numbers"
         raise ValueError(hinted(sentence, "give three coordinates"))
-    if "polygon" in kinds and not isinstance(second, Plane) and _is_sharp(first, second):
+    if {"polygon", "capsule"} & {*kinds} and has_law < _is_sharp(first, second):
         hint = "give one of them a radius, which rounds its corners off"
         raise ValueError(hinted(f"{of} is of a corner on a corner, which has no direction", hint))
     if _is_sharp(first, second) and kinds == ("sphere", "sphere"):
@@ -257,6 +259,18 @@ def touch_of(
 def _slides_in_space(shapes: tuple[Shape, Shape]) -> bool:
     """Whether two shapes have friction in space: others bear on several points."""
     return isinstance(shapes[0], Sphere) and isinstance(shapes[1], Plane)
+
+
+def _have_corners(first: Shape, second: Shape) -> bool:
+    """Whether the points of two shapes touch both ways: those of each the other's edges."""
+    return isinstance(first, Capsule | Polygon) and isinstance(second, Capsule | Polygon)
+
+
+def _lie_across(shapes: Sequence[Shape], across: NDArray[np.float64]) -> bool:
+    """Whether shapes are capsules whose lines are across a normal."""
+    lines = [np.diff(x.ends, axis=0)[0] for x in shapes if isinstance(x, Capsule)]
+    is_across = [(x @ across) ** 2 <= FLAT * (x @ x) for x in lines]
+    return len(lines) == len(shapes) and all(is_across)
 
 
 def _is_sharp(first: Shape, second: Shape) -> bool:
