@@ -270,6 +270,19 @@ def test_a_start_may_be_moved_to_zero():
     np.testing.assert_allclose(found["v"], [1.0, 0.0], atol=1e-15)
 
 
+@pytest.mark.parametrize("at", [(0.73, 0.18), (0.67, 0.65), (0.88, 0.07)])
+def test_a_start_of_zeros_is_taken_where_roundings_of_lengths_are_all_that_is_missing(at):
+    """They are larger than any rounding of the coordinates, which have no size of their own."""
+    length = np.hypot(*at)
+    system = lv.Lagrangian(
+        lambda t, q, v, params: ca.sumsqr(v) / 2,
+        q=2,
+        constraint=lambda t, q, params: ca.norm_2(q + ca.vertcat(*at)) - length,
+    )
+    found = system.consistent(q=[0.0, 0.0], v=[0.0, 0.0])
+    np.testing.assert_allclose(found["q"], 0, atol=1e-15)
+
+
 def circle(unit):
     return lv.Lagrangian(
         lambda t, q, v, params: ca.dot(v, v) / 2,

@@ -267,9 +267,24 @@ impl ConstraintEquations<'_> {
         let Err(StepError::NotConverged { .. }) = found else {
             return found.map(|_| ());
         };
+        if self.is_met() {
+            return Ok(());
+        }
         self.x.copy_from_slice(x);
+        if self.is_met() {
+            return Ok(());
+        }
         self.approach()?;
         newton::solve(self, 100).map(|_| ())
+    }
+
+    /// Whether all equations hold up to their roundings: those of their terms may be larger than x, which may be zero.
+    fn is_met(&mut self) -> bool {
+        let tape = &self.projection.residual;
+        let args: [&[f64]; 2] = [&self.x, self.held];
+        let most = tape.roundings(&self.registers[0], &args);
+        let values = tape.eval(&mut self.registers[0], args);
+        values.iter().zip(most).all(|(c, most)| c.abs() <= most)
     }
 
     /// Goes to where corrections are small, by parts of them that take away what is missing.
