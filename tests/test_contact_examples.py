@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import liouville as lv
-from liouville.bodies import Assembly, Dry, Plane, Sphere
+from liouville.bodies import Assembly, Capsule, Dry, Plane, Sphere
 
 G = 9.81
 EXAMPLES = Path(__file__).resolve().parent.parent / "examples"
@@ -69,6 +69,50 @@ def test_thrown_balls_roll_when_and_where_closed_forms_say(page, capsys):
         when, speed = line.split("off by ")[1].split(" s, ")
         assert float(when) < 2e-9
         assert float(speed.removesuffix(" m/s")) < 2e-9
+
+
+def test_a_clock_loses_in_each_beat_what_its_weight_gives(page):
+    found = page("clock")
+    given, in_hits, in_air = (np.diff(x[found["at"]]) for x in found["parts"].values())
+    assert given[-1] == pytest.approx(2e-3 * np.pi / 6, rel=1e-4)
+    assert in_hits[-1] + in_air[-1] == pytest.approx(given[-1], rel=2e-3)  # it swings up still
+    assert np.abs(found["balance"].defect).max() < 1e-5 * given.sum()
+    swings = [np.abs(run.joint("pivot").angle[run.t > 28]).max() for run in found["runs"].values()]
+    assert swings[0] == pytest.approx(swings[1], rel=0.05)
+
+
+def test_an_escapement_of_a_rack_ticks_when_its_closed_form_says():
+    """The pins of a rack push a foliot on faces of 45 degrees to and fro, d beyond both ways.
+
+    A pin and the foliot have one speed v and the acceleration F / (M + m), until the pin escapes.
+    The rack alone falls on by 0.5 - 2 d, less what the foliot comes to meet it, and hits.
+    """
+    push, rack_mass, mass, d, v = 2.0, 0.5, 1.5, 0.1, 0.5
+    m = Assembly()
+    rack = m.planar_body("rack", mass=rack_mass, inertia=1.0, at=(1, 1))
+    foliot = m.planar_body("foliot", mass=mass, inertia=1.0, at=(1, 1))
+    m.prismatic("way", "ground", rack, axis=(1, 0, 0), force=lambda t, x, v, params: push)
+    m.prismatic("guide", "ground", foliot, axis=(0, 1, 0))
+    off = 0.03 / np.sqrt(2)  # by both radii
+    for name, x, side in (("up", 0.0, 1), ("down", 0.5, -1)):
+        tip = np.array([x + d + off, side * (off - d)])
+        face = Capsule(foliot, [tip, tip + np.array([-1, side])], 0.01)
+        for k in range(4):
+            m.contact(f"{name} {k}", Sphere(rack, 0.02, at=(-k, 0)), face)
+    start = m.start(rates={"way": v, "guide": v})
+    run = lv.integrate(m.system(), lv.Spark(3), t=(0, 6), rtol=1e-10, **start)
+    hits = [x for record in run.contacts.values() for x in record.changes if x.kind == "hit"]
+    slow, fast = push / (rack_mass + mass), push / rack_mass
+    t, v, way = 0.0, v, d
+    for hit in sorted(hits, key=lambda x: x.t):
+        v, before = np.sqrt(v**2 + 2 * slow * way), v
+        t += (v - before) / slow
+        falls = (np.sqrt(4 * v**2 + 2 * fast * (0.5 - 2 * d)) - 2 * v) / fast
+        t, way, hits_with = t + falls, 2 * d + v * falls, v + fast * falls
+        v = (rack_mass * hits_with - mass * v) / (rack_mass + mass)
+        assert hit.t == pytest.approx(t, abs=1e-11)
+        assert hit.normal == pytest.approx(np.sqrt(2) * rack_mass * (hits_with - v), abs=1e-11)
+    assert len(hits) == 5
 
 
 @pytest.mark.parametrize("way", [1, -1])
