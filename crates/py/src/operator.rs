@@ -7,7 +7,7 @@ use liouville_base::error::StepError;
 use liouville_base::simd::InstructionSet;
 use liouville_waves::method::Sweeper;
 use liouville_waves::problem::{
-    Bond, Dense, Diagonals, Drive, HamiltonianAt, Kinetic, Nonlinearity, Potential, Spins,
+    Bond, Coupling, Dense, Diagonals, Drive, HamiltonianAt, Kinetic, Nonlinearity, Potential, Spins,
 };
 use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::exceptions::{PyMemoryError, PyValueError};
@@ -182,11 +182,24 @@ impl Operator {
         }
     }
 
-    /// The same matrix on real and on imaginary parts.
-    fn twice(&self) -> Self {
+    /// A symmetric matrix between components of so many points, with these eigenvalues, and eigenvectors as columns.
+    #[staticmethod]
+    fn coupling(
+        points: usize,
+        levels: PyReadonlyArray1<'_, f64>,
+        vectors: PyReadonlyArray2<'_, f64>,
+    ) -> PyResult<Self> {
+        let unfit = || PyValueError::new_err("an eigenvector for each eigenvalue");
+        let coupling = Coupling::new(points, levels.as_slice()?, vectors.as_slice()?);
+        let coupling = Arc::new(coupling.ok_or_else(unfit)?);
+        Ok(liouville_waves::problem::Operator::Coupling(coupling).into())
+    }
+
+    /// The same matrix on each of so many parts of a state.
+    fn repeated(&self, times: usize) -> Self {
         let inner = Arc::new(self.inner.clone());
         Self {
-            inner: liouville_waves::problem::Operator::Twice(inner),
+            inner: liouville_waves::problem::Operator::Repeated(inner, times),
             caught: self.caught.clone(),
         }
     }
@@ -276,6 +289,8 @@ impl Hamiltonian {
         if let Some((potential, energy, params, cell)) = nonlinearity {
             let (potential, energy) = (potential.0.clone(), energy.0.clone());
             let nonlinearity = Nonlinearity::new(potential, energy, params.as_slice()?, cell);
+            let places = inner.places();
+            let nonlinearity = nonlinearity.filter(|each| places.is_multiple_of(each.components()));
             inner = inner.with_nonlinearity(nonlinearity.ok_or_else(unfit)?);
         }
         if let Some(absorber) = absorber {

@@ -208,7 +208,8 @@ class SplitOperator(Brief):
     scheme : str, default "RKN6s11"
         Order 2 ``S2``; order 4 ``BM4``, ``RKN4s6``; order 6 ``BM6``, ``RKN6s11``; or another name
         of a composition (see :class:`VolumeSplitting`). Those called RKN use that V and its
-        commutators with T have special forms.
+        commutators with T have special forms, which a ``coupling=`` of components has not:
+        ``RKN6s11`` is of order 4 then.
     tol : float, optional
         The error of :math:`\psi` at the end, relative to its norm at the start, as far as estimates
         hold; for runs without ``h=`` and ``steps=``. Errors of a nonlinear equation may grow beyond

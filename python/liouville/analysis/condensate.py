@@ -93,7 +93,7 @@ class _Energy:
     def of_density(self, x: Array, which: str) -> Array:
         """Return W, its energy or its slope at each point."""
         function = getattr(self._nonlinearity, which)
-        found: Array = function(self._t, (x**2 / self.cell).ravel()).reshape(self.shape)
+        found: Array = function(self._t, (x**2 / self.cell).reshape(-1, 1)).reshape(self.shape)
         return found
 
     def share(self, x: Array) -> float:

@@ -162,6 +162,9 @@ def ground_state(
         if system.drives:
             hint = "give the drive as a potential of t and x"
             raise TypeError(hinted("a condensate takes no drive by matrices", hint))
+        if system.components > 1:
+            sentence = "the ground state of a condensate is found of one component, not of "
+            raise TypeError(f"{sentence}{system.components}")
         return condensate(system, at, wanted)
     return lowest(system, at, wanted)
 

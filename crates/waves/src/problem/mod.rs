@@ -5,6 +5,7 @@
 //! their neighbourhood in x, so that several products go over the matrix in one sweep and threads share the rows; a
 //! whole term computes all of a product at once.
 
+mod coupling;
 mod dense;
 mod diagonals;
 mod drive;
@@ -21,12 +22,14 @@ mod sparse;
 mod spins;
 mod weighted_terms;
 
+pub use coupling::Coupling;
 pub use dense::Dense;
 pub use diagonals::Diagonals;
 pub use drive::Drive;
 pub use hamiltonian::Hamiltonian;
 pub use hamiltonian_at::HamiltonianAt;
 pub use kinetic::Kinetic;
+pub(crate) use nonlinearity::DensityRegisters;
 pub use nonlinearity::Nonlinearity;
 pub use potential::Potential;
 pub(crate) use potential::{AT_ONCE, PotentialRegisters};
@@ -58,8 +61,10 @@ pub enum Operator {
     Spins(Arc<Spins>),
     /// Any function that computes products.
     Product(Arc<dyn Product>),
-    /// A matrix that acts on real and on imaginary parts.
-    Twice(Arc<Operator>),
+    /// A matrix that acts on each of so many parts of a state: real and imaginary ones, or components.
+    Repeated(Arc<Operator>, usize),
+    /// A matrix between components.
+    Coupling(Arc<Coupling>),
 }
 
 impl Operator {
@@ -81,7 +86,8 @@ impl Operator {
             Self::Dense(dense) => dense.size(),
             Self::Spins(spins) => spins.size(),
             Self::Product(product) => product.size(),
-            Self::Twice(operator) => 2 * operator.size(),
+            Self::Repeated(operator, times) => times * operator.size(),
+            Self::Coupling(coupling) => coupling.size(),
         }
     }
 
@@ -90,12 +96,21 @@ impl Operator {
         matches!(self, Self::Product(product) if product.is_driven())
     }
 
+    /// The kinetic energy on a grid, if it is that, be it of each component.
+    pub(crate) fn kinetic(&self) -> Option<&Arc<Kinetic>> {
+        match self {
+            Self::Kinetic(kinetic) => Some(kinetic),
+            Self::Repeated(operator, _) => operator.kinetic(),
+            _ => None,
+        }
+    }
+
     /// The largest distance of an entry from the diagonal; none for a whole term.
     pub fn reach(&self) -> Option<usize> {
         match self {
             Self::Rows(rows) => Some(rows.reach()),
             Self::Sparse(sparse) => Some(sparse.reach()),
-            Self::Kinetic(_) | Self::Product(_) | Self::Twice(_) => None,
+            Self::Kinetic(_) | Self::Product(_) | Self::Repeated(..) | Self::Coupling(_) => None,
             Self::Diagonals(diagonals) => Some(diagonals.reach()),
             Self::Dense(dense) => Some(dense.size()),
             Self::Spins(spins) => Some(spins.size()),
@@ -110,7 +125,7 @@ impl Operator {
             Self::Diagonals(diagonals) => diagonals.bytes(),
             Self::Dense(dense) => dense.bytes(),
             Self::Spins(spins) => spins.bytes(),
-            Self::Kinetic(_) | Self::Product(_) | Self::Twice(_) => 0,
+            Self::Kinetic(_) | Self::Product(_) | Self::Repeated(..) | Self::Coupling(_) => 0,
         };
         bytes.div_ceil(self.size())
     }
@@ -123,7 +138,7 @@ impl Operator {
         match self {
             Self::Rows(rows) => update_rows(&**rows, machine, update, block),
             Self::Sparse(sparse) => sparse.act(machine, update, block),
-            Self::Kinetic(_) | Self::Product(_) | Self::Twice(_) => {
+            Self::Kinetic(_) | Self::Product(_) | Self::Repeated(..) | Self::Coupling(_) => {
                 unreachable!("whole terms have no rows")
             }
             Self::Diagonals(diagonals) => update_rows(&**diagonals, machine, update, block),

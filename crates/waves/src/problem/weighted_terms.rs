@@ -132,8 +132,10 @@ impl WeightedTerms<'_> {
         out.fill(0.0);
         let mut kinetic = 0.0;
         for (k, term) in self.terms.iter().enumerate() {
-            if let Operator::Kinetic(term) = term {
-                kinetic += self.weight(k) * term.expectation(x, &mut scratch.memory)?;
+            if let Some(term) = term.kinetic() {
+                for x in x.chunks_exact(term.size()) {
+                    kinetic += self.weight(k) * term.expectation(x, &mut scratch.memory)?;
+                }
             } else {
                 let update = (Update::added(self.weight(k)), self.nodes);
                 update_all(term, machine, update, x, out, scratch)?;
@@ -161,7 +163,8 @@ fn update_all<S: Stored>(
     match term {
         Operator::Product(product) => apply(&**product, (update, nodes), x, out, scratch)?,
         Operator::Kinetic(kinetic) => kinetic.update(update, x, out, &mut scratch.memory)?,
-        Operator::Twice(operator) => {
+        Operator::Coupling(coupling) => coupling.update(update, x, out),
+        Operator::Repeated(operator, _) => {
             let n = operator.size();
             for (x, out) in x.chunks(n).zip(out.chunks_mut(n)) {
                 update_all(operator, machine, (update, nodes), x, out, scratch)?;

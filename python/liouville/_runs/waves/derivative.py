@@ -109,6 +109,9 @@ def followed(system: Schrodinger, plan: WavePlan) -> WavePlan:
     What "auto" takes of methods without derivatives is planned anew.
     TypeError where the run leaves nothing that a derivative could follow.
     """
+    if system.components > 1:
+        sentence = "there are no derivatives of runs of several components"
+        raise TypeError(hinted(sentence, "take differences of runs"))
     is_other = isinstance(plan.core, Diagonal | SplitSteps) and isinstance(plan.method, Planned)
     if is_other or (system.is_driven and plan.is_settled):
         assert isinstance(plan.method, Planned)

@@ -85,6 +85,9 @@ class WaveRunner(Runner):
         energy = "observed energy" if system.is_driven or system.may_absorb else "invariant energy"
         norm = "observed norm" if system.may_absorb else "invariant norm"
         self.columns |= {norm: 1, energy: 1, "observed autocorrelation": 2}
+        if many := len(system.populations):
+            kept = "observed" if system.mixes or system.may_absorb else "invariant"
+            self.columns[f"{kept} populations"] = many
         for name, width, _ in self._observed:
             if f"observed {name}" in self.columns:
                 sentence = f"'{name}' is recorded of every run of this equation"
@@ -321,6 +324,7 @@ class WaveRunner(Runner):
         """Return Hamiltonian, method and job for the core."""
         plan = self.plan
         observables: list[tuple[object, ...]] = [("symmetric", self.system.hamiltonian), ("start",)]
+        observables += [("diagonal", each) for each in self.system.populations]
         observables += [each for _, _, parts in self._observed for each in parts]
         job = Job(
             start=(np.atleast_2d(self.psi),), span=(plan.t0, plan.stops), observer=observables,

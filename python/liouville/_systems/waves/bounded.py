@@ -51,6 +51,7 @@ class Bounded(Pickled):
     hamiltonian: _core.Hamiltonian
     hbar: float
     grid: Grid | None
+    places: np.ndarray  # where the potential of a grid is evaluated for each entry of a state
     frame: Frame
     size: int
     points: tuple[float, ...]
@@ -140,7 +141,7 @@ class Bounded(Pickled):
         """Refuse a time at which the potential or a drive is not finite: ValueError names it."""
         self._finite_values(np.array([t]))
         if self._moving is not None and self.grid is not None:
-            self._moving.at(t, self.grid.points)
+            self._moving.at(t, self.places)
 
     def product_at(self, t: float) -> Callable[[np.ndarray], np.ndarray]:
         r"""Return the product of :math:`H / \hbar` at a time with a real vector of the core."""
@@ -151,7 +152,7 @@ class Bounded(Pickled):
         parts = [pair for pair in zip(weights, terms, strict=True) if pair[0]]
         potential: np.ndarray | None = None
         if self._moving is not None and self.grid is not None:
-            values = self._moving.at(t, self.grid.points) / self.hbar
+            values = self._moving.at(t, self.places) / self.hbar
             potential = np.tile(values, self.hamiltonian.size // self.size)
 
         def product(x: np.ndarray) -> np.ndarray:
@@ -222,7 +223,7 @@ class Bounded(Pickled):
             more["drive"] = (self._weights, params)
         if self._moving is not None and self.grid is not None:
             own = self._moving.parted(1 / self.hbar)
-            at = own.of_place.map(params, [np.ascontiguousarray(self.grid.points)])
+            at = own.of_place.map(params, [np.ascontiguousarray(self.places)])
             points = np.tile(at, (1 + self.frame.is_doubled, 1))
             more["potential"] = (own.of_time, own.both, params, points.ravel())
         return more
@@ -404,6 +405,6 @@ class Bounded(Pickled):
             found += np.sort(np.outer(values, ends), axis=1)
         if self._moving is not None and self.grid is not None:
             for own, t in zip(found, times.tolist(), strict=True):
-                values = self._moving.at(t, self.grid.points) / self.hbar
+                values = self._moving.at(t, self.places) / self.hbar
                 own += values.min(), values.max()
         return found

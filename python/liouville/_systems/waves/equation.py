@@ -11,7 +11,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from liouville._basics.arguments import amount, read_only
+from liouville._basics.errors import hinted
 from liouville._systems.tracing import trace as _trace
+from liouville._systems.waves import components as of_components
 from liouville._systems.waves import foreign, forms, graph, observed, time_functions
 from liouville._systems.waves.bounds import check_symmetric, interval, positive, way
 from liouville._systems.waves.entries import Entries
@@ -29,6 +31,12 @@ from liouville._systems.waves.sites.system import SiteSystem
 from liouville._systems.waves.spins import SpinChain
 from liouville._systems.waves.time_functions import TimeFunction
 from liouville._systems.waves.typed import Density, Options
+
+#: Of a condensate whose coupling is complex.
+UNGAUGED = hinted(
+    "a nonlinearity takes a coupling that phases of the components make real, and none do here",
+    "a flux of 0 or pi goes through every loop of a real one",
+)
 
 
 class Schrodinger(OnGrid, Generic[Density]):
@@ -67,7 +75,13 @@ class Schrodinger(OnGrid, Generic[Density]):
     nonlinearity : callable, optional
         On a grid a potential that depends on the density at its point, as of a condensate,
         :math:`i \hbar \psi' = (H + W(t, |\psi(x)|^2)) \psi`: ``W(t, rho, params)``, called once
-        with CasADi symbols; rho is :math:`|\psi|^2`, a squared component over ``grid.cell``.
+        with CasADi symbols; rho is :math:`|\psi|^2`, a squared component over ``grid.cell``. Of
+        several components rho has the density of each, and W a value for each, or one for all.
+    components : int, default 1
+        On a grid the number of components of the wave function, as of spins: a state has shape
+        ``(components, *grid.shape)``, or flat.
+    coupling : array_like, optional
+        A Hermitian matrix between the components, the same at all points and times.
     absorber : array_like or callable, optional
         W >= 0 of :math:`H - i W`, a value for each component, which absorbs what comes to the ends
         of a grid or lattice, or decays: an array of its shape, or flat, or on a grid
@@ -83,6 +97,8 @@ class Schrodinger(OnGrid, Generic[Density]):
         The Hamiltonian, Planck's constant and times as given.
     grid : Grid or None
         The grid, if there is one.
+    components : int
+        The number of wave functions on it.
     nonlinearity : Nonlinearity or None
         The potential of the density, if there is one; bounds are those of H without it.
     is_driven : bool
@@ -174,6 +190,8 @@ class Schrodinger(OnGrid, Generic[Density]):
         points: ArrayLike = (),
         params: Mapping[str, ArrayLike] | None = None,
         nonlinearity: Callable[..., Any] | None = None,
+        components: int = 1,
+        coupling: ArrayLike | None = None,
         absorber: Callable[..., Any] | ArrayLike | None = None,
     ) -> None:
         self.points = foreign.points_of(points)
@@ -181,6 +199,7 @@ class Schrodinger(OnGrid, Generic[Density]):
         self.hbar = positive("hbar", hbar)
         self._params = _trace.Parameters(params)
         self._given, self._way = interval(bounds, self.hbar), way(bounds)
+        self._between = components, coupling
         self._make(None, nonlinearity, absorber)
         if self.points and not self.is_driven:
             raise ValueError(
@@ -193,6 +212,8 @@ class Schrodinger(OnGrid, Generic[Density]):
         self.grid = hamiltonian if isinstance(hamiltonian, Grid) else None
         source = forms.source_of(hamiltonian)
         self.size: int = source.size if isinstance(source, (Grid, Exchange)) else source.n
+        self.components, self._coupling = of_components.read(*self._between, self.grid)
+        self.size *= self.components
         self.moving_product = source if isinstance(source, MovingProduct) else None
         if self.moving_product is not None:
             self.moving_product.check_alone(drive)
@@ -203,6 +224,8 @@ class Schrodinger(OnGrid, Generic[Density]):
         self.nonlinearity = self._read_nonlinearity(nonlinearity)
         self._absorbing = self._read_absorber(absorber)
         self.frame = self._framed([source, *driven]) if frame is None else frame
+        if self.nonlinearity is not None and not self.is_real:
+            raise ValueError(UNGAUGED)
         self._build(source, driven)
 
     def _state(self) -> dict[str, Any]:
@@ -211,7 +234,7 @@ class Schrodinger(OnGrid, Generic[Density]):
         if self._potential is not None:
             source = source.with_potential(self._potential)
         pairs = zip(self._functions, self._drive, strict=True)
-        names = ("hbar", "points", "_params", "_given", "_way", "frame")
+        names = ("hbar", "points", "_params", "_given", "_way", "frame", "_between")
         own = {name: getattr(self, name) for name in names}
         drive = [(x if isinstance(x, foreign.Samples) else f, matrix) for f, (x, matrix) in pairs]
         own |= {"source": source, "_drive": drive}
@@ -228,6 +251,11 @@ class Schrodinger(OnGrid, Generic[Density]):
     def _framed(self, parts: Sequence[Any]) -> Frame:
         matrices = [part for part in parts if isinstance(part, Entries)]
         phases, is_doubled = None, False
+        coupling = self._coupling
+        if coupling is not None and not coupling.is_real:
+            if self.has_diagonal_drive and (phases := graph.gauge([coupling])) is not None:
+                phases = np.repeat(phases, self.size // self.components)
+            return Frame(self.size, None, phases, phases is None)
         if self.moving_product or not all(getattr(part, "is_real", True) for part in parts):
             phases = graph.gauge(matrices) if len(matrices) == len(parts) else None
             is_doubled = phases is None
@@ -251,6 +279,7 @@ class Schrodinger(OnGrid, Generic[Density]):
         """Name the model, or the number of components."""
         is_model = isinstance(self.source, (Grid, Lattice, SpinChain, SiteSystem))
         what = repr(self.source) if is_model else amount(self.size, "component")
+        what += f", {self.components} components" if self.components > 1 else ""
         return f"{type(self).__name__}({what}{', driven' if self.is_driven else ''})"
 
     @property
@@ -280,8 +309,10 @@ class Schrodinger(OnGrid, Generic[Density]):
 
     @cached_property
     def potential_sensitivity(self) -> PotentialSensitivity | None:
-        """The derivatives of the potential of a grid, None where it is no function."""
-        return None if self._potential is None else PotentialSensitivity(self, self._potential)
+        """The derivatives of the potential of a grid, None where it is no function of one value."""
+        if self._potential is None or self.components > 1:
+            return None
+        return PotentialSensitivity(self, self._potential)
 
     @property
     def params(self) -> dict[str, Any]:
@@ -374,8 +405,11 @@ class Schrodinger(OnGrid, Generic[Density]):
             One is of the wrong kind or shape, or known by its products and not Hermitian; the
             message has its name.
         """
+        observe = self.portable(observe)
         return observed.observables(observe, self.frame, self.shapes, self._at_points)
 
     def portable(self, observe: Mapping[str, Any] | None) -> dict[str, Any]:
         """Return observables in a form that can be pickled: functions by their values."""
+        if self.grid is not None:
+            observe = of_components.observed(observe, self.grid, self.components)
         return observed.portable(observe, self._at_points)

@@ -102,9 +102,9 @@ def term_of(
     return Term(_operators_in(frame, matrix), closer)
 
 
-def twice(operator: _core.Operator, is_doubled: bool) -> _core.Operator:
-    """Return a real operator as the core has it beside complex ones."""
-    return operator.twice() if is_doubled else operator
+def repeated(operator: _core.Operator, times: int) -> _core.Operator:
+    """Return a real operator that acts on each of so many parts of a state."""
+    return operator if times == 1 else operator.repeated(times)
 
 
 def of_states(

@@ -69,7 +69,8 @@ class Grid:
         Number of points along each axis.
     potential : array_like or callable, optional
         V: an array of the grid's shape, or flat; or ``potential(t, x, params)``, called once with
-        CasADi symbols, where x has the coordinates of a point. Zero by default.
+        CasADi symbols, where x has the coordinates of a point. Zero by default. Of a wave function
+        of several components it may have one more axis, or return a value for each.
     mass : float or tuple of float, default 1.0
         m, the same along all axes or for each.
 
@@ -141,7 +142,8 @@ class Grid:
                     )
                 )
         if not (potential is None or callable(potential)):
-            potential = on_sites("potential", potential, shape)
+            of_components = np.shape(potential)[:-d] if np.ndim(potential) == d + 1 else ()
+            potential = on_sites("potential", potential, (*of_components, *shape))
         found = {"low": begin, "high": end, "shape": shape, "potential": potential, "mass": masses}
         for name, value in found.items():
             object.__setattr__(self, name, value)

@@ -1,4 +1,4 @@
-"""Parts of H that are functions of the position or of the density: potential and absorber."""
+"""Parts of H that are functions of the position or of the density, and of the component."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from numpy.typing import ArrayLike
 
 from liouville import _core
 from liouville._basics.errors import hinted
+from liouville._systems.waves import components as of_components
 from liouville._systems.waves import observed
 from liouville._systems.waves.bounded import Bounded
-from liouville._systems.waves.entries import check_size
-from liouville._systems.waves.forms import Term, source_of, term_of, twice
+from liouville._systems.waves.entries import Entries, check_size
+from liouville._systems.waves.forms import Term, repeated, source_of, term_of
 from liouville._systems.waves.grid import Grid
 from liouville._systems.waves.lattice import Lattice, on_sites
 from liouville._systems.waves.nonlinearity import Nonlinearity
 from liouville._systems.waves.time_functions import TimeFunction, point
-from liouville._systems.waves.time_functions import potential as potential_of
 
 #: The hint where an equation is not linear, or absorbs.
 TAKEN = "take 'auto' or SplitOperator(tol=1e-8), or SplitOperator() with h= or steps="
@@ -36,6 +36,9 @@ class OnGrid(Bounded):
     """A base of :class:`Schrodinger`: what is a function of the position or of the density."""
 
     source: Any
+    components: int
+    has_diagonal_drive: bool
+    _coupling: Entries | None
     potential: np.ndarray | None
     nonlinearity: Nonlinearity | None
     _potential: TimeFunction | None
@@ -45,7 +48,8 @@ class OnGrid(Bounded):
         """Make the term of the Hamiltonian without its drive."""
         self.potential, self._potential, self._moving = None, None, None
         if isinstance(source, Grid):
-            return self._of_grid(source, potential_of(source, self._params))
+            own = of_components.potential(source, self._params, self.components)
+            return self._of_grid(source, own)
         return term_of(source, self.source, self.frame, 1 / self.hbar)
 
     @property
@@ -78,7 +82,14 @@ class OnGrid(Bounded):
         """The shapes that a state may have."""
         shape = getattr(self.source, "shape", (self.size,))
         is_model = isinstance(self.source, (Grid, Lattice))
+        if self.components > 1:
+            shape = (self.components, *shape)
         return [(self.size,), *([shape] if is_model and len(shape) > 1 else [])]
+
+    @property
+    def is_split(self) -> bool:
+        """Whether it is T + V on a grid as :class:`SplitOperator` takes it."""
+        return self.grid is not None and self.has_diagonal_drive and not self.frame.is_doubled
 
     def _read_nonlinearity(self, function: Callable[..., Any] | None) -> Nonlinearity | None:
         """Return a function of the density, on a grid alone."""
@@ -89,7 +100,7 @@ class OnGrid(Bounded):
             raise TypeError(
                 hinted(sentence, "write lv.Schrodinger(lv.Grid(...), nonlinearity=...)")
             )
-        return Nonlinearity(function, self._params)
+        return Nonlinearity(function, self._params, self.components)
 
     def _read_absorber(self, given: Any) -> TimeFunction | np.ndarray | None:
         """Return a part of the potential that absorbs, as a function or as values at all points."""
@@ -99,11 +110,13 @@ class OnGrid(Bounded):
             sentence = "an absorber changes the density within the flow of a nonlinearity"
             raise TypeError(hinted(sentence, "leave one of them out"))
         if not callable(given):
+            if self.grid is not None:
+                given = of_components.on_all(given, self.grid, self.components)
             return on_sites("absorber", given, self.shapes[-1]).ravel()
         if self.grid is None:
             sentence = "the absorber is a function of the position on a Grid, and H is none"
             raise TypeError(hinted(sentence, "give an array of its values at all components"))
-        found = TimeFunction("absorber", given, self._params, len(self.grid.shape))
+        found = self._of_place("absorber", given)
         if found.is_driven:
             raise ValueError("the absorber must not depend on time")
         return found
@@ -126,13 +139,13 @@ class OnGrid(Bounded):
             return None
         values = self._absorbing
         if isinstance(values, TimeFunction) and self.grid is not None:
-            values = values.at(0.0, self.grid.points)
+            values = values.at(0.0, self.places)
         assert isinstance(values, np.ndarray), "a function is one on a grid"
         least = int(np.argmin(values))
         if values[least] < 0:
             place = f"component {least}"
             if self.grid is not None:
-                place = f"x = {point(self.grid.points[least])}"
+                place = f"x = {point(self.grid.points[least % self.grid.size])}"
             found = f"{values[least]:g} at {place}"
             sentence = f"absorber must not be negative, where psi grows, as {found}"
             raise ValueError(hinted(sentence, "H - iW absorbs where W is positive"))
@@ -170,40 +183,76 @@ class OnGrid(Bounded):
     def _of_grid(self, grid: Grid, found: TimeFunction | np.ndarray) -> Term:
         kinetic = [energies / self.hbar for energies in grid.kinetic(self.hbar)]
         check_size("T / hbar", np.concatenate(kinetic))
+        self.places = of_components.places(grid, self.components)
         is_doubled = self.frame.is_doubled
-        terms = [twice(_core.Operator.kinetic(kinetic), is_doubled)]
+        copies = self.components * (1 + is_doubled)
+        terms = [repeated(_core.Operator.kinetic(kinetic), copies)]
         low, high = 0.0, float(sum(energies.max() for energies in kinetic))
+        if self._coupling is not None:
+            gauge = None if self.frame.gauge is None else self.frame.gauge[:: grid.size]
+            own, levels = of_components.operator(
+                self._coupling, grid.size, 1 / self.hbar, gauge, is_doubled
+            )
+            terms.append(own)
+            low, high = low + float(levels[0]), high + float(levels[-1])
         if isinstance(found, TimeFunction):
             self._potential = found
             if found.is_driven:
                 self._moving = found
                 return Term(terms, (low, high))
-            found = found.at(0.0, grid.points)
+            found = found.at(0.0, self.places)
         self.potential = found / self.hbar
         low, high = low + float(self.potential.min()), high + float(self.potential.max())
         if self.potential.any():
-            diagonal = _core.Operator.diagonals(grid.size, [0], [self.potential])
-            terms.append(twice(diagonal, is_doubled))
+            diagonal = _core.Operator.diagonals(self.size, [0], [self.potential])
+            terms.append(repeated(diagonal, 1 + is_doubled))
         return Term(terms, (low, high))
 
     def potential_at(self, t: float) -> np.ndarray:
         r"""Return :math:`V / \hbar` on a grid at a time, one value for each point."""
         assert self.grid is not None, "an equation on a grid"
         if self._moving is not None:
-            return self._moving.at(t, self.grid.points) / self.hbar
+            return self._moving.at(t, self.places) / self.hbar
         assert self.potential is not None, "a potential that does not depend on time"
         return self.potential
 
     def density(self, psi: np.ndarray) -> np.ndarray:
-        r"""Return :math:`|\psi|^2` of states on the grid, in units of one over the volume."""
+        r"""Return :math:`|\psi_a|^2` at all points of states, a row a point, over the volume."""
         assert self.grid is not None, "an equation on a grid"
-        found: np.ndarray = (psi.real**2 + psi.imag**2) / self.grid.cell
-        return found
+        found = (psi.real**2 + psi.imag**2) / self.grid.cell
+        parts = found.reshape(-1, self.components, self.grid.size)
+        rows: np.ndarray = np.swapaxes(parts, 1, 2).reshape(-1, self.components)
+        return rows
+
+    @property
+    def mixes(self) -> bool:
+        """Whether norm may go from one component to another."""
+        coupling = self._coupling
+        is_diagonal = coupling is None or coupling.is_diagonal
+        return not (is_diagonal and self.has_diagonal_drive)
+
+    @property
+    def coupled(self) -> float:
+        """The largest difference of energies of the coupling."""
+        if self._coupling is None:
+            return 0.0
+        return float(np.ptp(np.linalg.eigvalsh(self._coupling.dense())))
+
+    @property
+    def populations(self) -> np.ndarray:
+        """The diagonals whose means are the populations of components, none of a single one."""
+        if self.components == 1:
+            return np.empty((0, self.size))
+        return np.repeat(np.eye(self.components), self.size // self.components, axis=1)
+
+    def _of_place(self, what: str, function: Callable[..., Any]) -> TimeFunction:
+        assert self.grid is not None, "an equation on a grid"
+        return of_components.of_place(what, function, self._params, self.grid, self.components)
 
     def _at_points(self, name: str, function: Callable[..., Any]) -> np.ndarray:
         if self.grid is None:
             raise TypeError(observed.without_grid(name))
-        traced = TimeFunction(f"observable '{name}'", function, self._params, len(self.grid.shape))
+        traced = self._of_place(f"observable '{name}'", function)
         if traced.is_driven:
             raise ValueError(f"observable '{name}' must not depend on time")
-        return traced.at(0.0, self.grid.points)
+        return traced.at(0.0, self.places)

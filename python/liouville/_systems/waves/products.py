@@ -104,4 +104,4 @@ class Product:
         if not self.is_real:
             return _core.Operator.product(2 * self.n, multiply_parts)
         found = _core.Operator.product(self.n, multiply)
-        return found.twice() if is_doubled else found
+        return found.repeated(2) if is_doubled else found

@@ -16,7 +16,6 @@ from liouville._systems.tape import record
 from liouville._systems.tracing import trace as _trace
 from liouville._systems.tracing.expressions import Expressions, Symbols
 from liouville._systems.waves.entries import Entries
-from liouville._systems.waves.grid import Grid
 from liouville._systems.waves.parted import Parted, parted
 
 
@@ -35,6 +34,8 @@ class TimeFunction:
         Number of coordinates of a point, 0 if there are none.
     vector : str
         What a function calls the point.
+    values : int
+        How many it has at a point: it returns these, or one that stands for all.
 
     Attributes
     ----------
@@ -51,8 +52,9 @@ class TimeFunction:
         params: _trace.Parameters,
         axes: int = 0,
         vector: str = "x",
+        values: int = 1,
     ) -> None:
-        self.what, self._axes, self._vector = what, axes, vector
+        self.what, self._axes, self._vector, self._values = what, axes, vector, values
         self.expressions = self._traced(function, params)
         self.is_driven = ca.depends_on(self.expression, self.t)
         self.tapes: dict[float, _core.Tape] = {}  # of all values of the parameters
@@ -60,7 +62,10 @@ class TimeFunction:
 
     def _traced(self, function: Callable[..., Any], params: _trace.Parameters) -> Expressions:
         s = Symbols(params, {self._vector: self._axes} if self._axes else {})
-        return Expressions(s, {self.what: _trace.scalar(self.what, function, s.args)})
+        if self._values == 1:
+            return Expressions(s, {self.what: _trace.scalar(self.what, function, s.args)})
+        found = of_each(self.what, _trace.column(self.what, function, s.args), self._values)
+        return Expressions(s, {self.what: found})
 
     @cached_property
     def expressions(self) -> Expressions:
@@ -125,26 +130,37 @@ class TimeFunction:
         return self._parted[factor]
 
     def at(self, t: float, points: np.ndarray) -> np.ndarray:
-        """Return values at a time, one for each point; ValueError names one that is not finite."""
+        """Return values at a time, one or a row a point; ValueError names one not finite."""
         times = np.full(len(points), float(t))
         args = [times[:, None], np.ascontiguousarray(points)]
         found = self.tape(1.0).map(self.expressions.symbols.params.values(None), args)
-        values = np.array(found[:, 0])
-        self.check(times, values, points)
-        return values
+        self.check(times, found.sum(axis=1), points)
+        return np.array(found[:, 0] if self._values == 1 else found)
 
     def check(self, t: np.ndarray, values: np.ndarray, points: np.ndarray | None = None) -> None:
         """Refuse values at times that are not finite: ValueError names the first."""
         bad = np.flatnonzero(~np.isfinite(values))
         if bad.size:
             k = bad[0]
-            place = "" if points is None else f" and {self._vector} = {point(points[k])}"
+            place = "" if points is None else f" and {self._placed(points[k])}"
             raise ValueError(
                 hinted(
                     f"{self.what} is {values[k]} at t = {t[k]:g}{place}",
                     "look for a division by zero, a root or a logarithm there",
                 )
             )
+
+    def _placed(self, x: np.ndarray) -> str:
+        """Name a point for a message."""
+        return f"{self._vector} = {point(x)}"
+
+
+def of_each(what: str, found: ca.SX, count: int) -> ca.SX:
+    """Return a value for each component of what a function returned, which may be one for all."""
+    if found.numel() not in (1, count):
+        sentence = f"{what} must return one value, or {count}, one for each component, not "
+        raise ValueError(f"{sentence}{found.numel()}")
+    return ca.repmat(found, count // found.numel(), 1)
 
 
 def point(x: np.ndarray) -> str:
@@ -165,15 +181,6 @@ def read(
         if matrices[-1].n != size:
             raise ValueError(f"{name} must have order {size} as H has, not {matrices[-1].n}")
     return functions, matrices
-
-
-def potential(grid: Grid, params: _trace.Parameters) -> TimeFunction | np.ndarray:
-    """Return a grid's potential: a function, or flat values at all points."""
-    if grid.potential is None:
-        return np.zeros(grid.size)
-    if not callable(grid.potential):
-        return grid.potential.ravel()
-    return TimeFunction("potential", grid.potential, params, len(grid.shape))
 
 
 def weights(

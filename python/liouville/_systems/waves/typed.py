@@ -28,4 +28,6 @@ class Options(TypedDict, total=False):
     order: int
     points: ArrayLike
     params: Mapping[str, ArrayLike] | None
+    components: int
+    coupling: ArrayLike | None
     absorber: Callable[..., Any] | ArrayLike | None

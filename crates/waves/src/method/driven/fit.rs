@@ -7,10 +7,11 @@ use super::looks::LookPoints;
 use super::polynomials::{DEGREE, NODES, chebyshev_node, coefficients, powers, settle};
 use super::scan::{BESIDE, Scan};
 use crate::method::term_bounds::{Interval, TermBounds};
-use crate::problem::{Drive, Hamiltonian, Nonlinearity, Potential, PotentialRegisters};
+use crate::problem::{
+    DensityRegisters, Drive, Hamiltonian, Nonlinearity, Potential, PotentialRegisters,
+};
 use liouville_base::cancel;
 use liouville_base::error::StepError;
-use liouville_base::real::Lanes;
 use liouville_base::tape::Registers;
 use std::sync::Arc;
 
@@ -34,7 +35,7 @@ pub(in crate::method) struct Sampler {
     scan: Option<Arc<Scan>>,
     apart: Vec<f64>,
     drive: Option<Registers<f64>>,
-    density: Option<Registers<Lanes>>,
+    density: Option<DensityRegisters>,
     /// The potential at all points, and at some of them, and which these are.
     pub(super) potentials: [Option<(Potential, PotentialRegisters)>; 2],
     pub(super) looked: Vec<usize>,

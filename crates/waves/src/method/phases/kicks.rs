@@ -1,17 +1,17 @@
 //! Flows of the potential: ψ ← e^{−isV} ψ, plane by plane.
 //!
-//! A potential W(t, ρ) of the density ρ = |ψ|² turns phases alone, so that ρ stays as it is and the flow is exact.
+//! A potential W(t, ρ) of the density ρ = |ψ|² turns phases alone, so that ρ stays as it is and the flow is exact. So it is
+//! where each component has a potential of the densities of all.
 
 use super::Looks;
 use crate::method::term_bounds::{TermBounds, range};
-use crate::problem::{Hamiltonian, HamiltonianAt, Nonlinearity, Operator, RowBlock, Update};
+use crate::problem::{
+    DensityRegisters, Hamiltonian, HamiltonianAt, Nonlinearity, Operator, RowBlock, Update,
+};
 use liouville_base::elementary;
 use liouville_base::error::StepError;
-use liouville_base::real::Lanes;
 use liouville_base::simd::{ForEach, InstructionSet, Kernel, Number, SimdView, SimdViews, Stored};
-use liouville_base::tape::Registers;
 use liouville_fourier::Complex;
-use std::ops::Range;
 use std::sync::Arc;
 
 /// Tables kept: a step of any list has fewer distinct flows.
@@ -28,8 +28,10 @@ pub(super) struct Kicks {
     diagonals: Vec<(usize, Vec<f64>)>,
     current: Option<HamiltonianAt>,
     potential: Vec<f64>,
-    /// Memory of W, and V + W on a plane.
-    of_density: Option<(Registers<Lanes>, Vec<f64>)>,
+    /// Points of a component, and of a plane.
+    points: (usize, usize),
+    /// Memory of W, and V + W of each component on a plane.
+    of_density: Option<(DensityRegisters, Vec<f64>)>,
     tables: Vec<PotentialPhases>,
     cos_sin: [Vec<f64>; 2],
     machine: InstructionSet,
@@ -51,22 +53,32 @@ pub(super) struct Kick {
 }
 
 impl Kicks {
-    /// Flows of the terms of a Hamiltonian other than `kinetic`, on planes of so many points; none where one is not
-    /// diagonal.
-    pub(super) fn new(hamiltonian: Arc<Hamiltonian>, kinetic: usize, plane: usize) -> Option<Self> {
+    /// Flows of the terms of a Hamiltonian other than these, on components and planes of so many points; none where one is
+    /// not diagonal.
+    pub(super) fn new(
+        hamiltonian: Arc<Hamiltonian>,
+        left_out: &[usize],
+        points: (usize, usize),
+    ) -> Option<Self> {
         let machine = InstructionSet::default();
         let others = hamiltonian.terms().iter().enumerate();
-        let others = others.filter(|(k, _)| *k != kinetic);
+        let others = others.filter(|(k, _)| !left_out.contains(k));
         let diagonals: Vec<(usize, Vec<f64>)> = others
             .map(|(k, term)| Some((k, diagonal(machine, term)?)))
             .collect::<Option<_>>()?;
         let mut potential = vec![0.0; hamiltonian.size()];
         sum(&diagonals, |_| 1.0, &mut potential);
-        let of_density = hamiltonian.nonlinearity().map(Nonlinearity::bind);
+        let nonlinearity = hamiltonian.nonlinearity();
+        if nonlinearity.is_some_and(|each| each.components() * points.0 != potential.len()) {
+            return None;
+        }
+        let values = vec![0.0; potential.len() / points.0 * points.1];
+        let of_density = nonlinearity.map(Nonlinearity::bind);
         Some(Self {
             current: hamiltonian.current(),
-            of_density: of_density.map(|registers| (registers, vec![0.0; plane])),
-            cos_sin: [0, 1].map(|_| vec![0.0; plane]),
+            of_density: of_density.map(|registers| (registers, values)),
+            cos_sin: [0, 1].map(|_| vec![0.0; points.1]),
+            points,
             hamiltonian,
             tables: Vec::new(),
             diagonals,
@@ -168,24 +180,33 @@ impl Kicks {
         })
     }
 
-    /// Makes a flow on the plane of these points.
-    pub(super) fn act(&mut self, kick: Kick, within: Range<usize>, plane: &mut [Complex]) {
-        if let Some(table) = kick.table {
-            let [cos, sin] = &self.tables[table].cos_sin;
-            multiply(plane, &cos[within.clone()], &sin[within]);
-            return;
-        }
-        let mut values = &self.potential[within.clone()];
+    /// Makes a flow on the plane of all components that begins with this point.
+    pub(super) fn act(&mut self, kick: Kick, first: usize, psi: &mut [Complex]) {
+        let (points, plane) = self.points;
         let nonlinearity = self.hamiltonian.nonlinearity();
-        if let (Some(nonlinearity), Some((registers, all))) = (nonlinearity, &mut self.of_density) {
-            all.copy_from_slice(values);
-            nonlinearity.add(registers, kick.t, plane, all);
-            values = all;
+        if let (Some(nonlinearity), Some((memory, all))) = (nonlinearity, &mut self.of_density) {
+            let potentials = self.potential.chunks_exact(points);
+            for (all, potential) in all.chunks_exact_mut(plane).zip(potentials) {
+                all.copy_from_slice(&potential[first..][..plane]);
+            }
+            nonlinearity.add(memory, kick.t, (psi, first), all);
         }
-        turn(self.machine, values, kick.s, &mut self.cos_sin);
-        let absorber = self.hamiltonian.absorber().get(within).unwrap_or(&[]);
-        damp(absorber, kick.s, &mut self.cos_sin);
-        multiply(plane, &self.cos_sin[0], &self.cos_sin[1]);
+        for (k, psi) in psi.chunks_exact_mut(points).enumerate() {
+            let (psi, start) = (&mut psi[first..][..plane], k * points + first);
+            if let Some(table) = kick.table {
+                let [cos, sin] = &self.tables[table].cos_sin;
+                multiply(psi, &cos[start..][..plane], &sin[start..][..plane]);
+                continue;
+            }
+            let values = match &self.of_density {
+                Some((_, all)) => &all[k * plane..][..plane],
+                None => &self.potential[start..][..plane],
+            };
+            turn(self.machine, values, kick.s, &mut self.cos_sin);
+            let absorber = self.hamiltonian.absorber().get(start..start + plane);
+            damp(absorber.unwrap_or(&[]), kick.s, &mut self.cos_sin);
+            multiply(psi, &self.cos_sin[0], &self.cos_sin[1]);
+        }
     }
 }
 

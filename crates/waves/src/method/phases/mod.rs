@@ -1,6 +1,6 @@
 //! Split operator: e^{−ihT} and e^{−ihV} in turn, each of them exact, for H = T + V(t) on a periodic grid.
 //!
-//! T is diagonal after a Fourier transform, V before it. Time is a variable that advances with T: V is evaluated at the
+//! T is diagonal after a Fourier transform, V before it. A constant coupling C of components commutes with T, and goes with it. Time is a variable that advances with T: V is evaluated at the
 //! time that the flows of T before it have reached, so that a list of flows keeps its order where V depends on time
 //! (blanes2002). Planes of the grid stay transformed along all axes but the outermost between two flows of V, and a
 //! flow of V visits them one by one.
@@ -16,7 +16,7 @@ pub use steps::{BegunRun, SplitSteps};
 pub use tolerance::{Looks, SplitTolerance};
 
 use super::{Wave, check_growth, check_norm};
-use crate::problem::{Hamiltonian, Kinetic, Operator};
+use crate::problem::{Coupling, Hamiltonian, Kinetic, Operator};
 use kicks::{KEPT, Kick, Kicks};
 use liouville_base::cancel::CancelToken;
 use liouville_base::checkpoint::Checkpoint;
@@ -30,10 +30,11 @@ use std::sync::Arc;
 /// A state is resolved by these wave numbers, as a part of all.
 const LOWER: f64 = 2.0 / 3.0;
 
-/// Part 0 is T, part 1 is V.
+/// Part 0 is T with a coupling of components, part 1 is V.
 #[derive(Clone)]
 pub struct Phases {
     kinetic: Arc<Kinetic>,
+    coupling: Option<Arc<Coupling>>,
     kicks: Kicks,
     resolution: Option<Resolution>,
     /// The part of the wave numbers that flows of T leave, and factors of the lower two thirds of it where it is not all.
@@ -43,6 +44,8 @@ pub struct Phases {
     cancel: CancelToken,
     tables: Vec<KineticPhases>,
     psi: Vec<Complex>,
+    /// A number for each component.
+    point: Vec<Complex>,
     memory: FourierScratch,
     made: usize,
 }
@@ -53,23 +56,35 @@ struct KineticPhases {
     s: f64,
     along: Vec<Complex>,
     within: Vec<Complex>,
+    /// e^{−iCs} by rows, empty where nothing couples.
+    between: Vec<Complex>,
 }
 
 impl Phases {
-    /// Flows of a Hamiltonian with one kinetic term of weight 1 whose other terms are diagonal, none if it is
-    /// another one; the norm may be off by `tolerance`, relatively, before a state is refused.
+    /// Flows of a Hamiltonian with one kinetic term of weight 1, and at most one coupling of components, whose other terms are
+    /// diagonal, none if it is another one; the norm may be off by `tolerance`, relatively, before a state is refused.
     pub fn new(hamiltonian: Arc<Hamiltonian>, tolerance: f64) -> Option<Self> {
-        let kinetic = |(k, term): (usize, &Operator)| match term {
-            Operator::Kinetic(term) => Some((k, term.clone())),
+        if hamiltonian.is_doubled() {
+            return None;
+        }
+        let kinetic = |(k, term): (usize, &Operator)| Some((k, term.kinetic()?.clone()));
+        let coupling = |(k, term): (usize, &Operator)| match term {
+            Operator::Coupling(term) => Some((k, term.clone())),
             _ => None,
         };
-        let (place, kinetic) = hamiltonian.terms().iter().enumerate().find_map(kinetic)?;
-        let kicks = Kicks::new(hamiltonian, place, kinetic.grid().plane())?;
+        let mut terms = hamiltonian.terms().iter().enumerate();
+        let (place, kinetic) = terms.clone().find_map(kinetic)?;
+        let (other, coupling) = terms.find_map(coupling).unzip();
+        let left_out: Vec<usize> = [place].into_iter().chain(other).collect();
+        let size = hamiltonian.size();
+        let points = (kinetic.size(), kinetic.grid().plane());
+        let kicks = Kicks::new(hamiltonian, &left_out, points)?;
         Some(Self {
             resolution: kicks
                 .is_nonlinear()
                 .then(|| Resolution::new(kinetic.low_pass(LOWER))),
-            psi: vec![Complex::default(); kinetic.size()],
+            psi: vec![Complex::default(); size],
+            point: vec![Complex::default(); size / kinetic.size()],
             cancel: CancelToken::of_thread(),
             tables: Vec::with_capacity(KEPT),
             memory: FourierScratch::default(),
@@ -77,6 +92,7 @@ impl Phases {
             within_band: None,
             made: 0,
             kinetic,
+            coupling,
             kicks,
             tolerance,
         })
@@ -119,7 +135,15 @@ impl Phases {
             if self.tables.len() == KEPT {
                 self.tables.clear();
             }
-            self.tables.push(KineticPhases { s, along, within });
+            let coupling = self.coupling.as_ref();
+            let between = coupling.map_or(Vec::new(), |coupling| coupling.phases(s));
+            let table = KineticPhases {
+                s,
+                along,
+                within,
+                between,
+            };
+            self.tables.push(table);
             self.tables.len() - 1
         })
     }
@@ -127,19 +151,23 @@ impl Phases {
     /// All planes, transformed first or last or both, with a flow of V between if there is one.
     fn planes(&mut self, from: bool, kick: Option<Kick>, to: bool) -> Result<(), StepError> {
         let grid = self.kinetic.grid();
-        let size = grid.plane();
-        for (k, plane) in self.psi.chunks_exact_mut(size).enumerate() {
+        let (points, size) = (self.kinetic.size(), grid.plane());
+        for first in (0..points).step_by(size) {
             if self.cancel.is_cancelled() {
                 return Err(StepError::Interrupted);
             }
             if from {
-                grid.inverse(plane, &mut self.memory);
+                for psi in self.psi.chunks_exact_mut(points) {
+                    grid.inverse(&mut psi[first..][..size], &mut self.memory);
+                }
             }
             if let Some(kick) = kick {
-                self.kicks.act(kick, k * size..(k + 1) * size, plane);
+                self.kicks.act(kick, first, &mut self.psi);
             }
             if to {
-                grid.forward(plane, &mut self.memory);
+                for psi in self.psi.chunks_exact_mut(points) {
+                    grid.forward(&mut psi[first..][..size], &mut self.memory);
+                }
             }
         }
         Ok(())
@@ -148,10 +176,33 @@ impl Phases {
     /// Multiplies planes that are transformed by factors of their wave numbers.
     fn multiply(&mut self, factors: (&[Complex], &[Complex])) -> Result<(), StepError> {
         let cancel = &mut self.cancel;
-        let go_on = || !cancel.is_cancelled();
+        let mut go_on = || !cancel.is_cancelled();
         let grid = self.kinetic.grid();
-        let is_whole = grid.multiply(&mut self.psi, &mut self.memory, factors, go_on);
+        let mut components = self.psi.chunks_exact_mut(self.kinetic.size());
+        let is_whole =
+            components.all(|psi| grid.multiply(psi, &mut self.memory, factors, &mut go_on));
         is_whole.then_some(()).ok_or(StepError::Interrupted)
+    }
+
+    /// Multiplies the components at each point by a matrix, if there is one.
+    fn mix(&mut self, matrix: &[Complex]) {
+        if matrix.is_empty() {
+            return;
+        }
+        let (points, count) = (self.kinetic.size(), self.point.len());
+        for i in 0..points {
+            for (part, psi) in self
+                .point
+                .iter_mut()
+                .zip(self.psi[i..].iter().step_by(points))
+            {
+                *part = *psi;
+            }
+            let rows = matrix.chunks_exact(count);
+            for (psi, row) in self.psi[i..].iter_mut().step_by(points).zip(rows) {
+                *psi = row.iter().zip(&self.point).map(|(a, b)| a * b).sum();
+            }
+        }
     }
 
     fn load(&mut self, state: &Wave<f64>) {
@@ -183,8 +234,14 @@ impl Phases {
             }
             let table = self.table(s);
             let tables = std::mem::take(&mut self.tables);
-            let KineticPhases { along, within, .. } = &tables[table];
+            let KineticPhases {
+                along,
+                within,
+                between,
+                ..
+            } = &tables[table];
             let outcome = self.multiply((along, within));
+            self.mix(between);
             self.tables = tables;
             outcome?;
             self.made += 1;

@@ -12,7 +12,7 @@ from liouville._methods import Chebyshev, Lanczos, Magnus, SchrodingerSplitting,
 from liouville._methods.planner.waves.driven import Planned
 from liouville._methods.planner.waves.levels import cheaper_by_levels
 from liouville._methods.planner.waves.moving import plan_driven, plan_magnus
-from liouville._methods.planner.waves.plan import WavePlan
+from liouville._methods.planner.waves.plan import WavePlan, usual_split
 from liouville._methods.planner.waves.settled import Settled
 from liouville._methods.planner.waves.span import Span
 from liouville._methods.planner.waves.split import plan_on_grid, plan_tolerance
@@ -49,9 +49,9 @@ def plan_run(
         system.check_plain("a derivative of a run", "leave it out, or take differences of runs")
     is_free = method is AUTO and not is_differentiated
     if is_free and not system.is_plain:
-        if system.grid is None or not system.has_diagonal_drive:
+        if not system.is_split:
             return plan_wave(system, Lanczos(AUTO.tol), times)
-        plan = plan_run(system, SplitOperator(tol=AUTO.tol), times, psi)
+        plan = plan_run(system, usual_split(system, AUTO.tol), times, psi)
         return replace(plan, method=AUTO)
     said: tuple[str, ...] = ()
     if is_free and psi is not None:

@@ -26,7 +26,7 @@ from liouville._methods.planner.waves.propagators import (
     read_propagator,
 )
 from liouville._methods.planner.waves.span import Span
-from liouville._methods.schrodinger import LEAST_TOLERANCE
+from liouville._methods.schrodinger import LEAST_TOLERANCE, NYSTROM
 from liouville._systems import Schrodinger
 from liouville._systems.waves.bounds import Spectrum
 
@@ -173,9 +173,9 @@ class WavePlan(Plan):
         is_same = driven is None or driven.parts == getattr(core, "parts", None)
         if not is_same or not set(points) <= set(getattr(core, "breaks", points)):
             raise ValueError(hinted("the plan was made for another H(t)", AGAIN))
-        self._check_work(Span(times[0], tuple(times[1:]), known[-1]))
+        self._check_work(system, Span(times[0], tuple(times[1:]), known[-1]))
 
-    def _check_work(self, span: Span) -> None:
+    def _check_work(self, system: Schrodinger, span: Span) -> None:
         """Refuse what only a crafted file says, and whose run would not end."""
         core, counts = self.core, np.array([float(count) for _, count in self.stops])
         for name in ("dimension", "tol"):
@@ -195,8 +195,11 @@ class WavePlan(Plan):
                 said = f"errors of {error:.3g} in all are none that a plan allows"
                 raise ValueError(hinted(said, AGAIN))
         if isinstance(core, SplitSteps):
-            own = self.method if isinstance(self.method, SplitOperator) else SplitOperator()
-            if (core.scheme, core.order, core.beta) != (own.scheme, own.order, span.beta):
+            own = usual_split(system, None)
+            if isinstance(self.method, SplitOperator):
+                own = self.method
+            steps = (own.scheme, order_of(system, own), span.beta)
+            if (core.scheme, core.order, core.beta) != steps:
                 raise ValueError(hinted(f"its steps are not those of {own!r}", AGAIN))
             parts, longest = zip(*core.bands, (1.0, core.longest), strict=True)
             if not all(0 < part <= 1 for part in parts):
@@ -257,3 +260,13 @@ class WavePlan(Plan):
         if not plan.stops:
             raise ValueError("it has no steps")
         return plan
+
+
+def usual_split(system: Schrodinger, tol: float | None) -> SplitOperator:
+    """Return the split operator that is taken where none is asked for."""
+    return SplitOperator("BM6", tol) if system.mixes else SplitOperator(tol=tol)
+
+
+def order_of(system: Schrodinger, method: SplitOperator) -> int:
+    """Return the order of a split operator, with a coupling of components beside T."""
+    return 4 if system.mixes and method.scheme in NYSTROM else method.order

@@ -87,12 +87,14 @@ def _energies(system: Schrodinger, t: float, psi: np.ndarray) -> tuple[float, fl
     """Return the largest kinetic energy of waves and that of a change of the density, over hbar."""
     assert system.grid is not None, "a nonlinearity is one on a grid"
     assert system.nonlinearity is not None, "waves of a linear equation have no resonances"
-    rho = system.density(psi).ravel()
+    rho = system.density(psi)
     system.nonlinearity.at(t, rho)
-    slopes = rho * system.nonlinearity.slope(t, rho)
-    strength = float(np.abs(slopes[np.isfinite(slopes)]).max(initial=0.0)) / system.hbar
+    root = np.sqrt(rho)
+    slopes = root[:, :, None] * system.nonlinearity.slope(t, rho) * root[:, None, :]
+    sizes = np.sqrt((slopes**2).sum(axis=(1, 2)))  # eigenvalues are no larger
+    strength = float(sizes[np.isfinite(sizes)].max(initial=0.0)) / system.hbar
     largest = sum(float(each.max()) for each in system.grid.kinetic(system.hbar)) / system.hbar
-    return largest, strength
+    return largest + system.coupled / system.hbar, strength
 
 
 def _factor(scheme: str, m: int) -> float:

@@ -12,7 +12,7 @@ from liouville import _core
 from liouville._basics.errors import hinted
 from liouville._methods import SchrodingerSplitting, SplitOperator
 from liouville._methods.planner.waves.levels import products_of_levels
-from liouville._methods.planner.waves.plan import WavePlan, planned
+from liouville._methods.planner.waves.plan import WavePlan, order_of, planned, usual_split
 from liouville._methods.planner.waves.propagators import Looks, Split, SplitSteps
 from liouville._methods.planner.waves.resonance import free_step
 from liouville._methods.planner.waves.span import LEFT_OUT, Span, check_forwards
@@ -74,7 +74,8 @@ def plan_split(
     _check_grid(system)
     times, counts = zip(*stops, strict=True)
     h = float((np.abs(np.diff([t0, *times])) / counts).max())
-    why = ["asked for, with steps of this size; a product is a pair of FFTs", *_left_out(system)]
+    why = ["asked for, with steps of this size; a product is a pair of FFTs"]
+    why += _left_out(system, method)
     _check_damped(system, method.scheme, (t0, times[-1]), h)
     span = Span(t0, times, _spectrum(system, t0))
     return planned(
@@ -113,8 +114,8 @@ def plan_on_grid(
     of the least that a series takes, and goes on from there. The error of a split operator is an
     estimate. Without a plan there may be a reason.
     """
-    own = SplitOperator(tol=method.tol)
-    if system.grid is None or not system.has_diagonal_drive:
+    own = usual_split(system, method.tol)
+    if not system.is_split:
         return None, ()
     low, high = system.bounds_at(times[0])
     is_real = not (system.is_driven or np.any(psi.imag))
@@ -145,14 +146,14 @@ def _steps(
     span.check_reach(method.tol)
     rate = (method.tol - span.roundoff) / float(span.intervals.sum())
     longest, bands = longest_steps(system, method, times, psi)
-    first = bands[0][1] if bands else longest
+    first, order = bands[0][1] if bands else longest, order_of(system, method)
     if width:
-        first = min(first, FIRST * method.tol ** (1 / method.order) / width)
+        first = min(first, FIRST * method.tol ** (1 / order) / width)
     points = system.points_between(times[0], times[-1])
     looks = _looks(system, times, points, psi)
     core = SplitSteps(
-        method.scheme, method.order, rate, span.beta, span.largest, first, longest, bands,
-        points, looks, NORM,
+        method.scheme, order, rate, span.beta, span.largest, first, longest, bands, points, looks,
+        NORM,
     )  # fmt: skip
     return span, core
 
@@ -178,8 +179,8 @@ def _looks(
         return 0.0, 0.0, (), (), ()
     densities: tuple[float, ...] = ()
     if system.nonlinearity is not None and system.nonlinearity.is_driven:
-        largest = float(system.density(np.atleast_2d(psi)[0]).max())
-        densities = tuple(largest * part for part in PARTS)
+        largest = system.density(np.atleast_2d(psi)[0]).max(axis=0)
+        densities = tuple(np.outer(PARTS, largest).ravel().tolist())
     knots = times_of_samples(system.drives, 3)
     return times[0], times[-1], knots, tuple(sorted(points)), densities
 
@@ -206,7 +207,7 @@ def _chosen(
     why = [
         f"steps are chosen by estimates while running, the first is {core.first:.3g} long; "
         f"products are pairs of FFTs, an estimate by the first {made} of them",
-        *_left_out(system),
+        *_left_out(system, method),
     ]
     if system.is_driven:
         why.append(span.looks)
@@ -256,11 +257,16 @@ def _check_grid(system: Schrodinger) -> None:
         sentence = "SplitOperator takes drives by diagonal matrices alone, which add to V"
         hint = "take Magnus, or give the drive as a potential of t and x"
         raise TypeError(hinted(sentence, hint))
+    if not system.is_real:
+        sentence = "SplitOperator takes a coupling that phases of the components make real, and "
+        raise TypeError(hinted(f"{sentence}none do here", "take 'auto', or Chebyshev"))
 
 
-def _left_out(system: Schrodinger) -> list[str]:
-    """Return sentences on parts of H that its spectrum is without."""
+def _left_out(system: Schrodinger, method: SplitOperator) -> list[str]:
+    """Return sentences on parts of H that its spectrum is without, or that lower the order."""
     why = []
+    if (order := order_of(system, method)) < method.order:
+        why.append(f"{method.scheme} has order {order} where components are coupled; BM6 has 6")
     if system.nonlinearity is not None:
         why.append("the spectrum is that of T + V, without the nonlinearity")
     if system.absorber is not None:
