@@ -18,6 +18,9 @@ ROUNDOFF = 2.0**-53
 #: How much longer than the longest possible steps are tried to be shorter.
 SHORTER = (1.0, 1.06, 1.12, 1.25, 1.5, 2.0)
 
+#: Lengths that differ by less are the same.
+SAME = 1e-9
+
 #: Intervals that are compared in one pass.
 BLOCK = 1000
 
@@ -61,11 +64,12 @@ class Rung:
         """Number of shears of a step."""
         return len(self.coefficients)
 
-    def norm_bound(self, x: float, steps: int) -> float:
-        """Bound how far the norm may be off after any number of steps up to this, if stable."""
+    def norm_bound(self, x: float, steps: int, stretches: int) -> float:
+        """Bound how far the norm may be off after up to so many steps and stretches, if stable."""
         place = int(np.searchsorted(self.fractions * self.theta, x * (1 - 1e-12)))
         kappa = float(self.kappa[place])
-        return kappa + kappa**2 + float(ROUNDOFF * np.sqrt(steps) * self.gain)
+        of_forms = np.expm1(min(stretches * (kappa + kappa**2), MOST))
+        return float(of_forms + ROUNDOFF * np.sqrt(steps) * self.gain)
 
 
 @cache
@@ -89,12 +93,13 @@ def ladder() -> tuple[Rung, ...]:
 
 @dataclass(frozen=True)
 class Choice:
-    """A rung and the steps of each interval."""
+    """A rung and the steps of each interval, which are of one size within each of the stretches."""
 
     rung: Rung
     steps: Array
     x: float
     bound: float
+    stretches: int
 
     @property
     def shears(self) -> int:
@@ -120,14 +125,15 @@ def cheapest(thetas: Array, tol: float, stable: bool) -> Choice | None:
         steps = _steps(part, longest[:, None])
         x = np.maximum(x, (part / steps).max(axis=1))
         total += steps @ repeats[first : first + BLOCK]
-    bounds = columns.bounds(rung, x, total)
+    stretches = 1 + int(np.count_nonzero(np.abs(np.diff(thetas)) > SAME * thetas[1:]))
+    bounds = columns.bounds(rung, x, total, stretches)
     keeping = np.flatnonzero(bounds <= tol)
     if not keeping.size:
         return None
     shears = columns.n[rung] * total
     best = keeping[np.lexsort((bounds[keeping], shears[keeping]))[0]]
     steps = _steps(thetas, longest[best])
-    return Choice(rungs[rung[best]], steps, float(x[best]), float(bounds[best]))
+    return Choice(rungs[rung[best]], steps, float(x[best]), float(bounds[best]), stretches)
 
 
 def _steps(lengths: Array, longest: Array) -> Array:
@@ -149,20 +155,22 @@ class Columns:
     kappa: Array
     gain: Array
 
-    def bounds(self, rung: NDArray[np.intp], x: Array, steps: Array) -> Array:
+    def bounds(self, rung: NDArray[np.intp], x: Array, steps: Array, stretches: int) -> Array:
         r"""Bound errors after numbers of steps of size :math:`h \beta = x`, relative to the norm.
 
-        :math:`(1 + e)^N - 1` for the error e of a step; of a stable method at most
-        :math:`N \delta\phi + \kappa + \kappa^2/2`. Roundings in the shears are in it, those of
-        the energies come on top.
+        :math:`(1 + e)^N - 1` for the error e of a step. For the errors of a stable method over
+        stretches of steps of one size, the sum of the logarithms is at most
+        :math:`N \delta\phi` and :math:`\kappa + \kappa^2/2` for each stretch. Roundings in the
+        shears are in it, those of the energies come on top.
         """
         place = (self.limits[rung] < x[:, None]).sum(axis=1)
         is_in = place < self.limits.shape[1]
         place = np.where(is_in, place, 0)
         kappa = self.kappa[rung, place]
-        bounds = np.expm1(np.minimum(steps * np.log1p(self.err[rung, place]), MOST))
-        turned = steps * self.dphi[rung, place] + kappa + kappa**2 / 2
-        bounds = np.where(self.stable[rung], np.minimum(bounds, turned), bounds)
+        logs = steps * np.log1p(self.err[rung, place])
+        turned = steps * self.dphi[rung, place] + stretches * (kappa + kappa**2 / 2)
+        logs = np.where(self.stable[rung], np.minimum(logs, turned), logs)
+        bounds = np.expm1(np.minimum(logs, MOST))
         bounds += ROUNDOFF * np.sqrt(steps) * self.gain[rung]
         return np.where(is_in, bounds, np.inf)
 

@@ -114,7 +114,9 @@ class Settled:
     def _split(self, method: SchrodingerSplitting, found: Choice) -> WavePlan:
         span, rung, steps = self.span, found.rung, int(found.steps.sum())
         kind = "stable" if rung.stable else "fast"
-        norm = rung.norm_bound(found.x, steps) if rung.stable else found.bound
+        norm = found.bound
+        if rung.stable:
+            norm = min(norm, rung.norm_bound(found.x, steps, found.stretches))
         norm_tol = max(NORM_TIMES * (norm + span.roundoff), LEAST_NORM)
         why = "fewest products of the splittings that keep to the tolerance"
         if kind == "stable" and method.mode == "auto" and steps > MANY:
