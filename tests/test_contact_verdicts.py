@@ -100,6 +100,17 @@ def test_friction_sticks_from_rest(force, static, sticks):
     assert run.contacts["floor"].friction == pytest.approx(-(force if sticks else 0.5 * G))
 
 
+@pytest.mark.parametrize("friction", [0.1, 0.3, 0.6])
+@pytest.mark.parametrize("rate", [-5e-13, -1e-12])
+def test_a_rate_that_is_roundoff_beside_a_fast_contact_is_no_hit(rate, friction):
+    """No impulse changes it: the laws hold to roundoff of the largest rate."""
+    laws = {"friction": friction, "restitution": 0.5}
+    both = {"floor": gap(0, 1, lambda t: 0, **laws), "wall": gap(1, -0.5, lambda t: 0, **laws)}
+    run = thrown(point(both), 0.1, (0.5 + rate, 1.0))
+    assert run.contacts["floor"].mode[0] is Mode.OPEN
+    assert run.contacts["wall"].gap.min() > -1e-14
+
+
 @pytest.mark.parametrize("restitution", [0.0, 0.5, 1.0])
 def test_a_corner_on_a_corner_is_one_impact(restitution):
     """Each corner meets the outline of the other: two contacts, of which one bears."""

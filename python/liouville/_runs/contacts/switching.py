@@ -42,6 +42,8 @@ MOST_AT_ONCE = 200
 SAME = 1e-9
 #: ... and after so many hits at one time those with losses die down.
 DIE_DOWN = 100
+#: Rates are zero within so many times as much where an impact finds no impulse that changes them.
+UNCHANGED = 100
 
 
 class Switching:
@@ -94,15 +96,18 @@ class Switching:
         before = self.modes
         self.impacts = []
         closing: dict[int, float | None] = {}
+        is_unchanged = False
         for count in range(MOST_AT_ONCE):
             at = self.at(self.t, y, z)
             sizes = at.sizes
             still = at.still
             touching = at.gap <= CLOSED * at.size + ROUNDINGS * EPS * np.abs(at.rate) * abs(self.t)
             touching &= ~at.is_pressed
-            if (touching & (at.rate < -still)).any():
+            if (touching & (at.rate < -still * (UNCHANGED if is_unchanged else 1))).any():
                 first = self._first(at, touching, count)
-                z, stopped = self._hit(at, z, first, sizes, closing), set()
+                was, z = z, self._hit(at, z, first, sizes, closing)
+                is_unchanged = bool((z == was).all())
+                stopped = stopped if is_unchanged else set()
                 continue
             closed = at.is_pressed | (touching & (at.rate <= still))
             low = flights.closed(self, at, (touching & ~closed, closed, stopped), closing)
@@ -159,7 +164,8 @@ class Switching:
                 sentence = f"at t = {self.t:g} the impact of contacts {names} has no solution"
                 raise IntegrationError(sentence, t=self.t)
             self.messages.append(f"the impact of {names} at t = {self.t:g} was made plastic")
-        self.impacts.append((touching, restitution != 0, found))
+        if found.normal.any():
+            self.impacts.append((touching, restitution != 0, found))
         impulses = np.concatenate([found.normal, found.friction])
         rates = np.concatenate([found.across, found.along])
         gained = float(impulses @ (before + rates)) / 2
