@@ -156,7 +156,12 @@ class ModeSystem(Mechanics):
         for name, (k, kind, value) in found.items():
             self.own_events[name] = k, kind
             needs = kind in ("leave", "tear")
-            self._tapes_of_events[name] = record(f"event '{name}'", inputs, value), needs, None
+            # modes share the tapes of what has the same multipliers
+            held = self.normals.get(k), *(self.tangents.get(row) for row in contacts.slips_of(k))
+            key = name, self.modes[k], multipliers.numel(), *held
+            if key not in contacts.recorded:
+                contacts.recorded[key] = record(f"event '{name}'", inputs, value)
+            self._tapes_of_events[name] = contacts.recorded[key], needs, None
             self._values_of_events[name] = value
 
     @property
@@ -204,8 +209,9 @@ class ModeSystem(Mechanics):
 
     def ended(self, run: Solution, t: float, kinds: Collection[str]) -> set[int]:
         """Return the contacts of which an event of these kinds was met at this time of a run."""
-        own = ((name, *what) for name, what in self.own_events.items() if name in run.events)
-        return {k for name, k, kind in own if kind in kinds and t in run.events[name].t}
+        own = ((name, k) for name, (k, kind) in self.own_events.items() if kind in kinds)
+        times = ((k, run.events[name].t) for name, k in own if name in run.events)
+        return {k for k, own in times if own.size and t in own}
 
     def resets(self) -> dict[str, Event]:
         """Return the events of hits that the core answers by itself."""

@@ -146,14 +146,14 @@ def _pull(
     # contacts that share a load have a margin instead
     if system.is_shared or not run.states["lam"].size:
         return None
+    gone = system.ended(run, float(run.t[count - 1]), ("leave", "tear"))
     for which, place in system.normals.items():
         # where a contact gives way, a force that jumps may be that behind the jump
-        is_behind = which in system.ended(run, float(run.t[count - 1]), ("leave", "tear"))
-        lam = run.states["lam"][: count - is_behind, place]
-        k = int(lam.argmax()) if lam.size else 0
-        force = float(lam[k]) if lam.size else 0.0
-        if force <= 0:
+        lam = run.states["lam"][: count - (which in gone), place]
+        force = float(lam.max(initial=0.0))
+        if not force:
             continue
+        k = int(lam.argmax())
         t = run.t[k]
         y, z = (run.states[name][k] for name in switching.contacts.system.states)
         at = switching.at(float(t), y, z)

@@ -57,6 +57,8 @@ class Contacts:
         self.is_rough = tuple(x.is_rough for x in given.values())
         self.bounces = tuple(callable(x.restitution) or x.restitution > 0 for x in given.values())
         self._systems: dict[tuple[tuple[Mode, ...], tuple[int, ...], bool], ModeSystem] = {}
+        #: The tapes of events that modes share, by all that they depend on.
+        self.recorded: dict[tuple[Any, ...], _core.Tape] = {}
         _check_linear(system)
         s, model = system.symbols, system.model
         u = ca.SX.sym("u", s.y.numel())  # in the place of v
@@ -98,7 +100,7 @@ class Contacts:
 
     def __getstate__(self) -> dict[str, Any]:
         """Leave out the system, whose part this is, and the systems of modes."""
-        return self.__dict__ | {"system": None, "_systems": {}}
+        return self.__dict__ | {"system": None, "_systems": {}, "recorded": {}}
 
     @property
     def columns(self) -> dict[str, ca.SX]:
