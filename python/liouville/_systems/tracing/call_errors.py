@@ -44,8 +44,8 @@ def complex_value(what: str, function: Callable[..., Any], error: Exception) -> 
     return TypeError(
         hinted(
             f"{what}{_line(function, error)} has complex values, and expressions are real",
-            "write real and imaginary parts: of H(t), z K + h.c. is the two drives Re z with "
-            "K + K^+, and Im z with i (K - K^+)",
+            "write real and imaginary parts: z K + h.c. of an H(t) is the drive ((x, y), K) of two "
+            "functions, or z with K where z has NumPy's functions alone",
         )
     )
 

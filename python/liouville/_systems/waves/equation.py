@@ -62,6 +62,8 @@ class Schrodinger(OnGrid, Generic[Density]):
     drive : sequence of tuple, optional
         Pairs :math:`(f_k, H_k)`: a function ``f(t, params)``, called once with CasADi symbols, and
         a Hermitian matrix, or the array of a diagonal one. Samples at `times` stand for a function.
+        With a K that is not Hermitian, two functions (x, y), or one or samples with complex values,
+        are z = x + iy of :math:`z K + \bar z K^\dagger`, whose second term may be given, too.
     times : array_like, optional
         When samples are taken: the function is the cubic spline through them. A run that leaves
         these times by more than half the distance of two is refused.
@@ -195,9 +197,10 @@ class Schrodinger(OnGrid, Generic[Density]):
         absorber: Callable[..., Any] | ArrayLike | None = None,
     ) -> None:
         self.points = foreign.points_of(points)
-        self.source, self._drive = foreign.parted(hamiltonian, drive, times, order)
-        self.hbar = positive("hbar", hbar)
         self._params = _trace.Parameters(params)
+        parted = foreign.parted(hamiltonian, drive, times, order, self._params)
+        self.source, self._drive = parted
+        self.hbar = positive("hbar", hbar)
         self._given, self._way = interval(bounds, self.hbar), way(bounds)
         self._between = components, coupling
         self._make(None, nonlinearity, absorber)

@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from liouville._basics.errors import hinted
-from liouville._systems.tracing.trace import numbers
+from liouville._systems.tracing.trace import Parameters, numbers
+from liouville._systems.waves import envelopes
 from liouville._systems.waves.entries import MESOLVE
 from liouville._systems.waves.entries import numbers as array_of
 
@@ -82,7 +83,11 @@ def state(psi: Any, size: int, is_ensemble: bool) -> Any:
 
 
 def parted(
-    hamiltonian: Any, drive: Sequence[Any], times: ArrayLike | None, order: int = 3
+    hamiltonian: Any,
+    drive: Sequence[Any],
+    times: ArrayLike | None,
+    order: int,
+    params: Parameters,
 ) -> tuple[Any, list[Any]]:
     """Return H without time, and pairs of a function and a matrix.
 
@@ -107,7 +112,7 @@ def parted(
         elif moved:
             hamiltonian = 0 * plain("H1", moved[0][0])
     at = None if times is None else _times(times)
-    found = []
+    read = []
     for k, pair in enumerate(pairs):
         if not (isinstance(pair, (tuple, list)) and len(pair) == 2):
             raise TypeError(f"drive[{k}] must be a pair of a function and a matrix, not {pair!r}")
@@ -119,9 +124,12 @@ def parted(
         if isinstance(function, str):
             hint = "write it as a function of t and params, with ca.cos and ca.exp"
             raise TypeError(hinted(f"drive[{k}] is the text {function!r}", hint))
+        read.append((function, plain(f"H{k + 1}", matrix)))
+    found = []
+    for k, (function, matrix) in enumerate(envelopes.taken_apart(read, params)):
         if isinstance(function, (np.ndarray, list, tuple)):
             function = Samples(f"drive[{k}]", function, at, order)
-        found.append((function, plain(f"H{k + 1}", matrix)))
+        found.append((function, matrix))
     if at is not None and not any(isinstance(function, Samples) for function, _ in found):
         raise TypeError("times are those of samples, and no drive has any")
     if order != ORDERS[0] and at is None:
@@ -213,7 +221,7 @@ class Samples:
             )
         if values.dtype.kind == "c":
             if values.imag.any():
-                hint = "z K + h.c. is Re z with K + K^+, and Im z with i (K - K^+)"
+                hint = "z K + h.c. has complex samples z with a K that is not Hermitian"
                 raise ValueError(hinted(f"the samples of {name} are complex", hint))
             values = values.real
         fewest = times.size - (order == 0)
