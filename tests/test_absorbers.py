@@ -339,3 +339,23 @@ def test_the_flux_of_a_plane_wave_is_its_velocity_over_the_volume():
         ValueError, match="axis must be one of the grid, which has axes 0 to 1, not 2"
     ):
         grid.flux(1.0, axis=2)
+
+
+def test_a_stored_run_says_what_was_absorbed_after_an_interruption_too(tmp_path):
+    system = lv.Schrodinger(lv.Grid(LOW, HIGH, POINTS), absorber=0.3)
+    options = {"t": (0, 2), "steps": 40, "every": 2, "psi": packet(system.grid)}
+
+    def progress(done, total):
+        if done > 20:
+            raise KeyboardInterrupt
+
+    path = tmp_path / "run.zarr"
+    first = lv.integrate(
+        system, lv.SplitOperator(), store=lv.Store(path, 4), progress=progress, **options
+    )
+    assert first.status == "interrupted"
+    part, left = first.stats["absorbed"], lv.load(path).observed["norm"]
+    assert abs(part - (1 - (left[-1] / left[0]) ** 2)) < 1e-13
+    whole = lv.resume(path)
+    assert abs(whole.stats["absorbed"] - (1 - np.exp(-1.2))) < 1e-13
+    assert part < lv.load(path).stats["absorbed"] == whole.stats["absorbed"]

@@ -282,7 +282,8 @@ class _StoredRun:
 
     def _stats(self) -> dict[str, Any]:
         """Return the numbers of the run so far."""
-        return {**self._runner.stats(self._run), "seconds": time.perf_counter() - self._clock}
+        found = self._runner.stats(self._run) | self._stream.totals
+        return {**found, "seconds": time.perf_counter() - self._clock}
 
     def _describe(self, outcome: Outcome) -> str:
         """Write all records and how the run went; returns which quantity is to blame for it."""

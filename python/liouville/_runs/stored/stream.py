@@ -142,6 +142,8 @@ class Stream(Columns):
     ----------
     end : str
         What ended the run, if an event did.
+    totals : dict
+        Statistics that come from the records.
     """
 
     def __init__(self, runner: Runner, folder: Folder, chunks: Mapping[str, int]) -> None:
@@ -151,6 +153,7 @@ class Stream(Columns):
         self._shown = -math.inf
         self._largest = 0.0
         self.end = ""
+        self.totals: dict[str, Any] = {}
 
     def add(self, run: _core.Run, records: tuple[np.ndarray, np.ndarray]) -> None:
         """Take records, and the events met until then."""
@@ -163,6 +166,8 @@ class Stream(Columns):
         self.end = endings.get(0, "")
         if not self._first and times.size:
             self._first = {"t": times[:1].copy(), "rows": rows[:1].copy()}
+        if times.size:
+            self.totals = self._runner.totals(np.concatenate((self._first["rows"], rows[-1:])))
         self.append(TIME, {"t": times, "rows": rows})
         for name, points in events.items():
             self.append(arrays.event_axis(name), {"t": points.t, **points.states})
@@ -202,6 +207,7 @@ class Stream(Columns):
         memory = run.save()
         assert memory is not None, "ensembles are not stored"
         own = {"end": self.end, "largest": self._largest, "last": self._last}
+        own["totals"] = self.totals
         self.commit(memory, {"stats": dict(stats), **own})
 
     def _described(self, run: _core.Run, stats: Mapping[str, Any]) -> dict[str, Any]:
@@ -217,7 +223,7 @@ class Stream(Columns):
         run.restore(state["memory"])
         counts = self.take_back(state)
         self.end, self._largest = counts["end"], counts["largest"]
-        self._last = tuple(counts["last"])
+        self._last, self.totals = tuple(counts["last"]), counts["totals"]
         stats: dict[str, Any] = counts["stats"]
         self.show_anew({**attributes, **self._described(run, stats)})
         return stats
