@@ -232,6 +232,14 @@ def lagrangians():
     yield "twenty blocks", wide(20)
     yield "constraint twice", model(weighs(1), lambda t, q: [q[1], 2 * q[1]], [0, 0])
     yield "constraint three times", model(weighs(1), lambda t, q: [q[1], 2 * q[1], -q[1]], [0, 0])
+    yield (
+        "pinned at 0 twice",
+        model(weighs(1), lambda t, q: [q[0], q[1], q[0] + 2 * q[1]], [0, 0]),
+    )
+    yield (
+        "pinned at 0 without weight by five of four",
+        model(nothing, lambda t, q: [*ca.vertsplit(q), q[0] + q[3]], [0] * 4),
+    )
     yield "pinned at 0", model(weighs(0), lambda t, q: q[0], [0])
     yield "pinned at 0 without weight", model(nothing, lambda t, q: q[0], [0])
     yield "pinned at 0 in space", model(weighs(2), lambda t, q: [q[0], q[1], q[2]], [0] * 3)

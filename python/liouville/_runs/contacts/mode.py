@@ -59,8 +59,6 @@ class ModeSystem(Mechanics):
         Whether constraints of the system itself imply one another.
     """
 
-    may_rest = True
-
     def __init__(
         self,
         contacts: Contacts,

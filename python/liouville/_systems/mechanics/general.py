@@ -85,8 +85,6 @@ class Mechanics(TracedSystem):
     problem: _core.Mechanical
     #: What its contacts are, traced; None where it has none.
     contacts: Contacts | None = None
-    #: Whether redundant constraints may leave nothing to move.
-    may_rest = False
 
     def __init__(
         self,

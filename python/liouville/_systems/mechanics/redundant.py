@@ -13,7 +13,6 @@ import numpy as np
 
 from liouville import _core
 from liouville._basics import casadi as ca
-from liouville._basics.arguments import amount
 from liouville._systems.mechanics.form import Model, Nonholonomic, Redundant
 from liouville._systems.mechanics.general import Mechanics
 from liouville._systems.mechanics.singular import dense, unit
@@ -55,11 +54,6 @@ def redundant(
     They are found by orthogonalisation of the gradients; of dependent constraints the first are
     kept. None are found where the dependence is a singular position or not clear, nor where
     reactions are no combinations of the others' or not linear in their multipliers.
-
-    Raises
-    ------
-    ValueError
-        There are more constraints than coordinates, and they leave nothing to move.
     """
     rows, n = len(system.constraints), len(system.coordinates)
     if rows < 2 or rows * n > MOST_ENTRIES:
@@ -94,10 +88,6 @@ def redundant(
             return ()
     if not _are_alike(system, t, y, z, params, kept, left):
         return ()
-    if rows > n == len(kept) and not (system.may_rest or _is_driven(system)):
-        raise ValueError(
-            f"{amount(rows, 'constraint')} on {amount(n, 'coordinate')} leave nothing to move"
-        )
     return left
 
 
@@ -344,9 +334,3 @@ def _are_alike(
     is_linear = np.array_equal(first, second)
     columns = first.T * _units(first.T)
     return is_linear and bool((_beyond(columns[kept], columns[[*left]]) <= ALIKE).all())
-
-
-def _is_driven(system: Mechanics) -> bool:
-    """Return whether a constraint depends on time."""
-    model = system.model
-    return bool(ca.depends_on(ca.vertcat(model.g, model.nonholonomic.k), system.symbols.t))
