@@ -39,6 +39,21 @@ def system(name, wire=None):
     return moves, lambda q, k: [np.asarray(value).squeeze() for value in found(q, k)]
 
 
+def with_varying_mass(name):
+    """Return such a system, and p, f and their derivatives as a function of (q, k), then of v."""
+    q, v, k = ca.SX.sym("q", 2), ca.SX.sym("v", 2), ca.SX.sym("k")
+
+    def lagrangian(q, v, k):
+        mass = 1 + q[0] ** 2 / 2 + ca.sin(3 * q[1]) / 4
+        return mass * ca.sumsqr(v) / 2 - POTENTIALS[name](q, k)
+
+    moves = lv.Lagrangian(lambda t, q, v, p: lagrangian(q, v, p.k), q=2, params={"k": 1.0})
+    both = [ca.gradient(lagrangian(q, v, k), by) for by in (v, q)]
+    slopes = [ca.jacobian(value, by) for value in both for by in (q, v)]
+    found = ca.Function("found", [q, v, k], [*both, *slopes])
+    return moves, lambda q, k: lambda v: [np.asarray(x).squeeze() for x in found(q, v, k)]
+
+
 class Stages:
     """The stage equations of a SPARK method, in the velocities of the stages."""
 
@@ -60,6 +75,19 @@ class Stages:
         for (_, slope), into, of in zip(at, self.a_f.T, self.a_v, strict=True):
             matrix -= h**2 * np.kron(np.outer(into, of), slope)
         return values, matrix
+
+
+class StagesOfMass(Stages):
+    """The same with a mass that varies."""
+
+    def residual(self, force, x, q, v, h):
+        z, a_v, a_f = x.reshape(-1, 2), self.a_v, self.a_f
+        at = [force(y)(u) for y, u in zip(q + h * a_v @ z, z, strict=True)]
+        p, f, p_q, p_v, f_q, f_v = (np.array(values) for values in zip(*at, strict=True))
+        matrix = h * np.einsum("ij,iab->iajb", a_v, p_q) - h * np.einsum("ij,jab->iajb", a_f, f_v)
+        matrix -= h**2 * np.einsum("il,lj,lab->iajb", a_f, a_v, f_q)
+        matrix[range(len(z)), :, range(len(z))] += p_v
+        return (p - force(q)(v)[0] - h * a_f @ f).ravel(), matrix.reshape(len(x), len(x))
 
 
 class Bead:
@@ -178,9 +206,9 @@ def steps(name, seed, count):
         yield k, h, q, rng.normal(size=2) * 10 ** rng.uniform(-3, 0.7)
 
 
-def judged(name, method, equations, cases, wire=None):
+def judged(of, method, equations, cases):
     """Return how many solutions are on the branch, and where one is not or none was found."""
-    moves, force = system(name, wire)
+    moves, force = of
     same, other, refused = 0, [], []
     for k, h, q, v in cases:
         run = {"t": (0, h), "steps": 1, "q": q, "v": v, "params": {"k": k}}
@@ -227,22 +255,45 @@ REPORTED = [
 @pytest.mark.parametrize(("name", "of", "which"), HARD)
 def test_a_force_that_turns_leads_to_no_other_branch(name, of, which):
     cases = list(steps(name, 1, 40))
-    same, other, refused = judged(name, *METHODS[of], [cases[k] for k in which])
+    same, other, refused = judged(system(name), *METHODS[of], [cases[k] for k in which])
     assert not other
     assert same == len(which), refused
 
 
 def test_the_reported_steps_are_on_their_branch():
     cases = [(k, h, np.array(q), np.array(v)) for k, h, q, v in REPORTED]
-    same, other, _ = judged("waves", *METHODS["midpoint"], cases)
+    same, other, _ = judged(system("waves"), *METHODS["midpoint"], cases)
     assert (same, other) == (2, [])
 
 
 @pytest.mark.parametrize("of", METHODS)
 @pytest.mark.parametrize("name", ["waves", "spring", "atoms"])
 def test_a_large_step_is_solved_on_its_branch(name, of):
-    same, other, refused = judged(name, *METHODS[of], steps(name, 2, 10))
+    same, other, refused = judged(system(name), *METHODS[of], steps(name, 2, 10))
     assert (same > 0, other, refused) == (True, [], [])
+
+
+#: Numbers of steps in `steps(name, 3, 60)` that had solutions on other branches with a mass that
+#: varies, and how many stages the method has.
+VARYING = [
+    ("waves", 1, (6, 14, 46, 50)),
+    ("ripples", 1, (4, 17, 27, 53, 55, 56, 57)),
+    ("ripples", 2, (27, 41, 55)),
+]
+
+
+@pytest.mark.parametrize(("name", "stages", "which"), VARYING)
+def test_a_mass_that_varies_leads_to_no_other_branch(name, stages, which):
+    of, method, all_steps = with_varying_mass(name), lv.Spark(stages), list(steps(name, 3, 60))
+    cases = [all_steps[k] for k in which]
+    same, other, refused = judged(of, method, StagesOfMass(stages), cases)
+    assert not other
+    assert same == len(which), refused
+    for k, h, q, v in cases:
+        run = {"t": (0, h), "steps": 1, "params": {"k": k}}
+        alone = lv.integrate(of[0], method, **run, q=q, v=v)
+        members = lv.ensemble(of[0], method, **run, q=np.tile(q, (8, 1)), v=np.tile(v, (8, 1)))
+        assert np.all(members.q[-1] == alone.q[-1])
 
 
 def wire(t, q, p):
@@ -270,7 +321,8 @@ BEADS = [
 
 @pytest.mark.parametrize(("name", "stages", "case"), BEADS)
 def test_a_constrained_step_is_solved_on_its_branch(name, stages, case):
-    same, other, refused = judged(name, lv.Spark(stages), Bead(stages), [bead(*case)], wire)
+    of = system(name, wire)
+    same, other, refused = judged(of, lv.Spark(stages), Bead(stages), [bead(*case)])
     assert (same, other, refused) == (1, [], [])
 
 

@@ -13,6 +13,8 @@ pub(super) struct BlockLu<L: Layout> {
     blocks: Vec<Columns<L>>,
     /// How many rows and columns the blocks of a row and column have.
     sizes: Vec<usize>,
+    /// How many pivots of the factors are negative.
+    pub(super) negative: L,
 }
 
 impl<L: Layout> BlockLu<L> {
@@ -20,6 +22,7 @@ impl<L: Layout> BlockLu<L> {
         Self {
             blocks: vec![[L::zeros(); POINTS]; sizes.len() * sizes.len()],
             sizes,
+            negative: L::splat(0.0),
         }
     }
 
@@ -42,10 +45,11 @@ impl<L: Layout> BlockLu<L> {
     #[inline(always)]
     pub(super) fn factor(&mut self) {
         let count = self.sizes.len();
+        self.negative = L::splat(0.0);
         for (p, &size) in self.sizes.iter().enumerate() {
             let (above, below) = self.blocks.split_at_mut((p + 1) * count);
             let above = &mut above[p * count..];
-            invert::<L>(&mut above[p], size);
+            self.negative += invert::<L>(&mut above[p], size);
             for (row, of) in below.chunks_exact_mut(count).zip(&self.sizes[p + 1..]) {
                 let given = std::mem::replace(&mut row[p], [L::zeros(); POINTS]);
                 for (out, x) in row[p].iter_mut().zip(&above[p]).take(size) {
@@ -110,13 +114,14 @@ fn add_product<L: Layout>(
     }
 }
 
-/// The inverse of a block in its place, by Gauss and Jordan.
+/// The inverse of a block in its place, by Gauss and Jordan; returns how many pivots are negative.
 #[inline(always)]
-fn invert<L: Layout>(columns: &mut Columns<L>, size: usize) {
-    let rows = L::rows(size);
+fn invert<L: Layout>(columns: &mut Columns<L>, size: usize) -> L {
+    let (rows, mut negative) = (L::rows(size), L::splat(0.0));
     for l in 0..size {
         let pivot = columns[l];
         let inverse = L::splat(1.0) / L::at(&pivot, l);
+        negative += one_if_negative(inverse);
         for (j, column) in columns.iter_mut().enumerate().take(size) {
             if j == l {
                 continue;
@@ -140,4 +145,13 @@ fn invert<L: Layout>(columns: &mut Columns<L>, size: usize) {
             |_, x| x * every,
         );
     }
+    negative
+}
+
+#[inline(always)]
+pub(super) fn one_if_negative<L: Layout>(x: L) -> L {
+    x.map(
+        #[inline(always)]
+        |x| f64::from(u8::from(x < 0.0)),
+    )
 }

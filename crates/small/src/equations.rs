@@ -271,6 +271,10 @@ impl<L: Layout, const N: usize, const M: usize> Equations<L> for SmallEquations<
         self.small.deviation
     }
 
+    fn reversed(&self) -> L {
+        self.small.reversed()
+    }
+
     fn correct(&mut self) -> Result<L, StepError> {
         let (small, step, stop) = (&mut *self.small, self.step, self.stop);
         let is_first = !self.is_linearized;

@@ -5,7 +5,7 @@
 #![allow(clippy::inline_always)] // other functions are compiled without the caller's instruction set
 
 use super::Fixed;
-use super::blocks::{BlockLu, Columns};
+use super::blocks::{BlockLu, Columns, one_if_negative};
 use super::layout::{Layout, POINTS, Weights};
 use super::tables::Tables;
 use liouville_base::real::{Lanes, Scalar};
@@ -21,6 +21,9 @@ pub(super) struct FullNewton<L: Layout, const N: usize, const M: usize> {
     matrix: BlockLu<L>,
     /// Places of the entries of p_z, p_y, f_y, f_z and r_y, by two coordinates.
     places: [[Places; N]; N],
+    /// How many pivots of the matrix, without constraints, have other signs than those of a small step, which is the mass
+    /// at the stages.
+    pub(super) reversed: L,
     /// dZ, then dΛ.
     pub(super) corrections: Vec<L::Points>,
 }
@@ -68,6 +71,7 @@ impl<L: Layout, const N: usize, const M: usize> FullNewton<L, N, M> {
             node_jacobian,
             matrix: BlockLu::new(sizes.concat()),
             places: places(&model.problem),
+            reversed: L::splat(0.0),
             corrections: vec![L::zeros(); n + m],
         })
     }
@@ -105,6 +109,41 @@ impl<L: Layout, const N: usize, const M: usize> FullNewton<L, N, M> {
             }
         }
         self.matrix.factor();
+        self.reversed = self.matrix.negative;
+        let is_definite = self.reversed.all(
+            #[inline(always)]
+            |negative| negative == 0.0,
+        );
+        if problem.m > 0 {
+            self.reversed = L::splat(0.0);
+        } else if !is_definite {
+            self.reversed -= self.negative_pivots_of_mass(problem.n) * tables.stages as f64;
+        }
+    }
+
+    /// How many pivots of the mass are negative, the same wherever it is not singular.
+    #[cold]
+    fn negative_pivots_of_mass(&self, n: usize) -> L {
+        let mut mass = [[L::splat(0.0); N]; N];
+        for (row, places) in mass.iter_mut().zip(&self.places) {
+            for (out, [p_z, ..]) in row.iter_mut().zip(places) {
+                if let Some(place) = p_z {
+                    *out = L::at(&points::<L>(self.stage_blocks.value(*place)), 0);
+                }
+            }
+        }
+        let mut negative = L::splat(0.0);
+        for k in 0..n.min(N) {
+            let pivot = mass[k];
+            negative += one_if_negative(pivot[k]);
+            for row in &mut mass[k + 1..] {
+                let factor = row[k] / pivot[k];
+                for (out, x) in row.iter_mut().zip(&pivot) {
+                    *out -= factor * *x;
+                }
+            }
+        }
+        negative
     }
 
     /// δ_ij p_z(i) + h aᵛ_ij p_y(i) − h Σ_l aᶠ_il (f_z(l) δ_lj + h aᵛ_lj f_y(l)) − h² Σ_k â_ik ā_kj r_y(k)

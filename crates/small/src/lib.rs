@@ -230,6 +230,12 @@ impl<L: Layout, const N: usize, const M: usize> Fixed<L, N, M> {
         Self::TAKES_NEWTON && self.full.is_some()
     }
 
+    /// How many pivots of the last matrix of full Newton have other signs than those of a small step.
+    pub fn reversed(&self) -> L {
+        let full = self.full.as_ref().filter(|_| Self::TAKES_NEWTON);
+        full.map_or(L::splat(0.0), |full| full.reversed)
+    }
+
     /// Iterates from the extrapolated start, or the cold one, and finds the end of the step for members that are open;
     /// `None` where the step has to be made by `crates/spark`.
     #[inline(never)]

@@ -36,6 +36,11 @@ impl<L: Layout> Small<L> {
         each!(self, small => small.is_newton())
     }
 
+    /// How many pivots of the last matrix of full Newton have other signs than those of a small step.
+    pub fn reversed(&self) -> L {
+        each!(self, small => small.reversed())
+    }
+
     /// Iterates from the extrapolated start, or the cold one, and finds the end of the step for members that are open;
     /// `None` where the step has to be made by `crates/spark`.
     pub fn advance(

@@ -20,4 +20,13 @@ impl CorrectStages<f64> for StageEquations<'_, &mut Small<f64>> {
         copy(unknowns.v.flat_mut(), unknowns.z.flat());
         Ok(self.stages.relative(size, self.step))
     }
+
+    /// The matrix of a single stage is symmetric, if the forces have a potential.
+    fn corrects_against(&self) -> bool {
+        self.stages.tableau.stages == 1 && self.solver.reversed() != 0.0
+    }
+
+    fn has_reversed(&mut self, _is_doubtful: bool) -> bool {
+        self.solver.reversed() % 2.0 != 0.0
+    }
 }

@@ -73,6 +73,12 @@ pub trait Equations<R: Real = f64> {
         false
     }
 
+    /// Not 0 for members whose matrix has pivots of other signs than that of a small step: what it finds may be on another
+    /// branch.
+    fn reversed(&self) -> R {
+        R::splat(0.0)
+    }
+
     /// Whether the last correction, of equations without constraints, is against its residual: it does negative work, as
     /// none does with the symmetric matrix of a step before its branch may fold.
     fn is_against(&self) -> bool {
@@ -181,15 +187,18 @@ impl<R: Real> PathLength<R> {
         self.deviation += scaled;
     }
 
-    /// 1 where all corrections were small and the solution is near, else 0.
+    /// 1 where all corrections were small and the solution is near, by a matrix that is not reversed, else 0.
     #[inline(always)]
-    fn is_near(&self) -> R {
-        self.largest.zip(
-            self.deviation,
+    fn is_near(&self, reversed: R) -> R {
+        R::each(
+            [self.largest, self.deviation, reversed],
             #[inline(always)]
-            |largest, deviation| {
+            |[largest, deviation, reversed]| {
+                let is_moved = (largest > UNMOVED) | (deviation > UNMOVED);
                 f64::from(u8::from(
-                    (largest <= LARGE_CORRECTION) & (deviation <= LARGE_DEVIATION),
+                    (largest <= LARGE_CORRECTION)
+                        & (deviation <= LARGE_DEVIATION)
+                        & !(is_moved & (reversed != 0.0)),
                 ))
             },
         )
@@ -239,7 +248,7 @@ pub fn solve(equations: &mut impl Equations, most: usize) -> Result<Solved, Step
         }
         let is_other =
             path.is_against || path.is_moved() && equations.is_reversed(path.largest > DOUBTFUL);
-        let is_near = path.is_near() != 0.0 && !is_other;
+        let is_near = path.is_near(equations.reversed()) != 0.0 && !is_other;
         return Ok(Solved {
             iterations,
             is_near,
@@ -311,7 +320,10 @@ pub fn solve_each<R: Real>(
         if verdicts.all(|verdict| verdict == ACTIVE) {
             continue;
         }
-        let (is_near, is_doubtful) = (path.is_near(), path.is_doubtful(iterations));
+        let (is_near, is_doubtful) = (
+            path.is_near(equations.reversed()),
+            path.is_doubtful(iterations),
+        );
         let mut done = R::splat(0.0);
         for (member, stands) in members.iter_mut().enumerate() {
             let (verdict, size) = (verdicts.member(member), sizes.member(member));
