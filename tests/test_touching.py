@@ -354,7 +354,7 @@ REFUSED = {
         Polygon("p", CORNERS), Plane("ground")
     ),
     "is none across theirs": lambda: touching(Sphere("p", 1), Plane("ground"), False),
-    "in space that of spheres on planes is followed": lambda: touching(
+    "in space that of spheres and capsules on planes is followed": lambda: touching(
         Sphere("p", 1), Sphere("q", 1), friction=0.1
     ),
     "friction must be zero or positive, not -1": lambda: touching(

@@ -117,7 +117,7 @@ class Assembly(Acting):
             Shapes of different bodies, or of a body and the ground; see :mod:`liouville.bodies`.
         restitution, friction, static_friction : float or callable, optional
             As for :class:`~liouville.Contact`. Friction is for bodies that move in a plane, and in
-            space for a sphere on a plane.
+            space for a sphere or capsule on a plane.
         across : array_like, shape (3,), optional
             The normal of the plane that bodies in space move in, for friction and for capsules
             that lie in it; planar bodies move across z.

@@ -38,9 +38,9 @@ def from_mjcf(
     sticks, as :class:`~liouville.bodies.Dry`. So do contacts of spheres, capsules and boxes with
     planes, of spheres with all of these, and in a plane of capsules; limits and contacts are rigid,
     without softness and margins. Friction of contacts is that of mechanisms whose hinges are
-    parallel, which move in a plane, and in space of spheres on planes. What an assembly has not is
-    refused by name. Other files that it names are read too; one of more than 100,000 elements is
-    refused, those counted that it repeats.
+    parallel, which move in a plane, and in space of spheres and capsules on planes. What an
+    assembly has not is refused by name. Other files that it names are read too; one of more than
+    100,000 elements is refused, those counted that it repeats.
 
     Parameters
     ----------

@@ -19,6 +19,8 @@ from liouville.bodies.unmodelled import JOINTS, is_off, named
 PLANE, SPHERE, CAPSULE, BOX = 0, 2, 3, 6
 MODELLED = {(PLANE, SPHERE), (PLANE, CAPSULE), (PLANE, BOX)}
 MODELLED |= {(SPHERE, SPHERE), (SPHERE, CAPSULE), (SPHERE, BOX)}
+#: Pairs that have friction in space.
+ROUND = [PLANE, SPHERE], [PLANE, CAPSULE]
 #: Numbers of directions of contacts: none has friction, and of others those that slide and turn
 #: about the normal, which motions in a plane do not.
 SMOOTH, SLIDING, IN_SPACE = 1, (3, 4), 3
@@ -74,7 +76,7 @@ def pairs_of(model: Any, data: Any, without: Sequence[str]) -> list[Pair]:
             mu = 0.0
         elif is_in_plane and dims in SLIDING and friction[0] == friction[1]:
             mu = float(friction[0])
-        elif across is None and kinds == [PLANE, SPHERE] and dims == IN_SPACE:
+        elif across is None and kinds in ROUND and dims == IN_SPACE:
             mu = float(friction[0]) if friction[0] == friction[1] else None
         found.append(Pair(name, (one, other), mu, is_modelled))
     return found

@@ -250,15 +250,15 @@ def touch_of(
     touch = Touch(name, a, b, (first, second), laws, UP if is_flat else across)
     is_rough = Contact(max, slip=max, **laws).is_rough
     if touch.across is None and is_rough and not _slides_in_space(touch.shapes):
-        sentence = f"friction= of {of}: in space that of spheres on planes is followed"
+        sentence = f"friction= of {of}: in space that of spheres and capsules on planes is followed"
         hint = "of what moves in a plane give its normal, across=(0, 1, 0), or take planar bodies"
         raise ValueError(hinted(sentence, hint))
     return touch
 
 
 def _slides_in_space(shapes: tuple[Shape, Shape]) -> bool:
-    """Whether two shapes have friction in space: others bear on several points."""
-    return isinstance(shapes[0], Sphere) and isinstance(shapes[1], Plane)
+    """Whether two shapes have friction in space: faces share their load as they slide."""
+    return isinstance(shapes[0], Sphere | Capsule) and isinstance(shapes[1], Plane)
 
 
 def _have_corners(first: Shape, second: Shape) -> bool:

@@ -12,7 +12,6 @@ from liouville._runs.contacts import flights, stops
 from liouville._runs.contacts.bouncing import LEAST, MOST_HITS, WINDOW
 from liouville._runs.contacts.complementarity import Array
 from liouville._runs.contacts.joined import Records
-from liouville._runs.contacts.margin import refuse_space
 from liouville._runs.contacts.matrices import Matrices
 from liouville._runs.contacts.mode import FEW, ModeSystem
 from liouville._runs.contacts.stretch import Link, Stretch
@@ -118,9 +117,7 @@ class Asking:
             sentence = f"at t = {now.t:g} {which}, which {self.without} does not hold"
             hint = "take Spark, LobattoPair or a Composition of one"
             raise IntegrationError(hinted(sentence, hint), t=now.t)
-        system = self.contacts.mode(now.modes, at)
-        refuse_space(system, self.contacts, now.t)
-        return system
+        return self.contacts.mode(now.modes, at, now.t)
 
     def _asked(
         self,

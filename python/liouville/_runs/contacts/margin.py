@@ -4,10 +4,13 @@ Their motion is that of a mode, their forces are not determined. A mode lasts as
 forces that give its accelerations are within their bounds, which is a linear program: the margin is
 
 .. math:: \max_{N, T} \min_k \{ N_k,\; \mu_k N_k - T_k,\; \mu_k N_k + T_k \} .
+
+In space, with :math:`\mu_k N_k - |T_k|`, it is a program of cones.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -22,7 +25,6 @@ if TYPE_CHECKING:
     from liouville._runs.contacts.matrices import Matrices
     from liouville._runs.contacts.mode import ModeSystem
     from liouville._runs.contacts.switching import Switching
-    from liouville._runs.contacts.traced import Contacts
     from liouville._solution.solution import Solution
 
 #: Forces below this part of those that would move the system so are none; a margin is zero within
@@ -34,6 +36,11 @@ INDEPENDENT = 1e-10
 CONTRADICTS = 1e-6
 #: The largest margin, in units of what the forces lead to.
 LARGEST = 1.0
+#: Parts of 1 / m that barriers are weighed by, steps to each centre, and where it is near; and how
+#: far forces go in the same units.
+FALLING, MOST_STEPS, NEAR_CENTRE, FARTHEST = 0.1 ** np.arange(0.0, 12.5), 40, 0.3, 1e3
+#: A margin by barriers is zero within this part of the forces.
+CENTRED = 1e-10
 
 
 @dataclass(frozen=True)
@@ -49,7 +56,7 @@ class Shared:
 def shared(at: Matrices, modes: tuple[Mode, ...], lowest: float = 0.0) -> Shared:
     """Return how contacts share a load: forces that give the accelerations of a mode.
 
-    It gives way where the margin is below the lowest. Each that bears friction has one slip.
+    It gives way where the margin is below the lowest.
     """
     c = len(modes)
     slips = c + np.searchsorted(at.owner, np.arange(c))
@@ -57,13 +64,12 @@ def shared(at: Matrices, modes: tuple[Mode, ...], lowest: float = 0.0) -> Shared
     closed = [k for k, mode in enumerate(modes) if mode is not Mode.OPEN and not is_given[k]]
     signs = np.array([mode.sign for mode in modes])
     given = np.where(is_given, -at.laws.friction * signs * at.load, 0.0)
-    sticks = [k for k, mode in enumerate(modes) if mode is Mode.STICK]
-    columns = np.zeros((len(at.b), len(closed) + len(sticks)))
+    stuck = np.flatnonzero([modes[k] is Mode.STICK for k in at.owner])
+    columns = np.zeros((len(at.b), len(closed) + len(stuck)))
     for j, k in enumerate(closed):
         columns[:, j] = at.A[:, k] - at.A[:, slips[k]] * at.laws.friction[k] * modes[k].sign
-    for j, k in enumerate(sticks):
-        columns[:, len(closed) + j] = at.A[:, slips[k]]
-    active = [*closed, *slips[sticks]]
+    columns[:, len(closed) :] = at.A[:, c + stuck]
+    active = [*closed, *(c + stuck)]
     # the rows that are independent, by their singular values: the others follow to roundoff
     u, values, vt = np.linalg.svd(columns[active])
     rank = int((values > INDEPENDENT * values.max(initial=0.0)).sum())
@@ -71,25 +77,100 @@ def shared(at: Matrices, modes: tuple[Mode, ...], lowest: float = 0.0) -> Shared
     sides = -(u.T @ rest)[:rank] / values[:rank]
     weight = float(np.abs(at.free).max() / (np.abs(at.moves).max() or 1.0))
     scale = max(np.abs(sides).max(initial=0.0), NONE * weight) or 1.0
-    bounds, least = [np.eye(len(closed), columns.shape[1])], [np.zeros(len(closed))]
-    for j, k in enumerate(sticks):
-        rows = np.zeros((2, columns.shape[1]))
-        rows[:, len(closed) + j] = 1.0, -1.0
-        if not is_given[k]:
-            rows[:, closed.index(k)] = at.laws.static[k]
-        bounds.append(rows)
-        least.append(np.full(2, at.laws.static[k] * at.load[k]))
-    limits, borne = np.concatenate(bounds), np.concatenate(least) / scale
-    some, ways = vt[:rank].T @ (sides / scale), vt[rank:].T
-    w, margin = _best(borne + limits @ some, limits @ ways)
-    x = scale * (some + ways @ w)
-    zero = ROUNDED * max(weight, float(np.abs(x).max(initial=0.0)))
+    cones = _Cones(at, closed, stuck, scale)
+    x, margin = cones.inmost(vt[:rank].T @ (sides / scale), vt[rank:].T)
+    x, margin = scale * x, scale * margin
+    zero = cones.rounded * max(weight, float(np.abs(x).max(initial=0.0)))
     normal, friction = at.load.copy(), given
     normal[closed] = x[: len(closed)]
     for k in closed:
         friction[k] = -at.laws.friction[k] * modes[k].sign * normal[k]
-    friction[sticks] = x[len(closed) :]
-    return Shared(scale * margin, scale * margin < lowest - zero, normal, friction)
+    for k, own in cones.places.items():
+        friction[k] = x[own[0]] if len(own) == 1 else np.hypot(*x[own])
+    return Shared(margin, margin < lowest - zero, normal, friction)
+
+
+class _Cones:
+    """Bounds of forces x, N of some contacts and T of those that stick: the cones of friction."""
+
+    def __init__(self, at: Matrices, closed: list[int], stuck: Array, scale: float) -> None:
+        self._size, first = len(closed) + len(stuck), len(closed)
+        #: Where the friction of each contact that sticks is.
+        self.places: dict[int, list[int]] = {}
+        for j, k in enumerate(at.owner[stuck].tolist()):
+            self.places.setdefault(k, []).append(first + j)
+        # what is least of N, of bearable friction off T both ways, and of that beside |T| in space
+        rows, least = [*np.eye(first, self._size)], [0.0] * first
+        self._cones = []
+        for k, own in self.places.items():
+            row = np.zeros(self._size)
+            borne = float(at.laws.static[k] * at.load[k] / scale)
+            if not at.is_pressed[k]:
+                row[closed.index(k)] = at.laws.static[k]
+            if len(own) > 1:
+                self._cones.append((row, borne, own))
+            else:
+                part = np.eye(self._size)[own[0]]
+                rows, least = [*rows, row - part, row + part], [*least, borne, borne]
+        self._rows, self._least = np.reshape(rows, (-1, self._size)), np.array(least)
+        self.rounded = CENTRED if self._cones else ROUNDED
+
+    def inmost(self, some: Array, ways: Array) -> tuple[Array, float]:
+        """Return x = some + ways w with the largest margin, and that."""
+        a, slopes = self._least + self._rows @ some, self._rows @ ways
+        if not self._cones:
+            w, margin = _best(a, slopes)
+            return some + ways @ w, margin
+        cones = []
+        for row, borne, own in self._cones:
+            both = np.vstack([row, np.eye(self._size)[own]])
+            cones.append((both @ some + np.array([borne, 0.0, 0.0]), both @ ways))
+        w = _centred(a, slopes, cones)
+        lines = a + slopes @ w
+        left = [sides[0] - np.hypot(*sides[1:]) for sides in (b + c @ w for b, c in cones)]
+        return some + ways @ w, float(min([*lines, *left]))
+
+
+def _centred(a: Array, slopes: Array, cones: list[tuple[Array, Array]]) -> Array:
+    r"""Return w with the largest m, where :math:`m \le a + s w` and cones are kept, by barriers.
+
+    Those of cones (b, c) have :math:`|b_1 + c_1 w| \le b_0 + c_0 w - m`. With the logarithms
+    :math:`\phi` of all that is left, :math:`\phi - m / \tau` is least at the centre, which follows
+    :math:`\tau` down by Newton's method. Source: Boyd and Vandenberghe, *Convex Optimization*,
+    2004, 11.3.
+    """
+    n = slopes.shape[1]
+    lines = np.column_stack([slopes, -np.ones(len(a))])
+    cones = [(b, np.column_stack([c, [-1.0, 0.0, 0.0]])) for b, c in cones]
+    u, metric = np.zeros(n + 1), np.diag([-2.0] * n + [0.0])
+    lowest = min([*a, *(b[0] - np.hypot(*b[1:]) for b, _ in cones), LARGEST])
+    u[n] = lowest - LARGEST
+    signs, before = np.array([1.0, -1.0, -1.0]), u[:n]
+    for tau in FALLING:
+        for _ in range(MOST_STEPS):
+            # what is left of lines, of the largest margin, of the farthest w, and of cones
+            left = np.append(a + lines @ u, LARGEST - u[n])
+            ball = FARTHEST**2 - u[:n] @ u[:n]
+            parts = [(ball, metric @ u, metric)]
+            for b, c in cones:
+                x = b + c @ u
+                parts.append((x @ (signs * x), 2 * c.T @ (signs * x), 2 * (c.T * signs) @ c))
+            if not min([*left, *(size for size, _, _ in parts)]) > 0:  # by roundoff
+                return before
+            before = u[:n]
+            rows = np.vstack([lines, -np.eye(n + 1)[n]]) / left[:, None]
+            slope, bend = -rows.sum(axis=0), rows.T @ rows
+            slope[n] -= 1 / tau
+            for size, own, curve in parts:
+                slope -= own / size
+                bend += np.outer(own, own) / size**2 - curve / size
+            unit = 1 / np.sqrt(np.diag(bend))
+            step = -unit * np.linalg.lstsq(bend * np.outer(unit, unit), unit * slope, None)[0]
+            decrement = np.sqrt(max(-slope @ step, 0.0))
+            u = u + step / (1 + decrement)
+            if decrement < NEAR_CENTRE:
+                break
+    return u[:n]
 
 
 def loads(
@@ -130,13 +211,11 @@ def torn(run: Solution, k: int, now: Switching) -> tuple[float, tuple[Array, Arr
     return high, at(high)
 
 
-def refuse_space(system: ModeSystem, contacts: Contacts, t: float) -> None:
-    """Refuse contacts that share a load where friction has two directions."""
-    bears = [mode not in (Mode.OPEN, Mode.CLOSED) for mode in system.modes]
-    which = np.flatnonzero(contacts.is_spatial & bears)
-    if system.is_shared and which.size:
-        names = quoted([contacts.names[k] for k in which])
-        sentence = f"at t = {t:g} contacts share a load, and {names} have friction in space"
+def refuse_space(modes: tuple[Mode, ...], names: Sequence[str], t: float) -> None:
+    """Refuse contacts that share a load where some slide in space: their friction turns with it."""
+    which = [name for name, mode in zip(names, modes, strict=True) if mode is Mode.SLIDE]
+    if which:
+        sentence = f"at t = {t:g} contacts share a load, and {quoted(which)} slide in space"
         hint = "which part of it each bears is not determined: let fewer contacts have friction"
         raise IntegrationError(hinted(sentence, hint), t=t)
 

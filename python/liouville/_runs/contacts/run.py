@@ -247,7 +247,7 @@ class Course(Asking):
         now, (_, y, z) = self.now, path(0.0)
         modes = tuple(Mode.STICK if k in which else mode for k, mode in enumerate(now.modes))
         at = now.at(now.t, y, z)
-        system = self.contacts.mode(modes, at)
+        system = self.contacts.mode(modes, at, now.t)
         start, h = self._moved(system, at, y, z), until - now.t
         ending = endings(self.contacts, system, 0 * at.slip, now.h)
         ending = {x: e for x, e in ending.items() if system.own_events[x][0] not in which}

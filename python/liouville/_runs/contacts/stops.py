@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from liouville._runs.contacts.complementarity import Array
+from liouville._runs.contacts.margin import INDEPENDENT
 from liouville._runs.watch import sentence_of_end
 from liouville._solution.points import Points
 from liouville._systems.events import DIRECTIONS
@@ -142,9 +143,9 @@ def begun(
         growth = float(np.linalg.norm(s)) / d**2
         d = min(float(np.sqrt(SEEN * speed / max(growth, TINY))), LONGEST * now.h)
         y_next, z_next, s = behind(d)
-    # the slip itself to the accuracy of its direction
+    # the slip itself to the accuracy of its direction; feet of one body may have dependent ones
     there, lines = at(t0 + d, y_next, z_next), now.c + rows
-    lacks = np.linalg.solve(there.A[np.ix_(lines, lines)], s - there.slip[rows])
+    lacks = np.linalg.lstsq(there.A[np.ix_(lines, lines)], s - there.slip[rows], INDEPENDENT)[0]
     return d, y_next, z_next + there.moves[:, lines] @ lacks
 
 

@@ -14,6 +14,7 @@ from liouville._basics import casadi as ca
 from liouville._basics.errors import hinted, quoted
 from liouville._runs.contacts.complementarity import Array
 from liouville._runs.contacts.hit import MOST, has_closed_form
+from liouville._runs.contacts.margin import refuse_space
 from liouville._runs.contacts.matrices import Laws, Matrices
 from liouville._runs.contacts.mode import ModeSystem
 from liouville._systems.mechanics.contact import Coefficient, Contact, Mode
@@ -283,8 +284,8 @@ class Contacts:
         """Return slips at k states, of shape (k, s)."""
         return self.records(t, y, z, params, 0.0, 0.0)[1]
 
-    def mode(self, modes: tuple[Mode, ...], at: Matrices) -> ModeSystem:
-        """Return the system in these modes at a state; each is made once.
+    def mode(self, modes: tuple[Mode, ...], at: Matrices, t: float) -> ModeSystem:
+        """Return the system in these modes at a state and a time; each is made once.
 
         It steps the rows that no rows before them imply, those of gaps first, numbered as in
         :class:`Matrices`, those of slips behind those of gaps.
@@ -296,6 +297,8 @@ class Contacts:
         rows = [*range(fixed), *(fixed + k for k in wanted)]
         held = independent(at.rows[rows])
         found = [k for k, x in zip(wanted, held[fixed:], strict=True) if x]
+        if len(found) < len(wanted):
+            refuse_space(modes, self.names, t)
         is_redundant = not all(held[:fixed])
         key = modes, tuple(found), is_redundant
         if key not in self._systems:
