@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from ordinary import solved
 
 import liouville as lv
 from liouville.bodies import Assembly, Capsule, Dry, Plane, Sphere
@@ -69,6 +70,45 @@ def test_thrown_balls_roll_when_and_where_closed_forms_say(page, capsys):
         when, speed = line.split("off by ")[1].split(" s, ")
         assert float(when) < 2e-9
         assert float(speed.removesuffix(" m/s")) < 2e-9
+
+
+def test_a_coin_slides_by_its_reduced_equations_and_rolls_as_eulers_disc_does(page):
+    """The normal force is that which keeps the edge on the table; I = m a^2 / 4 and m a^2 / 2."""
+    a, across, axial, mu = 0.012, 0.012**2 / 4, 0.012**2 / 2, 0.2
+
+    def rates(t, y):
+        heading, tilt, vx, vy, spin, falls, turn = y
+        c, s, cos, sin = np.cos(heading), np.sin(heading), np.cos(tilt), np.sin(tilt)
+        slip = np.array([c * vx + s * vy + a * turn, c * vy - s * vx + a * sin * falls])
+        u = slip / np.hypot(*slip)
+        arm = a * (cos + mu * sin * u[1])
+        pulls = (across * spin * cos - axial * turn) * spin * sin - arm * (G - a * sin * falls**2)
+        tilts = pulls / (across + arm * a * cos)
+        force = -mu * (G + a * (cos * tilts - sin * falls**2)) * u
+        turns = (axial * turn / across - 2 * spin * cos) * falls / sin
+        fx, fy = c * force[0] - s * force[1], s * force[0] + c * force[1]
+        return np.array([spin, falls, fx, fy, turns, tilts, a * force[0] / axial])
+
+    found = page("coin")
+    coin, start = found["coin"], found["start"]
+    v, tilt = start["v"], start["q"][4]
+    run = lv.integrate(coin, lv.Spark(4), t=(0, 0.12), h=0.001, **start)
+    end = solved(rates, [0, 0.12], [0, tilt, *v[:2], v[3], 0, v[3] * np.cos(tilt)])[-1]
+    np.testing.assert_allclose(run.q[-1, 3:5], end[:2], atol=1e-9)
+    np.testing.assert_allclose(run.v[-1, :2], end[2:4], atol=1e-10)
+    np.testing.assert_allclose(run.v[-1, 3:5], end[4:6], atol=1e-8)
+    rolls = found["run"].sel(time=slice(0.14, 1.5)).invariants["energy"]
+    assert np.ptp(rolls) < 1e-12 * np.abs(rolls).max()
+    # about a centre at rest it rolls with spin^2 = 4 g / (a sin tilt)
+    spin = np.sqrt(4 * G / (a * np.sin(0.3)))
+    start = {
+        "q": [0, 0, a * np.sin(0.3), 0, 0.3, 0],
+        "v": [0, 0, 0, spin, 0, -spin * np.cos(0.3)],
+    }
+    run = lv.integrate(coin, lv.Spark(4), t=(0, 0.2), h=0.001, **start)
+    assert {mode.name for mode in run.contacts["table"].mode} == {"STICK"}
+    np.testing.assert_allclose(run.q[:, 4], 0.3, atol=1e-12)
+    np.testing.assert_allclose(run.q[:, :2], 0, atol=1e-13)
 
 
 def test_a_clock_loses_in_each_beat_what_its_weight_gives(page):
