@@ -52,15 +52,15 @@ def _low_square(at: Matrices, falls: Array) -> Array:
 
 
 def closed(
-    now: Switching, at: Matrices, what: tuple[Array, Array, set[int]], closing: Closing
+    now: Switching, at: Matrices, rising: Array, stopped: set[int], closing: Closing
 ) -> Array | None:
-    """Return the rows that hold when a contact is closed that would fly low, if one is.
+    """Return the rows that hold when a contact is closed that rises and would fly low, if one is.
 
-    `what` are the contacts that rise, those that are closed, and those whose slip has stopped.
+    The forces of the others were found last, and `stopped` are the contacts whose slip has stopped.
     """
-    rising, others, stopped = what
+    forces, others, _ = now.found
     for k in np.flatnonzero(rising):
-        fall = now.forces(at, others, now.ways(at, others, stopped)).across[k]
+        fall = forces.across[k]
         if fall >= 0 or at.rate[k] ** 2 >= _low_square(at, -fall)[k]:
             continue
         closing.setdefault(int(k), None)

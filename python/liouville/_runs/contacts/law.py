@@ -150,6 +150,8 @@ def _among(contacts: Array, c: int) -> Array:
 def _coupled_ones(A: Array, contacts: Array, owner: Array) -> tuple[list[Array], Array]:
     """Return contacts in groups that act on one another, and which of all act on none."""
     n, c = len(contacts), len(A) - len(owner)
+    if n < 2:
+        return [], _among(contacts, c)
     (slips,) = np.nonzero(_among(contacts, c)[owner])
     rows = np.concatenate([contacts, c + slips])
     whose = np.concatenate([np.arange(n), np.searchsorted(contacts, owner[slips])])
@@ -183,6 +185,8 @@ def _alone(
     what there is without them; `bounds` the coefficients of friction and what contacts bear.
     """
     (normals, tangents, base), (mu, borne) = parts, bounds
+    if not which.any():
+        return which, 0 * mu, 0 * mu
     k, first = np.arange(len(mu)), np.searchsorted(owner, np.arange(len(mu)))
     rows, p = len(mu) + first, base[k]
     a, b, e, d, q = (

@@ -110,13 +110,15 @@ class Switching:
                 stopped = stopped if is_unchanged else set()
                 continue
             closed = at.is_pressed | (touching & (at.rate <= still))
-            low = flights.closed(self, at, (touching & ~closed, closed, stopped), closing)
+            slip = self.ways(at, closed, stopped)
+            self.found = self.forces(at, closed, slip), closed, slip
+            low = flights.closed(self, at, touching & ~closed, stopped, closing)
             if low is not None:
                 self.impacts.append((low, np.zeros(0), None))
                 z = flights.held(at, z, low)
                 stopped = stopped & {*at.owner[low[low >= self.c] - self.c].tolist()}
                 continue
-            self.modes = self._modes(at, y, z, closed, stopped)
+            self.modes = self._modes(at, y, z)
             self._note(before, closing)
             return self._placed(at, y), z
         self._refuse_contradictions(at, at.rate, touching)
@@ -238,14 +240,10 @@ class Switching:
             z = z + at.moves @ impulses(at.A, rates, own, coefficients, at.owner, law_of)
         return z
 
-    def _modes(
-        self, at: Matrices, y: Array, z: Array, closed: Array, stopped: set[int]
-    ) -> tuple[Mode, ...]:
-        """Return the mode of each contact, given which contacts may bear a force."""
-        slip = self.ways(at, closed, stopped)
-        found = self.forces(at, closed, slip)
+    def _modes(self, at: Matrices, y: Array, z: Array) -> tuple[Mode, ...]:
+        """Return the mode of each contact by the forces found."""
+        found, closed, slip = self.found
         verdict, self.lifts = self._verdict(at, found, closed, slip, ZERO), found.across
-        self.found = found, closed, slip
         for k in self.gave_way:  # a force that jumps is none on this side
             verdict[k] = None
         if any(mode is None for mode in verdict):
