@@ -402,3 +402,14 @@ def test_the_plan_of_lanczos_counts_the_products_that_a_run_takes(dimension, tol
     planned = lv.plan(system, method, t=(0, end)).products
     made = lv.integrate(system, method, t=(0, end), psi=np.ones(60)).stats["products"]
     assert 0.7 * made < planned < 1.4 * made
+
+
+def test_krylov_spaces_that_take_hours_are_refused_and_costly_ones_said():
+    system = lv.Schrodinger(lv.Lattice(20))
+    with pytest.raises(ValueError, match=r"dimension 2 take about 9.8e\+07 products, .* 12 12"):
+        lv.plan(system, lv.Lanczos(1e-8, dimension=2), t=(0, 1))
+    plan = lv.plan(system, lv.Lanczos(1e-8, dimension=4), t=(0, 1))
+    assert "spaces of dimension 4 take about 6.4e+02 products" in plan.reasons[0]
+    # two levels need no more
+    qubit = lv.Schrodinger(np.diag([1.0, -1.0]))
+    assert lv.plan(qubit, lv.Lanczos(1e-8, dimension=2), t=(0, 1)).reasons[0].endswith("energies")

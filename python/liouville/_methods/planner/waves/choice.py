@@ -91,6 +91,9 @@ def plan_wave(
 
 def _check_system(system: Schrodinger, method: Planned) -> None:
     """Refuse an H that depends on time, absorbs, or depends on the density, for what takes none."""
+    if system.absorber is not None and system.is_driven:
+        sentence = "an H(t) that absorbs is stepped on a Grid alone, with diagonal drives"
+        raise TypeError(hinted(sentence, "take SplitOperator(tol=1e-8) there"))
     if isinstance(method, Lanczos):
         system.check_linear(name_of(method))
     else:
@@ -98,6 +101,4 @@ def _check_system(system: Schrodinger, method: Planned) -> None:
     takes_time = isinstance(method, Chebyshev | Magnus) or getattr(method, "mode", "") == "auto"
     if system.is_driven and not takes_time:
         hint = "take 'auto' or Magnus(), or SplitOperator(tol=1e-8) on a grid"
-        if system.absorber is not None:
-            hint = "an H(t) that absorbs is one on a Grid, by SplitOperator(tol=1e-8)"
         raise TypeError(hinted(f"{method!r} is for an H without time", hint))

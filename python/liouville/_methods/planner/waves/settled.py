@@ -23,6 +23,10 @@ from liouville._systems import Schrodinger
 #: Beyond so many steps a stable method is taken.
 MANY = 50
 
+#: Krylov spaces of fewer dimensions are compared with these, and refused for more products than the
+#: second of these if they are so many times theirs: hours.
+ENOUGH, HOPELESS, TIMES = 12, 1e7, 1e3
+
 
 @dataclass(frozen=True)
 class Settled:
@@ -183,14 +187,25 @@ class Settled:
             check_forwards(self.span.times[-1] - self.span.t0)
             thetas = thetas + 0.5 * float(absorber.max()) / self.system.hbar * self.span.intervals
             why, kind = why.replace("asked for", LEFT_OUT), "Arnoldi"
-        step = _krylov_step(method.dimension, method.tol / max(float(thetas.sum()), 1e-300))
-        products = float(np.maximum(np.ceil(thetas / step), 1).sum())
+        products = _krylov_products(thetas, method.tol, method.dimension)
+        if method.dimension < min(ENOUGH, self.system.size):
+            other = _krylov_products(thetas, method.tol, ENOUGH)
+            said = (
+                f"spaces of dimension {method.dimension} take about {products:.2g} products, "
+                f"those of dimension {ENOUGH} {other:.2g}"
+            )
+            if products > max(HOPELESS, TIMES * other):
+                hint = f"give dimension={ENOUGH}, or a larger tol"
+                sentence = f"{said}: for tol = {method.tol:g} steps of a low order are short"
+                raise ValueError(hinted(sentence, hint))
+            if products > 2 * other:
+                why += f"; {said}"
         rate = method.tol / float(self.span.intervals.sum())
         return planned(
             self.system, method, self.span,
             scheme=f"{kind} (Krylov spaces of dimension {method.dimension})",
             theta=float(thetas.max()),
-            products=products * method.dimension,
+            products=products,
             bound=None if absorber is None else method.tol,
             reasons=(why,),
             core=Krylov(method.dimension, rate, norm_tol),
@@ -213,6 +228,12 @@ def _faster(system: Schrodinger, splitting: WavePlan, series: WavePlan, terms: f
             return replace(series, reasons=(*series.reasons, other, slower))
         why.append(slower)
     return replace(splitting, reasons=(*splitting.reasons, *why))
+
+
+def _krylov_products(thetas: np.ndarray, tol: float, dimension: int) -> float:
+    """Estimate the products of steps in Krylov spaces, for a state of all energies."""
+    step = _krylov_step(dimension, tol / max(float(thetas.sum()), 1e-300))
+    return dimension * float(np.maximum(np.ceil(thetas / step), 1).sum())
 
 
 def _krylov_step(dimension: int, rate: float) -> float:
