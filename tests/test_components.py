@@ -250,10 +250,14 @@ def test_a_nonlinearity_without_an_energy_is_refused_and_so_is_what_takes_one_co
         ValueError, match=r"dW\[0\] / d rho\[1\] is 1, and with both exchanged it is 2"
     ):
         lv.integrate(system, lv.SplitOperator(), t=(0, 1), h=0.1, psi=psi)
-    with pytest.raises(
-        TypeError, match="the ground state of a condensate is found of one component"
-    ):
+    with pytest.raises(TypeError, match="populations are missing: nothing couples"):
         lv.analysis.ground_state(mixture())
+    with pytest.raises(TypeError, match="populations= are those of components without coupling"):
+        lv.analysis.ground_state(mixture(RABI), populations=[0.5, 0.5])
+    with pytest.raises(ValueError, match=r"populations must be positive and 1 in all, not \[0.5"):
+        lv.analysis.ground_state(mixture(), populations=[0.5, 0.6])
+    with pytest.raises(ValueError, match=r"populations must have shape \(2,\)"):
+        lv.analysis.ground_state(mixture(), populations=[1.0])
     with pytest.raises(TypeError, match="components= is for wave functions on a Grid"):
         lv.Schrodinger(np.eye(4), components=2)
     linear = lv.Schrodinger(grid, components=2, coupling=RABI)
@@ -288,3 +292,50 @@ def test_an_array_of_potentials_has_a_row_for_each_component():
     exact = vectors @ (np.exp(-1j * levels) * np.linalg.solve(vectors, psi.ravel()))
     assert np.linalg.norm(run.psi[-1] - exact) < 1e-7
     assert np.ptp(run.observed["populations"][:, 0]) > 0.01
+
+
+@pytest.mark.parametrize("coupling", [None, RABI, RABI * [[1, 1j], [-1j, 1]]])
+def test_equal_interactions_have_the_ground_state_of_one_component(coupling):
+    """All components have its density, and the coupling its lowest energy on top."""
+    grid = lv.Grid(-10, 10, 128, lambda t, x, params: x**2 / 2)
+    single = lv.analysis.ground_state(
+        lv.Schrodinger(grid, nonlinearity=lambda t, rho, params: 20 * rho)
+    )
+    system = lv.Schrodinger(
+        grid, components=2, coupling=coupling,
+        nonlinearity=lambda t, rho, params: 20 * (rho[0] + rho[1]),
+    )  # fmt: skip
+    options = {"populations": [0.3, 0.7]} if coupling is None else {}
+    ground = lv.analysis.ground_state(system, **options)
+    spin = np.sqrt([0.3, 0.7]) if coupling is None else np.linalg.eigh(coupling)[1][:, 0]
+    shift = 0.0 if coupling is None else np.linalg.eigvalsh(coupling)[0]
+    assert abs(ground.energy - single.energy - shift) < 1e-11
+    assert np.abs(ground.chemical_potential - single.chemical_potential - shift).max() < 1e-8
+    overlap = np.vdot(np.outer(spin, single.psi), ground.psi)
+    assert abs(abs(overlap) - 1) < 1e-12
+
+
+@pytest.mark.parametrize("coupling", [None, 0.5 * RABI])
+def test_the_ground_state_of_a_mixture_stands_still(coupling):
+    system = mixture(coupling, g=(30.0, 25.0, 20.0))
+    options = {"populations": [0.4, 0.6]} if coupling is None else {}
+    ground = lv.analysis.ground_state(system, **options)
+    assert ground.residual < 1e-8
+    run = lv.integrate(system, lv.SplitOperator("BM6"), t=(0, 2), h=0.01, every=50, **ground.start)
+    rho = np.abs(run.psi) ** 2
+    assert np.abs(rho - rho[0]).max() < 1e-9
+    assert abs(run.invariants["energy"][0] - ground.energy) < 1e-11
+    populations = {**run.invariants, **run.observed}["populations"]
+    # no other state near it has less energy
+    rng = np.random.default_rng(1)
+    for _ in range(4):
+        other = ground.psi.reshape(2, -1) * (1 + 0.1 * rng.normal(size=(2, 1))) + 0.02 * packet(
+            system.grid, rng.normal()
+        )
+        sizes = np.linalg.norm(other, axis=1, keepdims=True)
+        if coupling is None:
+            other *= np.sqrt(populations[0])[:, None] / sizes
+        else:
+            other /= np.linalg.norm(other)
+        near = lv.integrate(system, lv.SplitOperator(), t=(0, 1e-3), steps=1, psi=other)
+        assert near.invariants["energy"][0] > ground.energy

@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from liouville._basics.arguments import number
-from liouville._basics.errors import Suggesting, hinted
+from liouville._basics.errors import Suggesting, hinted, misshapen
 from liouville._systems import Schrodinger
+from liouville._systems.tracing.trace import numbers
 from liouville._systems.waves.foreign import check_sampled
 from liouville._systems.waves.nonlinearity import Nonlinearity
 from liouville.analysis.condensate import Condensate, condensate
@@ -87,6 +88,7 @@ def ground_state(
     t: float = 0.0,
     params: Mapping[str, ArrayLike] | None = None,
     tol: float = 1e-10,
+    populations: ArrayLike | None = None,
 ) -> Condensate: ...
 def ground_state(
     system: Schrodinger,
@@ -94,6 +96,7 @@ def ground_state(
     t: float = 0.0,
     params: Mapping[str, ArrayLike] | None = None,
     tol: float = 1e-10,
+    populations: ArrayLike | None = None,
 ) -> GroundState | Condensate:
     r"""Find the states of least energy by block Lanczos with restarts, from random starts.
 
@@ -112,6 +115,8 @@ def ground_state(
     tol : float, default 1e-10
         How small :math:`\|H \psi - \theta \psi\|` is to become, as a part of the width of the
         spectrum; the error of the energy is about its square.
+    populations : array_like, optional
+        The squared norm of each component with a nonlinearity that no coupling changes, 1 in all.
 
     Returns
     -------
@@ -162,11 +167,29 @@ def ground_state(
         if system.drives:
             hint = "give the drive as a potential of t and x"
             raise TypeError(hinted("a condensate takes no drive by matrices", hint))
-        if system.components > 1:
-            sentence = "the ground state of a condensate is found of one component, not of "
-            raise TypeError(f"{sentence}{system.components}")
-        return condensate(system, at, wanted)
+        return condensate(system, at, wanted, _populations(system, populations))
+    if populations is not None:
+        raise TypeError("populations= are those of components with a nonlinearity")
     return lowest(system, at, wanted)
+
+
+def _populations(system: Schrodinger, given: ArrayLike | None) -> NDArray[np.float64] | None:
+    """Read the populations of components, which are kept where nothing couples these."""
+    if system.components == 1 or system.mixes:
+        if given is not None:
+            hint = "they are found with the state, as their coupling changes them"
+            raise TypeError(hinted("populations= are those of components without coupling", hint))
+        return None
+    count = system.components
+    if given is None:
+        hint = f"give populations={[round(1 / count, 3)] * count}, or a coupling"
+        raise TypeError(hinted("populations are missing: nothing couples the components", hint))
+    found = numbers(given)
+    if found is None or found.shape != (count,):
+        raise misshapen("populations", np.shape(given), (count,))
+    if not ((found > 0).all() and abs(found.sum() - 1) < 1e-9):
+        raise ValueError(f"populations must be positive and 1 in all, not {found.tolist()}")
+    return found
 
 
 def lowest(system: Schrodinger, at: float, wanted: float = 1e-10) -> GroundState:

@@ -16,7 +16,6 @@ from liouville._basics.scipy import scipy
 from liouville._systems.tracing import trace as _trace
 from liouville._systems.tracing.expressions import Expressions, Symbols
 from liouville._systems.waves.entries import Entries
-from liouville._systems.waves.frame import doubled
 from liouville._systems.waves.grid import Grid
 from liouville._systems.waves.time_functions import TimeFunction, of_each, point
 
@@ -107,15 +106,11 @@ def read(components: Any, coupling: Any, grid: Grid | None) -> tuple[int, Entrie
 
 
 def operator(
-    matrix: Entries, points: int, factor: float, gauge: np.ndarray | None, is_doubled: bool
+    matrix: np.ndarray, points: int, is_doubled: bool
 ) -> tuple[_core.Operator, np.ndarray]:
-    """Return a matrix between components times a number, and its eigenvalues."""
-    own = matrix if gauge is None else Entries(
-        matrix.n, matrix.row, matrix.col,
-        (gauge.conj()[matrix.row] * matrix.values * gauge[matrix.col]).real,
-    )  # fmt: skip
-    dense = (doubled(own) if is_doubled else own).dense()
-    levels, vectors = np.linalg.eigh(factor * dense)
+    """Return a matrix between components, and its eigenvalues."""
+    a, b = matrix.real, matrix.imag
+    levels, vectors = np.linalg.eigh(np.block([[a, -b], [b, a]]) if is_doubled else a)
     return _core.Operator.coupling(points, levels, np.ascontiguousarray(vectors)), levels
 
 

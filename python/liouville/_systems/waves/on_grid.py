@@ -17,6 +17,7 @@ from liouville._systems.waves import observed
 from liouville._systems.waves.bounded import Bounded
 from liouville._systems.waves.entries import Entries, check_size
 from liouville._systems.waves.forms import Term, repeated, source_of, term_of
+from liouville._systems.waves.frame import Frame
 from liouville._systems.waves.grid import Grid
 from liouville._systems.waves.lattice import Lattice, on_sites
 from liouville._systems.waves.nonlinearity import Nonlinearity
@@ -188,11 +189,9 @@ class OnGrid(Bounded):
         copies = self.components * (1 + is_doubled)
         terms = [repeated(_core.Operator.kinetic(kinetic), copies)]
         low, high = 0.0, float(sum(energies.max() for energies in kinetic))
-        if self._coupling is not None:
-            gauge = None if self.frame.gauge is None else self.frame.gauge[:: grid.size]
-            own, levels = of_components.operator(
-                self._coupling, grid.size, 1 / self.hbar, gauge, is_doubled
-            )
+        if self.between is not None:
+            matrix = self.between / self.hbar
+            own, levels = of_components.operator(matrix, grid.size, is_doubled)
             terms.append(own)
             low, high = low + float(levels[0]), high + float(levels[-1])
         if isinstance(found, TimeFunction):
@@ -234,9 +233,18 @@ class OnGrid(Bounded):
     @property
     def coupled(self) -> float:
         """The largest difference of energies of the coupling."""
+        return 0.0 if self.between is None else float(np.ptp(np.linalg.eigvalsh(self.between)))
+
+    @property
+    def between(self) -> np.ndarray | None:
+        """The coupling of components as the core has them, None where there is none."""
         if self._coupling is None:
-            return 0.0
-        return float(np.ptp(np.linalg.eigvalsh(self._coupling.dense())))
+            return None
+        gauge = self.frame.gauge
+        own = Frame(
+            self.components, None, None if gauge is None else gauge[:: self.size // self.components]
+        )
+        return own.entries(self._coupling).dense()
 
     @property
     def populations(self) -> np.ndarray:
