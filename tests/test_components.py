@@ -2,6 +2,7 @@
 
 import pickle
 
+import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from test_condensates import bright
@@ -339,3 +340,14 @@ def test_the_ground_state_of_a_mixture_stands_still(coupling):
             other /= np.linalg.norm(other)
         near = lv.integrate(system, lv.SplitOperator(), t=(0, 1e-3), steps=1, psi=other)
         assert near.invariants["energy"][0] > ground.energy
+
+
+def test_a_map_of_several_components_has_the_density_of_all():
+    grid = lv.Grid(-5, 5, 32)
+    system = lv.Schrodinger(grid, components=2, coupling=RABI)
+    psi = np.array([packet(grid), packet(grid, -1.0)])
+    run = lv.integrate(system, "auto", t=np.linspace(0, 1, 5), psi=psi)
+    axes = lv.plot.density(run)
+    drawn = axes.collections[0].get_array()
+    plt.close(axes.figure)
+    assert np.abs(drawn - (np.abs(run.psi_on_grid) ** 2).sum(axis=1)).max() < 1e-14

@@ -32,6 +32,8 @@ PADDED = 8
 def density(solution: Solution, *, member: int = 0, at: int = -1, ax: Axes | None = None) -> Axes:
     r"""Draw :math:`|\psi|^2` as a map: place across and time up, or the places of a plane.
 
+    It is the sum over components of several.
+
     Parameters
     ----------
     solution : Solution
@@ -58,10 +60,12 @@ def density(solution: Solution, *, member: int = 0, at: int = -1, ax: Axes | Non
     psi = of_chosen(solution, solution.psi, member)
     if not -len(psi) <= at < len(psi):
         raise ValueError(f"there is no state {at}: {len(psi)} are kept")
+    many = getattr(solution.system, "components", 1)
+    rho = (np.abs(psi) ** 2).reshape(len(psi), many, -1).sum(axis=1)
     source = getattr(solution.system, "source", None)
     axes_of = getattr(source, "axes", None)
-    shape = getattr(source, "shape", (psi.shape[-1],))
-    shape = shape if np.prod(shape) == psi.shape[-1] else (psi.shape[-1],)
+    shape = getattr(source, "shape", (rho.shape[-1],))
+    shape = shape if np.prod(shape) == rho.shape[-1] else (rho.shape[-1],)
     if len(shape) > 2:
         raise ValueError(
             hinted(
@@ -72,17 +76,16 @@ def density(solution: Solution, *, member: int = 0, at: int = -1, ax: Axes | Non
     places = axes_of or tuple(np.arange(n, dtype=float) for n in shape)
     symbols = ("x", "y") if axes_of else ("first place", "second place")
     if len(shape) == 2:
-        values = (np.abs(psi[at]) ** 2).reshape(shape).T
+        values = rho[at].reshape(shape).T
         axes = drawn_on(ax, *(f"${s}$ {UNITS}" if axes_of else s for s in symbols))
         title = f"$|\\psi|^2$ at $t$ = {solution.t[at]:.6g}{_of(solution, member)}"
         axes.set_aspect("equal")
         return _map(axes, places[0], places[1], values, title)
-    values = np.abs(psi) ** 2
     axes = drawn_on(ax, f"$x$ {UNITS}" if axes_of else "place", f"time $t$ {UNITS}")
     # a packet that begins as a point would leave all else dark
-    most = 2 * float(np.nanmedian(values.max(axis=1)))
+    most = 2 * float(np.nanmedian(rho.max(axis=1)))
     title = f"$|\\psi|^2${_of(solution, member)}"
-    return _map(axes, places[0], solution.t, values, title, most)
+    return _map(axes, places[0], solution.t, rho, title, most)
 
 
 @of_solution
