@@ -2,6 +2,7 @@
 
 import pickle
 
+import casadi as ca
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
@@ -351,3 +352,34 @@ def test_a_map_of_several_components_has_the_density_of_all():
     drawn = axes.collections[0].get_array()
     plt.close(axes.figure)
     assert np.abs(drawn - (np.abs(run.psi_on_grid) ** 2).sum(axis=1)).max() < 1e-14
+
+
+def test_a_drive_may_couple_components_and_members_have_potentials_of_their_own():
+    """All of a state turns alike, whatever the trap, under a resonant coupling f(t)."""
+    grid = lv.Grid(-6, 6, 32, lambda t, x, params: x**2 / 2)
+    flip = np.array([[0.0, 1.0], [1.0, 0.0]])
+    system = lv.Schrodinger(grid, components=2, drive=[(lambda t, params: ca.cos(t), flip)])
+    psi = np.array([packet(grid), np.zeros(32)])
+    x = grid.points[:, 0]
+    potentials = np.array([x**2 / 2, x**2, 0 * x])
+    run = lv.ensemble(system, "auto", t=(0, 1), psi=psi, potential=potentials)
+    assert (
+        np.abs(
+            run.observed["populations"][-1] - [np.cos(np.sin(1)) ** 2, np.sin(np.sin(1)) ** 2]
+        ).max()
+        < 1e-8
+    )
+    each = lv.ensemble(
+        system, "auto", t=(0, 1), psi=psi, potential=np.stack([potentials, potentials], axis=1)
+    )
+    assert np.abs(each.psi - run.psi).max() < 1e-12
+    tilted = lv.Schrodinger(
+        grid, components=2, drive=[(lambda t, params: ca.cos(t), x)],
+        nonlinearity=lambda t, rho, params: rho,
+    )  # fmt: skip
+    moved = lv.integrate(tilted, lv.SplitOperator(), t=(0, 1), steps=20, psi=psi)
+    single = lv.Schrodinger(
+        grid, drive=[(lambda t, params: ca.cos(t), x)], nonlinearity=lambda t, rho, params: rho
+    )
+    alone = lv.integrate(single, lv.SplitOperator(), t=(0, 1), steps=20, psi=psi[0])
+    assert np.array_equal(moved.psi_on_grid[-1, 0], alone.psi[-1])

@@ -341,3 +341,21 @@ def test_the_split_operator_takes_diagonal_drives():
     mixed = lv.Schrodinger(lv.Grid(-8, 8, 64, well), drive=[(lambda t, params: t, hop + hop.T)])
     with pytest.raises(TypeError, match="drives by diagonal matrices alone"):
         lv.integrate(mixed, lv.SplitOperator(), **options)
+
+
+def test_members_of_a_driven_grid_have_potentials_of_their_own_and_none():
+    def trap(t, x, params):
+        return x**2 / 2
+
+    def tilted(potential):
+        grid = lv.Grid(-6, 6, 32, potential)
+        return lv.Schrodinger(grid, drive=[(lambda t, params: ca.cos(t), grid.points[:, 0])])
+
+    system = tilted(trap)
+    x = system.grid.points[:, 0]
+    potentials = np.array([x**2, 0 * x])
+    psi = np.exp(-((x - 1) ** 2) / 2) + 0j
+    run = lv.ensemble(system, "auto", t=(0, 1), psi=psi, potential=potentials)
+    for k, potential in enumerate(potentials):
+        alone = lv.integrate(tilted(potential), "auto", t=(0, 1), psi=psi)
+        assert np.array_equal(run.psi[:, k], alone.psi)

@@ -30,7 +30,7 @@ def are_given(
     if isinstance(system, Schrodinger):
         shape = np.shape(start.get("potential", 0.0))
         return system.is_many(start.get("psi")) or (
-            shape not in ((), *system.shapes) and shape[1:] in system.shapes
+            shape not in ((), *system.potential_shapes) and shape[1:] in system.potential_shapes
         )
 
     def axes(value: Any) -> int:

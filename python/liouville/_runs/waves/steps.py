@@ -41,7 +41,7 @@ def potentials_of(start: Mapping[str, Any], system: Schrodinger) -> np.ndarray |
     if start.get(POTENTIAL) is None:
         return None
     given = np.asarray(start[POTENTIAL])
-    shapes = system.with_potential(0.0).shapes
+    shapes = system.with_potential(0.0).potential_shapes
     if given.shape[1:] not in shapes:
         wanted = " or ".join(f"(P, {', '.join(map(str, shape))})" for shape in shapes)
         raise misshapen(POTENTIAL, given.shape, f"{wanted} for P members")

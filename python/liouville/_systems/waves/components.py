@@ -144,14 +144,15 @@ def observed(
         if isinstance(given, tuple) and len(given) == 2 and given[0] == grid.size:
             found[name] = (components * grid.size, OnEach(components, given[1]))
         elif hasattr(given, "tocsr") or np.ndim(given) == 2 or isinstance(given, np.ndarray):
-            found[name] = _observed(name, given, grid, components)
+            found[name] = of_all(f"observable '{name}'", given, grid, components)
     return found
 
 
-def _observed(name: str, given: Any, grid: Grid, components: int) -> Any:
+def of_all(what: str, given: Any, grid: Grid, components: int) -> Any:
+    """Return a matrix of all components for that of each, or of components alone, else the same."""
     n, shape = grid.size, np.shape(given)
-    if shape in ((components, components), (n, n)):
-        sparse = scipy("sparse", f"observable '{name}' of several components")
+    if components > 1 and shape in ((components, components), (n, n)):
+        sparse = scipy("sparse", f"{what} of several components")
         between = shape == (components, components)
         pair = (given, sparse.eye_array(n)) if between else (sparse.eye_array(components), given)
         return sparse.kron(*pair, format="csr")

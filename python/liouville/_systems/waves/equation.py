@@ -203,6 +203,13 @@ class Schrodinger(OnGrid, Generic[Density]):
         self.hbar = positive("hbar", hbar)
         self._given, self._way = interval(bounds, self.hbar), way(bounds)
         self._between = components, coupling
+        if isinstance(self.source, Grid) and components != 1:
+            grid, many = self.source, of_components.read(components, coupling, self.source)[0]
+            parts = [
+                of_components.of_all(f"H{k + 1}", h, grid, many)
+                for k, (_, h) in enumerate(self._drive)
+            ]
+            self._drive = [(f, part) for (f, _), part in zip(self._drive, parts, strict=True)]
         self._make(None, nonlinearity, absorber)
         if self.points and not self.is_driven:
             raise ValueError(

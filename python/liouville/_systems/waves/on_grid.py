@@ -70,7 +70,8 @@ class OnGrid(Bounded):
             sentence = f"potential= is that of a Grid or a Lattice, not of {self!r}"
             raise TypeError(hinted(sentence, "give functions of a drive parameters"))
         other = copy(self)
-        for name in (*OF_FUNCTIONS, *OF_POTENTIAL):
+        # the weights of a drive are those of as many operators, which a potential of zero has not
+        for name in (*OF_FUNCTIONS, *OF_POTENTIAL, "_recorded", "_weights"):
             other.__dict__.pop(name, None)
         other.source = self.source.with_potential(potential)
         other.grid = other.source if isinstance(other.source, Grid) else None
@@ -86,6 +87,13 @@ class OnGrid(Bounded):
         if self.components > 1:
             shape = (self.components, *shape)
         return [(self.size,), *([shape] if is_model and len(shape) > 1 else [])]
+
+    @property
+    def potential_shapes(self) -> list[tuple[int, ...]]:
+        """The shapes that the potential of a grid or lattice may have."""
+        if self.components == 1 or self.grid is None:
+            return self.shapes
+        return [(self.grid.size,), self.grid.shape, self.shapes[-1]]
 
     @property
     def is_split(self) -> bool:
