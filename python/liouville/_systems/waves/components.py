@@ -148,6 +148,14 @@ def observed(
     return found
 
 
+def drives(drive: list[tuple[Any, Any]], source: Any, components: Any) -> list[tuple[Any, Any]]:
+    """Return a drive with matrices of all components of a grid."""
+    if not isinstance(source, Grid):
+        return drive
+    many = count("components", components)
+    return [(f, of_all(f"H{k + 1}", h, source, many)) for k, (f, h) in enumerate(drive)]
+
+
 def of_all(what: str, given: Any, grid: Grid, components: int) -> Any:
     """Return a matrix of all components for that of each, or of components alone, else the same."""
     n, shape = grid.size, np.shape(given)

@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from liouville._basics.arguments import amount, read_only
-from liouville._basics.errors import hinted
 from liouville._systems.tracing import trace as _trace
 from liouville._systems.waves import components as of_components
 from liouville._systems.waves import foreign, forms, graph, observed, time_functions
@@ -31,12 +30,6 @@ from liouville._systems.waves.sites.system import SiteSystem
 from liouville._systems.waves.spins import SpinChain
 from liouville._systems.waves.time_functions import TimeFunction
 from liouville._systems.waves.typed import Density, Options
-
-#: Of a condensate whose coupling is complex.
-UNGAUGED = hinted(
-    "a nonlinearity takes a coupling that phases of the components make real, and none do here",
-    "a flux of 0 or pi goes through every loop of a real one",
-)
 
 
 class Schrodinger(OnGrid, Generic[Density]):
@@ -203,13 +196,7 @@ class Schrodinger(OnGrid, Generic[Density]):
         self.hbar = positive("hbar", hbar)
         self._given, self._way = interval(bounds, self.hbar), way(bounds)
         self._between = components, coupling
-        if isinstance(self.source, Grid) and components != 1:
-            grid, many = self.source, of_components.read(components, coupling, self.source)[0]
-            parts = [
-                of_components.of_all(f"H{k + 1}", h, grid, many)
-                for k, (_, h) in enumerate(self._drive)
-            ]
-            self._drive = [(f, part) for (f, _), part in zip(self._drive, parts, strict=True)]
+        self._drive = of_components.drives(self._drive, self.source, components)
         self._make(None, nonlinearity, absorber)
         if self.points and not self.is_driven:
             raise ValueError(
@@ -234,8 +221,7 @@ class Schrodinger(OnGrid, Generic[Density]):
         self.nonlinearity = self._read_nonlinearity(nonlinearity)
         self._absorbing = self._read_absorber(absorber)
         self.frame = self._framed([source, *driven]) if frame is None else frame
-        if self.nonlinearity is not None and not self.is_real:
-            raise ValueError(UNGAUGED)
+        self._check_real()
         self._build(source, driven)
 
     def _state(self) -> dict[str, Any]:

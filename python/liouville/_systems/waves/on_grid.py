@@ -111,6 +111,13 @@ class OnGrid(Bounded):
             )
         return Nonlinearity(function, self._params, self.components)
 
+    def _check_real(self) -> None:
+        """Refuse a nonlinearity beside a coupling that no phases make real."""
+        if self.nonlinearity is not None and self.frame.is_doubled:
+            sentence = "a nonlinearity takes a coupling that phases of the components make real, "
+            hint = "a flux of 0 or pi goes through every loop of a real one"
+            raise ValueError(hinted(f"{sentence}and none do here", hint))
+
     def _read_absorber(self, given: Any) -> TimeFunction | np.ndarray | None:
         """Return a part of the potential that absorbs, as a function or as values at all points."""
         if given is None:
