@@ -21,7 +21,7 @@ from liouville._methods.planner import FieldPlan, plan_field
 from liouville._methods.splitting import Split, described, to_core, variables_of
 from liouville._runs.execute import execute, finished
 from liouville._runs.fields.parts import check_affine, check_times, have_same_basis, split_by
-from liouville._runs.fields.trial_steps import RECORDS, trial_steps
+from liouville._runs.fields.trial_steps import RECORDS, first_step, trial_steps
 from liouville._runs.runner import Request, Runner, kept, threads_of
 from liouville._runs.watch import Watch, initial_of
 from liouville._solution.points import Points
@@ -39,9 +39,8 @@ TAKES = Takes(
     hint="give h, steps or rtol: with a step size that depends on the state, volume is not kept",
 )
 
-#: The step that trial runs begin with, as a part of the time in which states move by their size,
-#: and how many members make these runs.
-PART, TRIED = 0.1, 32
+#: How many members make trial runs.
+TRIED = 32
 
 
 #: The prefix of directions that are parameters.
@@ -194,8 +193,7 @@ class FieldRunner(Runner):
         length = abs(asked.t1 - t0)
         kind, rtol, atol, h, least = asked.control
         if not h:
-            speed, size = np.abs(self._rates(x, t0)).max(), np.abs(x).max()
-            h = min(PART * size / speed, length) if size and 0 < speed < np.inf else length
+            h = first_step(lambda states: self._rates(states, t0), x, asked.t1 - t0)
         method, order, h = self._planned_once(method, float(np.copysign(h, asked.t1 - t0)), x, t0)
         asked = replace(asked, control=(kind, rtol, atol, abs(h), least))
 

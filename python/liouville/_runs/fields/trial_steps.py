@@ -11,8 +11,11 @@ import numpy as np
 from liouville._basics.errors import IntegrationError, hinted
 from liouville._methods.control import Steps
 
-#: Records that runs are compared at, and the steps of the first run.
-RECORDS, FIRST = 4, 16
+#: A first step changes states by this part of themselves, or the field by this part of itself.
+PART, LONGER = 0.1, 4.0
+#: Records that runs are compared at, and the steps of the first run, at least and at most: where
+#: that is chosen, it may be far too careful.
+RECORDS, FIRST, MOST_FIRST = 4, 16, 40_000
 #: All trial runs together take so many steps at most.
 MOST = 4_000_000
 #: The number of steps is as many times that of the estimate, to the order's root.
@@ -23,8 +26,29 @@ SHOWN, BELIEVED = 0.5, 4.0
 #: Differences of two runs below this part of the states are roundoff.
 ROUNDOFF = 1e-13
 
+#: Rates of states, both shape (P, n).
+Rates = Callable[[np.ndarray], np.ndarray]
 #: States at equal times of a run of so many steps, shape (RECORDS, ..., n).
 Run = Callable[[int], np.ndarray]
+
+
+def first_step(rates: Rates, x: np.ndarray, length: float) -> float:
+    """Return a step of a run of this length in time in which little changes.
+
+    States near zero change by much of themselves in no time. So it grows as far as the field stays
+    about the same on the straight way that it leads from there.
+    """
+    given = rates(x)
+    speed, size = np.abs(given).max(), np.abs(x).max()
+    if not (size and 0 < speed < np.inf):
+        return abs(length)
+    h = PART * size / speed
+    while h < abs(length):
+        off = np.abs(rates(x + np.copysign(LONGER * h, length) * given) - given).max()
+        if not off <= PART * speed:
+            break
+        h *= LONGER
+    return float(np.clip(h, abs(length) / MOST_FIRST, abs(length)))
 
 
 def trial_steps(run: Run, asked: Steps, order: int, fewest: int) -> Steps:
