@@ -127,10 +127,8 @@ def interval(t: Any, hint: str = "") -> tuple[float, float]:
         shown = f"{len(t)} times" if is_many else repr(t)
         sentence = f"t must be a pair (start, end), not {shown}"
         raise TypeError(hinted(sentence, hint) if hint and is_many else sentence)
-    t0, t1 = (
-        number("t must be a pair of numbers", t[0]),
-        number("t must be a pair of numbers", t[1]),
-    )
+    t0 = number("the start of t must be a number", t[0])
+    t1 = number("the end of t must be a number", t[1])
     if not math.isfinite(t1 - t0):
         raise ValueError(f"t must be a finite interval, not ({t0:g}, {t1:g})")
     if t0 == t1:
