@@ -344,6 +344,28 @@ def lagrangians():
             weighs(2), lambda t, q: (q[0] ** 2 + q[1] ** 2 + (q[2] - 0.5) ** 2 - 0.25) / 2, [0] * 3
         ),
     )
+    for x, y in ((0.73, 0.18), (730, 180), (0.73e-3, 0.18e-3)):
+        length = np.nextafter(np.hypot(x, y), np.inf)  # off by the last bit
+        yield (
+            f"at its origin, at a distance of {length:.2g} that rounds",
+            model(
+                nothing,
+                lambda t, q, at=(x, y), s=length: ca.norm_2(q + ca.DM(at)) - s,
+                [0, 0],
+            ),
+        )
+    yield (
+        "held by sines that round",
+        model(
+            nothing,
+            lambda t, q: (
+                ca.sin(q[0] + 0.4)
+                + ca.cos(q[1] + 0.9)
+                - np.nextafter(np.sin(0.4) + np.cos(0.9), np.inf)
+            ),
+            [0, 0],
+        ),
+    )
     yield (
         "rod falls from rest",
         model(
@@ -577,6 +599,14 @@ def test_a_step_longer_than_the_run_is_the_whole_run(method):
         run = lv.integrate(fall.system, method, t=(0, TIME), h=5 * TIME, **more, **fall.start)
         assert run.q[-1] == pytest.approx(fall.end(G), rel=1e-9)
         assert "rtol" in more or run.stats["steps"] == 1
+
+
+@pytest.mark.parametrize("method", ALL, ids=repr)
+def test_a_distance_that_rounds_holds_in_tiny_steps_too(method):
+    for name in (name for name in MODELS if "rounds" in name or "sines" in name):
+        held = MODELS[name]
+        run = lv.integrate(held.system, method, t=(0, 1e-4), h=1e-5, **held.start)
+        assert np.abs(run.q).max() < 1e-14 * 1e3
 
 
 @pytest.mark.parametrize("method", ALL, ids=repr)

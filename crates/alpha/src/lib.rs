@@ -248,6 +248,11 @@ impl Alpha {
         Ok(())
     }
 
+    fn attempt(&mut self, step: AlphaStep) -> Result<(), StepError> {
+        self.solver.signs = Signs::Regarded;
+        newton::attempt(&mut AlphaAttempt::new(self, step), step.h)
+    }
+
     /// The iteration, with factors made where it starts unless there are reusable ones, or with factors for each
     /// correction if it `is_full`.
     fn iterate(&mut self, step: AlphaStep, is_full: bool) -> Result<Solved, StepError> {
@@ -344,9 +349,14 @@ impl Alpha {
 
     fn make(&mut self, t: f64, h: f64, state: &mut AlphaState) -> Result<(), StepError> {
         self.leave_cut(t, h, state)?;
-        self.solver.signs = Signs::Regarded;
         let step = AlphaStep { t, h, state };
-        let attempted = newton::attempt(&mut AlphaAttempt::new(self, step), h);
+        let mut attempted = self.attempt(step);
+        if attempted.is_err() {
+            let (model, motion) = (&mut self.model.general, (&state.y[..], &state.z[..]));
+            if self.acceleration.finds_length(model, (t, h), motion) {
+                attempted = self.attempt(step);
+            }
+        }
         attempted.inspect_err(|_| self.is_warm = false)?;
         self.finish(step)?;
         self.is_warm = true;

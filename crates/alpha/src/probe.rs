@@ -73,7 +73,7 @@ impl AlphaEquations<'_> {
     /// Moves the unknowns by so many ε of their sizes, and y1 by as much of its own.
     fn perturb(&mut self, units: f64, seed: u64) {
         let AlphaStep { h, state, .. } = self.step;
-        let unit = max_norm(&state.y) + h.abs() * max_norm(&state.z);
+        let unit = max_norm(&state.y).max(self.borne.length) + h.abs() * max_norm(&state.z);
         let at = &mut *self.solver;
         let of_phi = max_norm(&at.phi) + unit / (h * h * at.coupling.phi[0]);
         let mut sign = random_signs(seed);
@@ -95,7 +95,8 @@ impl AlphaEquations<'_> {
     fn is_roundoff(&self) -> bool {
         let AlphaStep { h, state, .. } = self.step;
         let at = &*self.solver;
-        let unit = (max_norm(&state.y) / (h * h) + max_norm(&state.z) / h.abs()).max(self.borne);
+        let unit =
+            (max_norm(&state.y) / (h * h) + max_norm(&state.z) / h.abs()).max(self.borne.rate(h));
         let n = at.force.len();
         let (force, rest) = at.delta.split_at(n);
         let (pulls, constraints) = rest.split_at(2 * n);

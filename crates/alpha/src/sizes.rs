@@ -45,7 +45,7 @@ impl AlphaEquations<'_> {
     /// The position, or what velocities and accelerations make of it in a step; and these.
     fn units(&self) -> [f64; 3] {
         let (at, h) = (&*self.solver, self.step.h.abs());
-        let (z, phi) = (max_norm(&at.z), max_norm(&at.phi).max(self.borne));
+        let (z, phi) = (max_norm(&at.z), max_norm(&at.phi).max(self.borne.rate(h)));
         [max_norm(&at.y).max(h * z).max(h * h * phi), z, phi]
     }
 

@@ -6,7 +6,7 @@ use super::newton_matrix::AlphaMatrix;
 use super::unknowns::{AlphaSolver, AlphaStep};
 use liouville_base::error::StepError;
 use liouville_base::linalg::{add_scaled, copy, copy_scaled, furthest, max_norm};
-use liouville_base::newton::{Equations, Signs, Stop, own_yardstick};
+use liouville_base::newton::{Borne, Equations, Signs, Stop, own_yardstick};
 use liouville_problem::SecondOrderModel;
 
 /// Corrections below this fraction are roundoff, from which there is nothing to learn.
@@ -20,8 +20,7 @@ pub(super) struct AlphaEquations<'a> {
     pub(super) step: AlphaStep<'a>,
     /// The size of the coordinates plus that of h times the velocity, at the start; 0 where none is needed.
     pub(super) yardstick: f64,
-    /// The largest acceleration that forces and reactions take from one another.
-    pub(super) borne: f64,
+    pub(super) borne: Borne<f64>,
     /// How far the last correction has moved y1.
     pub(super) moved_y: f64,
     /// Whether the next correction has factors of its own.
@@ -30,12 +29,12 @@ pub(super) struct AlphaEquations<'a> {
 }
 
 impl AlphaSolver {
-    /// The equations of a step, from where the unknowns are now, where so much acceleration is borne.
+    /// The equations of a step, from where the unknowns are now, where so much is borne.
     pub(super) fn start<'a>(
         &'a mut self,
         model: &'a mut SecondOrderModel,
         matrix: &'a mut AlphaMatrix,
-        (step, borne): (AlphaStep<'a>, f64),
+        (step, borne): (AlphaStep<'a>, Borne<f64>),
     ) -> AlphaEquations<'a> {
         self.broyden.restart();
         let AlphaStep { h, state, .. } = step;
@@ -44,7 +43,7 @@ impl AlphaSolver {
             0.0
         } else {
             let own = max_norm(&state.y) + h.abs() * max_norm(&state.z);
-            own_yardstick(own, h * h * borne)
+            own_yardstick(own, h * h * borne.rate(h))
         };
         AlphaEquations {
             solver: self,

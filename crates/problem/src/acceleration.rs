@@ -13,8 +13,11 @@ use super::{Model, Saddle};
 use liouville_base::compiled;
 use liouville_base::error::{Quantity, StepError};
 use liouville_base::linalg::max_norm;
-use liouville_base::newton::{Damped, solve_damped};
+use liouville_base::newton::{Borne, Damped, solve_damped};
 use liouville_base::real::{Real, Scalar};
+
+/// Motions below this part of the length of constraints do not show their roundings.
+const SMALL: f64 = 1.0 / 16.0;
 
 /// The solver, with its memory.
 #[derive(Clone, Debug)]
@@ -24,8 +27,8 @@ pub struct Acceleration<R = f64> {
     pub z_dot: Vec<R>,
     /// λ, then ν, as last solved for; the start of the next solve where r is nonlinear in it.
     pub lam: Vec<R>,
-    /// The largest acceleration that forces and reactions take from one another, by [`Acceleration::begin`].
-    pub borne: R,
+    /// By [`Acceleration::begin`], and by [`Acceleration::finds_length`].
+    pub borne: Borne<R>,
     force: Vec<R>,
     drift: Vec<R>,
     /// The correction of λ as last found, and that which is taken, with λ where it was found.
@@ -55,7 +58,7 @@ impl<R: Real> Acceleration<R> {
             saddle: Saddle::new(model),
             z_dot: vec![R::splat(0.0); n],
             lam: vec![R::splat(0.0); m],
-            borne: R::splat(0.0),
+            borne: Borne::nothing(),
             force: vec![R::splat(0.0); n],
             drift: vec![R::splat(0.0); m],
             correction: vec![R::splat(0.0); m],
@@ -66,9 +69,10 @@ impl<R: Real> Acceleration<R> {
         }
     }
 
-    /// Lets the next solve start from zero.
+    /// Forgets all of a run.
     pub fn reset(&mut self) {
         self.lam.fill(R::splat(0.0));
+        self.borne = Borne::nothing();
     }
 
     /// [`Acceleration::solve`] for the start of an integration by a step of h, and b, the largest acceleration that is
@@ -90,19 +94,19 @@ impl<R: Real> Acceleration<R> {
         z: &[R],
     ) -> Result<(), StepError> {
         self.solve(model, t, y, z)?;
-        self.borne = R::splat(0.0);
+        self.borne.acceleration = R::splat(0.0);
         if self.lam.is_empty() {
             return Ok(());
         }
-        self.borne = self.balanced();
-        if self.borne.all(|borne| borne > 0.0) {
+        self.borne.acceleration = self.balanced();
+        if self.borne.acceleration.all(|borne| borne > 0.0) {
             return Ok(());
         }
         self.kept[0].copy_from_slice(&self.z_dot);
         self.kept[1].copy_from_slice(&self.lam);
         if self.solve(model, t + h, y, z).is_ok() {
             let first = |borne, later| if borne > 0.0 { borne } else { later };
-            self.borne = self.borne.zip(self.balanced(), first);
+            self.borne.acceleration = self.borne.acceleration.zip(self.balanced(), first);
         }
         self.z_dot.copy_from_slice(&self.kept[0]);
         self.lam.copy_from_slice(&self.kept[1]);
@@ -157,7 +161,7 @@ impl<R: Real> Acceleration<R> {
             let mut found = solve_damped(&mut solve);
             if found.is_err() {
                 // multipliers of another point may be worse than none
-                solve.at.reset();
+                solve.at.lam.fill(R::splat(0.0));
                 found = solve_damped(&mut solve);
             }
             found.map_err(|error| match error {
@@ -191,6 +195,27 @@ impl Acceleration {
             Some(found) => found.solve((model, &mut self.saddle), (t, y, z), &self.lam),
             None => Ok(()),
         }
+    }
+
+    /// Finds the length of [`Model::constraint_length`] for a step of h that has failed, where the motion is small beside it:
+    /// at coordinates of zero, terms of constraints may be of any size. Says whether it was missing.
+    #[cold]
+    pub fn finds_length(
+        &mut self,
+        model: &mut Model,
+        (t, h): (f64, f64),
+        (y, v): (&[f64], &[f64]),
+    ) -> bool {
+        if self.borne.length > 0.0 {
+            return false;
+        }
+        let length = model.constraint_length(t, y);
+        let motion = max_norm(y) + h.abs() * (max_norm(v) + self.borne.speed(h));
+        let is_missing = motion < SMALL * length;
+        if is_missing {
+            self.borne.length = length;
+        }
+        is_missing
     }
 
     /// λ, then ν, of all constraints, those left out too, as last solved for.

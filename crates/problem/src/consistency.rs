@@ -118,6 +118,23 @@ impl Model {
     }
 }
 
+impl Model {
+    /// The length whose roundings change the holonomic constraints by as much as those of all their terms do.
+    pub fn constraint_length(&mut self, t: f64, y: &[f64]) -> f64 {
+        let problem = self.problem.clone();
+        let lam = vec![0.0; problem.m];
+        let g_y = self.node_blocks(t, y, &lam)[0].to_vec();
+        let slopes = allowed(&problem.patterns.g_y, &g_y, &vec![1.0; y.len()]);
+        let roundings = problem.node.roundings(&self.node.one, &[&[t], y, &lam]);
+        let lengths = slopes
+            .iter()
+            .zip(roundings)
+            .map(|(slope, rounding)| rounding / slope);
+        let lengths = lengths.filter(|length| length.is_finite());
+        lengths.fold(0.0, f64::max) / f64::EPSILON
+    }
+}
+
 /// A velocity may be off by this part of what coordinates may be, in a unit of time: it may be small beside them.
 const SLOW: f64 = 1e-2;
 

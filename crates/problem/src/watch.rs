@@ -174,7 +174,8 @@ impl<R: Real> StepWatch<R> {
 /// By how much roundings of a state change its energy.
 ///
 /// Coordinates are off by units of the last digit of q, h v and h² b, and velocities by those of v, q/h and h b, with the
-/// accelerations b that forces and reactions take from one another.
+/// accelerations b that forces and reactions take from one another; where q is smaller than the length whose roundings are
+/// those of constraints, that takes its place.
 fn roundings(
     (mut model, mut energy): (Model, BoundTape<f64>),
     (t, h, steps): (f64, f64, usize),
@@ -186,14 +187,15 @@ fn roundings(
     let is_velocity = model.problem.patterns.v_z.is_none();
     let zeros = || [vec![0.0; z.len()], vec![0.0; y.len()]];
     let [borne, shift] = borne(&mut model, t, y, z).unwrap_or_else(|_| zeros());
+    let length = model.constraint_length(t, y);
     let [_, _, v] = model.end(t, y, z);
     let v = if is_velocity { z } else { v };
     let off_y: Vec<f64> = (y.iter().zip(v).zip(&shift))
-        .map(|((y, v), b)| unit * (y.abs() + h * v.abs() + h * h * b.abs()))
+        .map(|((y, v), b)| unit * (y.abs().max(length) + h * v.abs() + h * h * b.abs()))
         .collect();
     let off_z = z.iter().zip(&borne).zip(y).map(|((z, b), y)| {
         let of_y = if is_velocity && h > 0.0 {
-            y.abs() / h
+            y.abs().max(length) / h
         } else {
             0.0
         };

@@ -4,14 +4,19 @@
 use super::layout::{Layout, larger};
 use super::{Fixed, LAM, Z};
 use liouville_base::linalg::max_norm;
-use liouville_base::newton;
+use liouville_base::newton::{self, Borne};
 use liouville_base::real::Scalar;
 use liouville_base::simd::dispatch_simd;
 use liouville_problem::{Acceleration, Model, State, Step};
 
 impl<L: Layout, const N: usize, const M: usize> Fixed<L, N, M> {
     /// Z, λ and z1 from the step before, and v0.
-    pub(super) fn extrapolate(&mut self, held: &newton::Predictor<L>, borne: L, step: Step<L>) {
+    pub(super) fn extrapolate(
+        &mut self,
+        held: &newton::Predictor<L>,
+        borne: Borne<L>,
+        step: Step<L>,
+    ) {
         let (s, k) = (self.tables.stages, self.tables.intervals);
         let (n, m) = (self.problem.n, self.problem.m);
         let [z, lam] = [Z, LAM].map(|curve| &held.curves[curve].values);
@@ -74,8 +79,8 @@ impl<L: Layout, const N: usize, const M: usize> Fixed<L, N, M> {
 
     /// The speed that moves the coordinates by their size, and the yardstick, as in `yardstick` of `crates/spark`.
     #[inline(always)]
-    fn measure(&mut self, step: Step<L>, borne: L) {
-        self.borne = borne * step.h.abs();
+    fn measure(&mut self, step: Step<L>, borne: Borne<L>) {
+        self.borne = borne.speed(step.h);
         self.rest = max_norm(&step.state.y) / L::splat(step.h.abs());
         self.yardstick = if self.problem.is_affine() {
             L::splat(0.0)

@@ -19,16 +19,28 @@ pub(super) struct SparkAttempt<'a> {
 impl General {
     /// Solves the equations of a step, which has only to be committed then.
     pub(super) fn advance(&mut self, spark: &mut Spark, step: Step) -> Result<(), StepError> {
+        let mut made = self.attempt(spark, step);
+        if made.is_err() {
+            let (at, motion) = ((step.t, step.h), (&step.state.y[..], &self.stages.v0[..]));
+            let (_, acceleration) = spark.predictor.start();
+            if acceleration.finds_length(&mut spark.model, at, motion) {
+                made = self.attempt(spark, step);
+            }
+        }
+        match made {
+            Ok(()) => self.finish(spark, step),
+            Err(error) => Err(self.error_of(spark, error)),
+        }
+    }
+
+    fn attempt(&mut self, spark: &mut Spark, step: Step) -> Result<(), StepError> {
         self.stages.signs = Signs::Regarded;
         let mut attempt = SparkAttempt {
             spark,
             general: self,
             step,
         };
-        match newton::attempt(&mut attempt, step.h) {
-            Ok(()) => self.finish(spark, step),
-            Err(error) => Err(self.error_of(spark, error)),
-        }
+        newton::attempt(&mut attempt, step.h)
     }
 }
 

@@ -43,7 +43,8 @@ impl<R: Real> Stages<R> {
     pub(super) fn perturb(&mut self, step: Step<R>, units: f64, seed: u64) {
         let mut sign = random_signs(seed);
         let size = R::splat(units * f64::EPSILON);
-        let rest = max_norm(&step.state.y) * (1.0 / step.h.abs());
+        let length = max_norm(&step.state.y).zip(self.borne.length, f64::max);
+        let rest = length * (1.0 / step.h.abs());
         let Unknowns { z, v, lam, nu } = &mut self.unknowns;
         let of_v = max_norm(v.flat()) + rest;
         if self.velocity_is_z {

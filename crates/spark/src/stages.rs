@@ -3,7 +3,7 @@
 
 use liouville_base::error::{Quantity, StepError};
 use liouville_base::linalg::{Matrix, all_finite, combine, copy, copy_scaled, sum_compensated};
-use liouville_base::newton::{Signs, Stop};
+use liouville_base::newton::{Borne, Signs, Stop};
 use liouville_base::real::Real;
 use liouville_base::recorder;
 use liouville_base::simd::dispatch_simd_long;
@@ -100,8 +100,7 @@ pub(super) struct Stages<R = f64> {
     /// the start, the same for all iterates; 0 where none is needed.
     pub(super) v0: Vec<R>,
     pub(super) yardstick: R,
-    /// The largest acceleration that forces and reactions take from one another.
-    pub(super) borne: R,
+    pub(super) borne: Borne<R>,
     /// The meaning of the matrix's sign where there are constraints.
     pub(super) signs: Signs,
     /// Whether V and Z are the same.
@@ -149,7 +148,7 @@ impl<R: Real> Stages<R> {
             stop: Stop::default(),
             v0: vec![R::splat(0.0); n],
             yardstick: R::splat(0.0),
-            borne: R::splat(0.0),
+            borne: Borne::nothing(),
             speed: R::splat(0.0),
             size: R::splat(0.0),
             wanted: R::splat(1.0),

@@ -3,13 +3,13 @@
 
 use super::stages::{Stages, Unknowns};
 use liouville_base::linalg::{copy, furthest, max_norm};
-use liouville_base::newton::{own_yardstick, scaled_size};
+use liouville_base::newton::{Borne, own_yardstick, scaled_size};
 use liouville_base::real::Real;
 use liouville_problem::Step;
 
 impl<R: Real> Stages<R> {
-    /// Begins a step with these velocities at its start, where so much acceleration is borne.
-    pub(super) fn begin(&mut self, step: Step<R>, v: &[R], borne: R) {
+    /// Begins a step with these velocities at its start, where so much is borne.
+    pub(super) fn begin(&mut self, step: Step<R>, v: &[R], borne: Borne<R>) {
         copy(&mut self.v0, v);
         self.borne = borne;
         self.begin_again(step);
@@ -22,7 +22,7 @@ impl<R: Real> Stages<R> {
             R::splat(0.0)
         } else {
             let own = max_norm(&self.v0) + max_norm(&step.state.y) / R::splat(step.h.abs());
-            own_yardstick(own, self.borne * step.h.abs())
+            own_yardstick(own, self.borne.speed(step.h))
         };
     }
 }
@@ -76,7 +76,7 @@ impl<R: Real> Stages<R> {
     pub(super) fn unit(&self, step: Step<R>) -> R {
         let rest = max_norm(&step.state.y) / R::splat(step.h.abs());
         (max_norm(self.unknowns.v.flat()) + rest).zip(
-            self.borne * step.h.abs(),
+            self.borne.speed(step.h),
             #[inline(always)]
             |speed: f64, borne| speed.max(borne),
         )

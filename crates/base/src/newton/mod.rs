@@ -36,7 +36,7 @@ pub use full::solve_full;
 pub use predictor::{Continuation, Polynomial, Predictor};
 pub use reuse::{Renewal, Reuse};
 pub use signs::Signs;
-pub use stop::{Projection, Stop, own_yardstick, scaled_size};
+pub use stop::{Borne, Projection, Stop, own_yardstick, scaled_size};
 
 use crate::error::StepError;
 use crate::real::Real;

@@ -1,6 +1,6 @@
 //! The stopping rule of an iteration, and the units of its corrections.
 
-use crate::real::Real;
+use crate::real::{Real, Scalar};
 
 /// Bounds of the number of steps: a run of fewer may be one of many that continue each other.
 const FEW_STEPS: f64 = 1e4;
@@ -139,6 +139,46 @@ impl<R: Real> Projection<R> {
         taken
     }
 }
+
+/// What has roundings that the motion itself may not show.
+#[derive(Clone, Copy, Debug)]
+pub struct Borne<R> {
+    /// The largest acceleration that forces and reactions take from one another.
+    pub acceleration: R,
+    /// The length whose roundings are those of constraints, where it is needed; else 0.
+    pub length: R,
+}
+
+impl Borne<f64> {
+    /// The acceleration whose roundings are those of a step of h.
+    pub fn rate(&self, h: f64) -> f64 {
+        self.acceleration.max(self.length / (h * h))
+    }
+}
+
+impl<R: Real> Borne<R> {
+    /// Nothing is borne.
+    pub fn nothing() -> Self {
+        let [acceleration, length] = [R::splat(0.0); 2];
+        Self {
+            acceleration,
+            length,
+        }
+    }
+
+    /// The speed whose roundings are those of a step of h.
+    #[inline(always)]
+    #[allow(clippy::inline_always)] // other functions are compiled without the caller's instruction set
+    pub fn speed(&self, h: f64) -> R {
+        (self.acceleration * h.abs()).zip(
+            self.length / R::splat(h.abs()),
+            #[inline(always)]
+            |by_forces: f64, by_length| by_forces.max(by_length),
+        )
+    }
+}
+
+crate::checkpoint!([R: Scalar] Borne<R> { acceleration, length });
 
 /// Motions below so many roundings of what is borne are themselves roundoff.
 const BORNE: f64 = 4096.0 * f64::EPSILON;

@@ -189,15 +189,15 @@ class Corrections:
         self.end, other = at
         self._held = np.append(other, t)
         self._steps: list[tuple[np.ndarray, np.ndarray]] = []
-        size, last, before = np.inf, np.inf, np.array([])
+        size, last, seen = np.inf, np.inf, list[np.ndarray]()
         while self._names and size > ROUNDOFF and (size < last or size > STALLED):
             x, last = self.end, size
             if len(self._steps) == MOST_CORRECTIONS:
                 raise ValueError("no consistent start is near the one given")
             c = self.tapes[0].map(params, [x[None], self._held[None]])[0]
-            if np.array_equal(c, before):
+            if any(np.array_equal(c, earlier) for earlier in seen):
                 break  # constraints round more coarsely than x does, near 0
-            before = c
+            seen.append(c)
             row = self._solved(x, np.concatenate([np.zeros_like(x), -c])[None], False)[0]
             self._steps.append((x, row))
             self.end = x + row[: len(x)]
