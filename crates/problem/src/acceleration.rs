@@ -206,15 +206,16 @@ impl Acceleration {
         (t, h): (f64, f64),
         (y, v): (&[f64], &[f64]),
     ) -> bool {
-        if self.borne.length > 0.0 {
+        if self.borne.length > 0.0 || model.problem.m == 0 {
             return false;
         }
-        let length = model.constraint_length(t, y);
+        let length = match self.borne.length {
+            0.0 => model.constraint_length(t, y),
+            known => -known,
+        };
         let motion = max_norm(y) + h.abs() * (max_norm(v) + self.borne.speed(h));
         let is_missing = motion < SMALL * length;
-        if is_missing {
-            self.borne.length = length;
-        }
+        self.borne.length = if is_missing { length } else { -length };
         is_missing
     }
 

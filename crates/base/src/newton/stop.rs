@@ -145,7 +145,7 @@ impl<R: Real> Projection<R> {
 pub struct Borne<R> {
     /// The largest acceleration that forces and reactions take from one another.
     pub acceleration: R,
-    /// The length whose roundings are those of constraints, where it is needed; else 0.
+    /// The length whose roundings are those of constraints, negative where it is known and not needed; else 0.
     pub length: R,
 }
 
