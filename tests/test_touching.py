@@ -196,6 +196,22 @@ def test_friction_of_bodies_in_space_that_move_in_a_plane():
     np.testing.assert_allclose(rest, [1 / (2 * 0.2 * G), 0, 0.1], atol=1e-12)
 
 
+def test_a_capsule_in_space_that_falls_flat_bounces_on_both_ends_at_once():
+    """They hit within a rounding of one another, the second one first."""
+    m = Assembly(gravity=(0, 0, -G))
+    log = m.body("log", mass=2.0, inertia=(0.01, 0.15, 0.15), at=(0, 0, 0.6))
+    m.free("flight", log)
+    shape = Capsule(log, [(-0.4, 0, 0.6), (0.4, 0, 0.6)], 0.1)
+    m.contact("floor", shape, Plane("ground"), restitution=1.0)
+    run = lv.integrate(m.system(), lv.Spark(3), t=(0, 3), h=0.02, **m.start())
+    times = np.sqrt(2 * 0.5 / G) * np.arange(1, 10, 2)
+    for record in run.contacts.values():
+        np.testing.assert_allclose([x.t for x in record.changes], times, rtol=1e-13)
+        impulses = [x.normal for x in record.changes]
+        np.testing.assert_allclose(impulses, 2 * np.sqrt(2 * G * 0.5), rtol=1e-13)
+    assert np.ptp(run.invariants["energy"]) < 1e-13 * G
+
+
 def rod(m, at, half=1.0, radius=0.1):
     """Add a capsule that flies in the plane."""
     body = m.planar_body("rod", mass=3.0, inertia=0.9, at=at)

@@ -104,8 +104,8 @@ def bounced(
     good, end = len(hits), None
     if is_bad.any():
         good = int(np.argmax(is_bad))
-        y, z = hits.before
-        end = float(hits.t[good]), y[good].copy(), z[good].copy()
+        (y, z), first = hits.before, _first(hits, good)
+        end = float(hits.t[good]), y[first].copy(), z[first].copy()
     changes = [
         (int(k), Change(float(t), "hit", *map(float, impulse)))
         for t, k, impulse in zip(hits.t[:good], hits.contact[:good], impulses[:good], strict=True)
@@ -128,6 +128,14 @@ def _hits(run: Solution, system: ModeSystem) -> Hits:
     contact = np.concatenate([np.full(len(x.t), k) for k, x in met])[order]
     after = {name: states[name + AFTER] for name in names}
     return Hits(t[order], contact, (states[first], states[second]), after)
+
+
+def _first(hits: Hits, which: int) -> int:
+    """Return the first hit at the time of one: the state before it is behind none of the others."""
+    (same,) = np.nonzero(hits.t == hits.t[which])
+    _, z = hits.before
+    behind = hits.after[[*hits.after][1]][same]
+    return next((int(k) for k in same if not (behind == z[k]).all(axis=1).any()), which)
 
 
 def _hits_tape(contacts: Contacts) -> tuple[_core.Tape, list[int]]:
