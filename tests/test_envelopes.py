@@ -119,3 +119,28 @@ def test_what_makes_no_hermitian_matrix_is_refused():
         lv.Schrodinger(SPLIT, drive=[(z, RAISE + RAISE.T)], params=PARAMS)
     with pytest.raises(ValueError, match=r"the samples of drive\[0\] are complex"):
         lv.Schrodinger(SPLIT, drive=[([1, 1j, 1], RAISE + RAISE.T)], times=[0, 1, 2])
+
+
+@pytest.mark.parametrize("default", [{"W": 0.0, "nu": NU}, {"W": OMEGA, "nu": 0.0}])
+def test_an_envelope_that_is_real_at_the_default_parameters_is_complex_at_others(default):
+    system = lv.Schrodinger(SPLIT, drive=[(z, RAISE)], params=default)
+    run = lv.integrate(system, t=(0, 2), psi=[1, 0], params=PARAMS)
+    np.testing.assert_allclose(run.psi[-1], turning(2.0), atol=1e-7)
+    for both in ([(z, RAISE), (z, RAISE.T)], [(conjugate, RAISE.T), (conjugate, RAISE)]):
+        with pytest.raises(ValueError, match="is not the conjugate of"):
+            lv.Schrodinger(SPLIT, drive=both, params={"W": OMEGA, "nu": 0.0})
+
+
+POWERS = {
+    "of a real number": lambda t, params: 0.5 * params.W * np.exp(params.nu) ** (1j * t),
+    "of a NumPy number": lambda t, params: 0.5 * params.W * np.float64(np.exp(NU)) ** (1j * t),
+    "of a float": lambda t, params: 0.5 * params.W * float(np.exp(NU)) ** (1j * t),
+    "a third one": lambda t, params: 0.5 * params.W * np.exp(1j * params.nu * t / 3) ** 3,
+}
+
+
+@pytest.mark.parametrize("envelope", POWERS.values(), ids=POWERS)
+def test_powers_of_complex_numbers_are_their_own(envelope):
+    system = lv.Schrodinger(SPLIT, drive=[(envelope, RAISE)], params=PARAMS)
+    run = lv.integrate(system, t=(0, 2), psi=[1, 0])
+    np.testing.assert_allclose(run.psi[-1], turning(2.0), atol=1e-7)

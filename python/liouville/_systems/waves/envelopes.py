@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable
+from functools import reduce
 from typing import Any
 
 import numpy as np
@@ -33,11 +34,15 @@ class Complex:
         """Take a number or an expression as one."""
         if isinstance(x, cls):
             return x
-        return cls(x.real, x.imag) if isinstance(x, complex | np.complexfloating) else cls(x)
+        is_complex = isinstance(x, complex | np.generic | np.ndarray) and np.iscomplexobj(x)
+        return cls(x.real, x.imag) if is_complex else cls(x)
 
     def __add__(self, other: Any) -> Complex:
         own = Complex.of(other)
         return Complex(self.real + own.real, self.imag + own.imag)
+
+    def __pos__(self) -> Complex:
+        return self
 
     def __neg__(self) -> Complex:
         return Complex(-self.real, -self.imag)
@@ -61,11 +66,16 @@ class Complex:
         return Complex.of(other) / self
 
     def __pow__(self, power: Any) -> Complex:
+        own = Complex.of(power)
         if self.imag.is_zero():
-            return Complex(self.real ** Complex.of(power).real)
-        if power != 2:
-            raise TypeError("a power of a complex number that is not its square")
-        return self * self
+            is_real = own.imag.is_zero()
+            return Complex(self.real**own.real) if is_real else (own * ca.log(self.real)).exp()
+        if not (isinstance(power, int) and power > 0):
+            raise TypeError("a power of a complex number that is not a positive integer")
+        return reduce(Complex.__mul__, [self] * power)
+
+    def __rpow__(self, base: Any) -> Complex:
+        return Complex.of(base) ** self
 
     __radd__, __rmul__ = __add__, __mul__
 
@@ -133,15 +143,14 @@ def taken_apart(drive: list[tuple[Any, Any]], params: Parameters) -> list[tuple[
         k = min(left)
         given, matrix = left.pop(k)
         parts = _parts(given) if _is_pair(given) or _is_far(matrix) else None
-        values = None if parts is None else _values(parts, params)
-        if parts is None or not (_is_pair(given) or (values is not None and values.imag.any())):
+        if parts is None or not (_is_pair(given) or _is_complex(parts, params)):
             found.append((given, matrix))
             continue
         matrix = _read(matrix)
         mirrored = matrix.conj().T
         for j, (other, its) in left.items():
             if _is_far(its) and _differ(_read(its), mirrored) <= ALIKE:
-                _check_conjugate(values, _values(_parts(other), params), (k, j))
+                _check_conjugate(_values(parts, params), _values(_parts(other), params), (k, j))
                 del left[j]
                 break
         found.append((parts[0], matrix + mirrored))
@@ -162,21 +171,38 @@ def _parts(given: Any) -> tuple[Any, Any] | None:
     return (np.real(given), np.imag(given)) if np.iscomplexobj(given) else None
 
 
-def _values(parts: tuple[Any, Any] | None, params: Parameters) -> np.ndarray | None:
-    """Return values of an envelope, or None where it cannot be called with complex symbols."""
-    if parts is None or not callable(parts[0]):
-        return None if parts is None else parts[0] + 1j * parts[1]
-    t = ca.SX.sym("t")
+def _expression(parts: tuple[Any, Any], t: ca.SX, params: Parameters) -> ca.SX | None:
+    """Return both parts of a function, or None where it cannot be called with complex symbols."""
     try:
         with warnings.catch_warnings():  # np.sin of symbols is theirs, whatever CasADi will do
             warnings.filterwarnings("ignore", r"\s*casadi: a numpy function", FutureWarning)
-            both = ca.vertcat(*(ca.SX(part(t, params.namespace)) for part in parts))
+            return ca.vertcat(*(ca.SX(part(t, params.namespace)) for part in parts))
     except Exception:  # the call with real symbols says what is wrong
         return None
+
+
+def _is_complex(parts: tuple[Any, Any], params: Parameters) -> bool:
+    """Return whether an envelope has an imaginary part, be it zero at these parameters."""
+    if not callable(parts[0]):
+        return bool(parts[1].any())
+    both = _expression(parts, ca.SX.sym("t"), params)
+    return both is not None and both.numel() == 2 and not both[1].is_zero()
+
+
+def _values(parts: tuple[Any, Any] | None, params: Parameters) -> np.ndarray | None:
+    """Return values of an envelope, of a function at some times and some parameters."""
+    if parts is None or not callable(parts[0]):
+        return None if parts is None else parts[0] + 1j * parts[1]
+    t = ca.SX.sym("t")
+    both = _expression(parts, t, params)
+    if both is None:
+        return None
     function = ca.Function("z", [t, params.vector], [both])
-    each = [function(time, params.values(None)) for time in np.linspace(0.1, 1.7, LOOKS)]
-    x, y = np.array(each).reshape(LOOKS, 2).T
-    return np.asarray(x + 1j * y)
+    own, times = params.values(None), np.linspace(0.1, 1.7, LOOKS)
+    # where a rate is zero by default, it and its negative are told apart by others
+    each = [function(time, own + shift * time) for shift in (0.0, 0.1) for time in times]
+    x, y = np.array(each).reshape(-1, 2).T
+    return np.nan_to_num(x + 1j * y)
 
 
 def _check_conjugate(
