@@ -176,6 +176,7 @@ def test_observables_of_one_component_are_those_of_all_and_matrices_act_between_
     observe = {
         "x": x,
         "x on the grid": x.reshape(32, 24),
+        "x in a list": x.tolist(),
         "x of each": lambda t, x, params: x[0],
         "spin": np.diag([1.0, -1.0]),
         "also spin": lambda t, x, params: [1.0, -1.0],
@@ -188,7 +189,7 @@ def test_observables_of_one_component_are_those_of_all_and_matrices_act_between_
         found = dict(zip(run.observed, values, strict=True))
         flat = psi.reshape(2, -1)
         rho = np.abs(flat) ** 2
-        for name in ("x", "x on the grid", "x of each"):
+        for name in ("x", "x on the grid", "x in a list", "x of each"):
             assert abs(found[name] - (rho * x).sum()) < 1e-12
         for name in ("spin", "also spin"):
             assert abs(found[name] - (rho[0] - rho[1]).sum()) < 1e-12
@@ -226,6 +227,11 @@ def test_members_plans_files_and_pickles_hold_several_components(tmp_path):
     [
         ({"coupling": RABI}, "coupling must have order 1, a row for each component, not 2"),
         ({"components": 2, "coupling": [[0, 1], [2, 0]]}, "coupling is not Hermitian"),
+        ({"components": 2, "coupling": np.eye(3)}, "not 3\nhint: give components=3"),
+        (
+            {"components": 2, "absorber": lambda t, x, params: [1, -1]},
+            "as -1 at x = -5 of component 1",
+        ),
         ({"components": 0}, "components must be"),
         (
             {"components": 2, "nonlinearity": lambda t, rho, params: [rho[0], rho[0], rho[1]]},
@@ -239,7 +245,7 @@ def test_members_plans_files_and_pickles_hold_several_components(tmp_path):
 )
 def test_what_fits_no_components_is_refused(options, said):
     with pytest.raises(ValueError, match=said):
-        lv.Schrodinger(lv.Grid(-5, 5, 32), **options)
+        lv.Schrodinger(lv.Grid(-5, 5, 32), **options).absorber  # noqa: B018
 
 
 def test_a_nonlinearity_without_an_energy_is_refused_and_so_is_what_takes_one_component():
@@ -256,6 +262,14 @@ def test_a_nonlinearity_without_an_energy_is_refused_and_so_is_what_takes_one_co
         lv.analysis.ground_state(mixture())
     with pytest.raises(TypeError, match="populations= are those of components without coupling"):
         lv.analysis.ground_state(mixture(RABI), populations=[0.5, 0.5])
+    of_one = lv.Schrodinger(grid, nonlinearity=lambda t, rho, params: rho)
+    with pytest.raises(TypeError, match="populations= are those of components=, and there is one"):
+        lv.analysis.ground_state(of_one, populations=[1.0])
+    with pytest.raises(TypeError, match="populations must be real numbers, not"):
+        lv.analysis.ground_state(mixture(), populations=[0.5j, 0.5])
+    turning = [(lambda t, params: ca.cos(t), RABI)]
+    with pytest.raises(TypeError, match="a nonlinearity takes drives by diagonal matrices alone"):
+        lv.Schrodinger(grid, components=2, nonlinearity=alike, drive=turning)
     with pytest.raises(ValueError, match=r"populations must be positive and 1 in all, not \[0.5"):
         lv.analysis.ground_state(mixture(), populations=[0.5, 0.6])
     with pytest.raises(ValueError, match=r"populations must have shape \(2,\)"):

@@ -215,7 +215,7 @@ class States:
         system: Any = cast("Solution", self).system
         psi = self.psi
         if system is None:
-            hint = "write solution.psi.reshape(-1, *grid.shape)"
+            hint = "write solution.psi.reshape(-1, *grid.shape), and components before grid.shape"
             raise ValueError(hinted("a solution that was loaded has no grid", hint))
         return psi.reshape(*psi.shape[:-1], *system.shapes[-1])
 

@@ -176,6 +176,8 @@ def ground_state(
 def _populations(system: Schrodinger, given: ArrayLike | None) -> NDArray[np.float64] | None:
     """Read the populations of components, which are kept where nothing couples these."""
     if system.components == 1 or system.mixes:
+        if given is not None and system.components == 1:
+            raise TypeError("populations= are those of components=, and there is one")
         if given is not None:
             hint = "they are found with the state, as their coupling changes them"
             raise TypeError(hinted("populations= are those of components without coupling", hint))
@@ -185,7 +187,9 @@ def _populations(system: Schrodinger, given: ArrayLike | None) -> NDArray[np.flo
         hint = f"give populations={[round(1 / count, 3)] * count}, or a coupling"
         raise TypeError(hinted("populations are missing: nothing couples the components", hint))
     found = numbers(given)
-    if found is None or found.shape != (count,):
+    if found is None:
+        raise TypeError(f"populations must be real numbers, not {given!r}")
+    if found.shape != (count,):
         raise misshapen("populations", np.shape(given), (count,))
     if not ((found > 0).all() and abs(found.sum() - 1) < 1e-9):
         raise ValueError(f"populations must be positive and 1 in all, not {found.tolist()}")

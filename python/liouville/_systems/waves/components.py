@@ -99,9 +99,8 @@ def read(components: Any, coupling: Any, grid: Grid | None) -> tuple[int, Entrie
         raise TypeError("coupling= is a matrix between components= of a wave function on a Grid")
     matrix = Entries.read("coupling", coupling)
     if matrix.n != number:
-        hint = f"give components={matrix.n}" if number == 1 else ""
         sentence = f"coupling must have order {number}, a row for each component, not {matrix.n}"
-        raise ValueError(hinted(sentence, hint))
+        raise ValueError(hinted(sentence, f"give components={matrix.n}"))
     return number, matrix if matrix.values.size else None
 
 
@@ -143,7 +142,7 @@ def observed(
     for name, given in observe.items():
         if isinstance(given, tuple) and len(given) == 2 and given[0] == grid.size:
             found[name] = (components * grid.size, OnEach(components, given[1]))
-        elif hasattr(given, "tocsr") or np.ndim(given) == 2 or isinstance(given, np.ndarray):
+        elif hasattr(given, "tocsr") or np.ndim(given) == 2 or isinstance(given, np.ndarray | list):
             found[name] = of_all(f"observable '{name}'", given, grid, components)
     return found
 

@@ -109,6 +109,9 @@ class OnGrid(Bounded):
             raise TypeError(
                 hinted(sentence, "write lv.Schrodinger(lv.Grid(...), nonlinearity=...)")
             )
+        if not self.has_diagonal_drive:
+            sentence = "a nonlinearity takes drives by diagonal matrices alone, which add to V"
+            raise TypeError(hinted(sentence, "give the drive as a potential of t and x"))
         return Nonlinearity(function, self._params, self.components)
 
     def _check_real(self) -> None:
@@ -161,7 +164,9 @@ class OnGrid(Bounded):
         if values[least] < 0:
             place = f"component {least}"
             if self.grid is not None:
-                place = f"x = {point(self.grid.points[least % self.grid.size])}"
+                which, k = divmod(least, self.grid.size)
+                own = f" of component {which}" if self.components > 1 else ""
+                place = f"x = {point(self.grid.points[k])}{own}"
             found = f"{values[least]:g} at {place}"
             sentence = f"absorber must not be negative, where psi grows, as {found}"
             raise ValueError(hinted(sentence, "H - iW absorbs where W is positive"))
