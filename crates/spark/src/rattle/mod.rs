@@ -162,6 +162,8 @@ impl Rattle {
             let pair = tableau::Spark::lobatto(2, Force::B);
             Box::new(Spark::of(model.clone(), pair, Solver::Auto))
         });
+        // a resumed run knows nothing of earlier ones either
+        stages.predictor.reset();
         stages.forget();
         stages.step(t, h, state)
     }
