@@ -15,8 +15,8 @@ On a corner, with :math:`R^2 = b^2 + h^2` and :math:`\tan \alpha = b / h`,
     \ddot a = -\frac{3 g}{4 R} \sin(\alpha - |a|) \operatorname{sign} a, \qquad
     \dot a^+ = \left(1 - \tfrac32 \sin^2 \alpha\right) \dot a^-
 
-where it lands :cite:p:`housner1963`. The reference is that motion in 45 digits
-(``tools/references.py``).
+where it lands (G. W. Housner, Bull. Seism. Soc. Am. 53 (1963) 403-417). The reference is that
+motion in 45 digits (``tools/references.py``).
 """
 
 from typing import Any
