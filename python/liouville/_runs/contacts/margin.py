@@ -215,7 +215,8 @@ def refuse_space(modes: tuple[Mode, ...], names: Sequence[str], t: float) -> Non
     """Refuse contacts that share a load where some slide in space: their friction turns with it."""
     which = [name for name, mode in zip(names, modes, strict=True) if mode is Mode.SLIDE]
     if which:
-        sentence = f"at t = {t:g} contacts share a load, and {quoted(which)} slide in space"
+        verb = "slide" if len(which) > 1 else "slides"
+        sentence = f"at t = {t:g} contacts share a load, and {quoted(which)} {verb} in space"
         hint = "which part of it each bears is not determined: let fewer contacts have friction"
         raise IntegrationError(hinted(sentence, hint), t=t)
 

@@ -45,7 +45,7 @@ def complex_value(what: str, function: Callable[..., Any], error: Exception) -> 
         hinted(
             f"{what}{_line(function, error)} has complex values, and expressions are real",
             "write real and imaginary parts: z K + h.c. of an H(t) is the drive ((x, y), K) of two "
-            "functions, or z with K where z has NumPy's functions alone",
+            "functions, or z with K where complex numbers meet arithmetic and np.exp alone",
         )
     )
 

@@ -235,6 +235,8 @@ class Entries:
             f", where {name} - {name}^+ is largest: {far:.3g}, or {part:.2g} of the largest entry"
         )
         hint = f"only a Hermitian matrix keeps the norm; {OPEN}"
+        if name[1:].isdigit():
+            hint = f"of a drive f(t) K + h.c. with a real f give K + K^+; {hint}"
         raise ValueError(hinted(f"{name} is not Hermitian: {sentence}", hint))
 
     def at(self, i: int, j: int) -> complex:
