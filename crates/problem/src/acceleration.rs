@@ -210,7 +210,8 @@ impl Acceleration {
             return false;
         }
         let length = match self.borne.length {
-            0.0 => model.constraint_length(t, y),
+            // not 0, which is not yet known
+            0.0 => model.constraint_length(t, y).max(f64::MIN_POSITIVE),
             known => -known,
         };
         let motion = max_norm(y) + h.abs() * (max_norm(v) + self.borne.speed(h));

@@ -118,20 +118,36 @@ impl Model {
     }
 }
 
+/// Slopes are those of a length if moving by this part of it changes them by no larger factor.
+const PART: f64 = 1.0 / 16.0;
+const STEEPER: f64 = 2.0;
+
 impl Model {
-    /// The length whose roundings change the holonomic constraints by as much as those of all their terms do.
+    /// The length whose roundings change the holonomic constraints by as much as those of all their terms do; 0 near a
+    /// position at which a gradient vanishes, where there is none.
     pub fn constraint_length(&mut self, t: f64, y: &[f64]) -> f64 {
-        let problem = self.problem.clone();
-        let lam = vec![0.0; problem.m];
-        let g_y = self.node_blocks(t, y, &lam)[0].to_vec();
-        let slopes = allowed(&problem.patterns.g_y, &g_y, &vec![1.0; y.len()]);
+        let slopes = self.slopes(t, y);
+        let (problem, lam) = (&self.problem, vec![0.0; slopes.len()]);
         let roundings = problem.node.roundings(&self.node.one, &[&[t], y, &lam]);
-        let lengths = slopes
-            .iter()
-            .zip(roundings)
-            .map(|(slope, rounding)| rounding / slope);
-        let lengths = lengths.filter(|length| length.is_finite());
-        lengths.fold(0.0, f64::max) / f64::EPSILON
+        let lengths = slopes.iter().zip(roundings);
+        let lengths = lengths.map(|(slope, rounding)| rounding / slope / f64::EPSILON);
+        let finite = lengths.enumerate().filter(|(_, length)| length.is_finite());
+        let Some((row, length)) = finite.max_by(|a, b| a.1.total_cmp(&b.1)) else {
+            return 0.0;
+        };
+        let moved: Vec<f64> = y.iter().map(|y| y + PART * length).collect();
+        if self.slopes(t, &moved)[row] <= STEEPER * slopes[row] {
+            length
+        } else {
+            0.0
+        }
+    }
+
+    /// Σ_k |G_ik| of each holonomic constraint.
+    fn slopes(&mut self, t: f64, y: &[f64]) -> Vec<f64> {
+        let lam = vec![0.0; self.problem.m];
+        let g_y = self.node_blocks(t, y, &lam)[0].to_vec();
+        allowed(&self.problem.patterns.g_y, &g_y, &vec![1.0; y.len()])
     }
 }
 
