@@ -1,9 +1,9 @@
 //! Split operator: e^{−ihT} and e^{−ihV} in turn, each of them exact, for H = T + V(t) on a periodic grid.
 //!
-//! T is diagonal after a Fourier transform, V before it. A constant coupling C of components commutes with T, and goes with it. Time is a variable that advances with T: V is evaluated at the
-//! time that the flows of T before it have reached, so that a list of flows keeps its order where V depends on time
-//! (blanes2002). Planes of the grid stay transformed along all axes but the outermost between two flows of V, and a
-//! flow of V visits them one by one.
+//! T is diagonal after a Fourier transform, V before it. A constant coupling C of components commutes with T, and goes
+//! with it. Time is a variable that advances with T: V is evaluated at the time that the flows of T before it have
+//! reached, so that a list of flows keeps its order where V depends on time (blanes2002). Planes of the grid stay
+//! transformed along all axes but the outermost between two flows of V, and a flow of V visits them one by one.
 
 mod jumps;
 mod kicks;
