@@ -40,7 +40,7 @@ def system(name, wire=None):
 
 
 def with_varying_mass(name):
-    """Return such a system, and p, f and their derivatives as a function of (q, k), then of v."""
+    """Return a system of varying mass, and p, f and their slopes as a function of (q, k) and v."""
     q, v, k = ca.SX.sym("q", 2), ca.SX.sym("v", 2), ca.SX.sym("k")
 
     def lagrangian(q, v, k):

@@ -33,8 +33,8 @@ TOLERANCE = dict.fromkeys(CASES, 1e-13) | {
     "belt": 1e-12,
     "rocking_block": 1e-12,
 }
-# What the motion does not depend on: one mass scale, the completion of the top's mass matrix, and
-# friction where nothing slips.
+# Parameters that the motion does not depend on: one mass scale, the completion of the top's mass
+# matrix, and friction where nothing slips.
 IRRELEVANT = {
     "pendulum": {"m"},
     "doubled_rod": {"m"},

@@ -7,6 +7,7 @@
 //! It gives the multipliers at full order and the cold start of an integration.
 
 use super::MemberLanes;
+use super::consistency::SMALL;
 use super::model::{finite, finite_k};
 use super::redundant::LeastNorm;
 use super::{Model, Saddle};
@@ -15,9 +16,6 @@ use liouville_base::error::{Quantity, StepError};
 use liouville_base::linalg::max_norm;
 use liouville_base::newton::{Borne, Damped, solve_damped};
 use liouville_base::real::{Real, Scalar};
-
-/// Motions below this part of the length of constraints do not show their roundings.
-const SMALL: f64 = 1.0 / 16.0;
 
 /// The solver, with its memory.
 #[derive(Clone, Debug)]

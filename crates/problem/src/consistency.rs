@@ -118,8 +118,10 @@ impl Model {
     }
 }
 
-/// Slopes are those of a length if moving by this part of it changes them by no larger factor.
-const PART: f64 = 1.0 / 16.0;
+/// Motions below this part of the length of constraints do not show their roundings, ...
+pub(crate) const SMALL: f64 = 1.0 / 16.0;
+
+/// ... and moving by that part may make the slopes of its constraint larger by this factor.
 const STEEPER: f64 = 2.0;
 
 impl Model {
@@ -135,7 +137,7 @@ impl Model {
         let Some((row, length)) = finite.max_by(|a, b| a.1.total_cmp(&b.1)) else {
             return 0.0;
         };
-        let moved: Vec<f64> = y.iter().map(|y| y + PART * length).collect();
+        let moved: Vec<f64> = y.iter().map(|y| y + SMALL * length).collect();
         if self.slopes(t, &moved)[row] <= STEEPER * slopes[row] {
             length
         } else {

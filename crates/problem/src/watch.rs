@@ -174,8 +174,8 @@ impl<R: Real> StepWatch<R> {
 /// By how much roundings of a state change its energy.
 ///
 /// Coordinates are off by units of the last digit of q, h v and h² b, and velocities by those of v, q/h and h b, with the
-/// accelerations b that forces and reactions take from one another; where q is smaller than the length whose roundings are
-/// those of constraints, that takes its place.
+/// accelerations b that forces and reactions take from one another. The length whose roundings are those of constraints
+/// takes the place of a smaller q.
 fn roundings(
     (mut model, mut energy): (Model, BoundTape<f64>),
     (t, h, steps): (f64, f64, usize),

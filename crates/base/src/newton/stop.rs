@@ -140,7 +140,7 @@ impl<R: Real> Projection<R> {
     }
 }
 
-/// What has roundings that the motion itself may not show.
+/// An acceleration and a length whose roundings the motion itself may not show.
 #[derive(Clone, Copy, Debug)]
 pub struct Borne<R> {
     /// The largest acceleration that forces and reactions take from one another.

@@ -99,7 +99,8 @@ class _Cones:
         self.places: dict[int, list[int]] = {}
         for j, k in enumerate(at.owner[stuck].tolist()):
             self.places.setdefault(k, []).append(first + j)
-        # what is least of N, of bearable friction off T both ways, and of that beside |T| in space
+        # the margin is the least of N and, beside one slip, of mu N - T and mu N + T: these are
+        # rows; a slip in space has a cone
         rows, least = [*np.eye(first, self._size)], [0.0] * first
         self._cones = []
         for k, own in self.places.items():
@@ -148,7 +149,7 @@ def _centred(a: Array, slopes: Array, cones: list[tuple[Array, Array]]) -> Array
     signs, before = np.array([1.0, -1.0, -1.0]), u[:n]
     for tau in FALLING:
         for _ in range(MOST_STEPS):
-            # what is left of lines, of the largest margin, of the farthest w, and of cones
+            # the distances from the lines, the largest margin, the farthest w, and the cones
             left = np.append(a + lines @ u, LARGEST - u[n])
             ball = FARTHEST**2 - u[:n] @ u[:n]
             parts = [(ball, metric @ u, metric)]
